@@ -9,7 +9,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.spatial.camera import Camera
 
 IMAGE_ANGLES_RAD = {"field_of_view_rad": 1.0, "vertical_field_of_view_rad": 0.75}
-"""Of a picture from left to right and from top to bottom, where a run does not say."""
+"""Angles of a picture from left to right and from top to bottom, where a run does not say."""
 WIDEST_RAD = 2.4
 """A wider picture is drawn as one of such an angle: a pyramid has no room for more."""
 

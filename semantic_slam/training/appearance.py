@@ -3,10 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import eigh
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.viewpoint.appearance import KnownAppearance, hellinger
+from semantic_slam.viewpoint.appearance import KnownAppearance, hellinger, unit
 
 SHRINKAGE = 0.1
 """Share of a covariance that is replaced by its mean variance in all directions: pictures are few for the features."""
@@ -16,40 +15,45 @@ LEAST_VIEWS = 2 * LEFT_OUT
 """Directions of view without which nothing is said of novelty."""
 MOST_SCORES = 2000
 """Scores of pictures left out that are kept; of more, evenly spaced quantiles."""
+MOST_PICTURES = 2000
+"""Pictures of known objects that are kept; of more, evenly spaced ones."""
 
 
-def fit_appearance(features: Array, classes: Index, views: Index, probe: Array) -> KnownAppearance | None:
+def fit_appearance(
+    features: Array, classes: Index, views: Index, others: Array, probe: Array
+) -> KnownAppearance | None:
     """What (N, K) features of pictures of known objects look like; None with too few directions of view.
 
     ``classes`` (N,) are theirs, ``views`` (N,) number the directions that they were seen from: a picture is left out
-    together with all others from its direction. ``probe`` (K,) are the network's features of the probe picture. What
-    is left out stays so: then the rate of false alarms is that of new pictures (split conformal prediction).
+    together with all others from its direction. ``others`` (M, K) are features of pictures of other things, ``probe``
+    (K,) the network's features of the probe picture. What is left out stays so: then the rate of false alarms is that
+    of new pictures (split conformal prediction).
     """
     tested = views % LEFT_OUT == 0
     if len(np.unique(views)) < LEAST_VIEWS or not set(classes[tested]) <= set(classes[~tested]):
         return None
-    fitted = _fitted(features[~tested], classes[~tested], probe)
+    fitted = _fitted(features[~tested], classes[~tested], others, probe)
     scores = np.sort(fitted.novelty(features[tested]))
     if len(scores) > MOST_SCORES:
         scores = np.quantile(scores, np.linspace(0.0, 1.0, MOST_SCORES))
     return replace(fitted, known_scores=scores)
 
 
-def _fitted(features: Array, classes: Index, probe: Array) -> KnownAppearance:
+def _fitted(features: Array, classes: Index, others: Array, probe: Array) -> KnownAppearance:
     roots = hellinger(features)
     centre = roots.mean(axis=0)
     scale = np.sqrt(roots.var(axis=0) + roots.var())  # features that few pictures excite would tell too much else
     values = (roots - centre) / scale
     names, index = np.unique(classes, return_inverse=True)
     means = np.array([values[index == number].mean(axis=0) for number in range(len(names))])
-    # Both covariances are diagonal in the generalised eigenvectors: identity within classes, the eigenvalues in all.
-    spread, directions = eigh(_shrunk(values), _shrunk(values - means[index]))
+    coordinates = np.linalg.inv(np.linalg.cholesky(_shrunk(values - means[index]))).T
+    kept = np.unique(np.linspace(0, len(values) - 1, MOST_PICTURES).round().astype(int))
     return KnownAppearance(
         centre=centre,
         scale=scale,
-        directions=directions,
-        spread=spread,
-        class_means=means @ directions,
+        coordinates=coordinates,
+        known=unit(values[kept] @ coordinates).astype(np.float32),
+        others=unit((hellinger(others) - centre) / scale @ coordinates).astype(np.float32),
         known_scores=np.zeros(1),
         probe=probe,
     )

@@ -1,7 +1,9 @@
 """What known objects look like to a network's trunk, and whether a picture looks like any of them.
 
-Novelty is the relative Mahalanobis distance (Ren et al. 2021): the squared distance to the nearest class mean under the
-covariance within classes, less that to the mean of all pictures under their whole covariance. Features are non-negative
+Novelty is a log ratio of two densities of the direction in which a picture's features lie: that of pictures of things
+that are made up, and that of pictures of the known objects. Both are averages of von Mises-Fisher kernels about
+pictures that are kept. Directions are those in coordinates in which classes have the identity as their covariance, so
+that what all pictures have in common (rooms, light, boxes that are not exact) counts little. Features are non-negative
 means over maps; the square roots of their shares (the Hellinger map) take the picture's contrast out of them. What
 counts as novel is stated as a share of pictures of known objects that were left out of the fit.
 """
@@ -9,51 +11,60 @@ counts as novel is stated as a share of pictures of known objects that were left
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from semantic_slam.geometry.arrays import Array, Flags
 
 LEAST_NORM = 1e-9
 """Features below it are those of a picture that excites nothing."""
+CONCENTRATION = 20.0
+"""Concentration of the kernels: of those tried, most made-up things that were left out of the fit are told with it."""
 SAME_NETWORK = 1e-3
 """Largest difference between two machines' features of one picture, relative to the largest feature."""
+
+UnitVectors = NDArray[np.float32]
+"""They are many: half the memory is half the time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownAppearance:
-    """C classes of pictures, by K features, in P directions that make both covariances diagonal."""
+    """Pictures by K features, in P coordinates in which the covariance within classes is the identity."""
 
     centre: Array  # (K,) mean over the pictures of the Hellinger map of their features
     scale: Array  # (K,) standard deviation of it
-    directions: Array  # (K, P) to coordinates in which the covariance within classes is the identity
-    spread: Array  # (P,) variance of all pictures in those coordinates
-    class_means: Array  # (C, P)
+    coordinates: Array  # (K, P)
+    known: UnitVectors  # (M, P) of pictures of known objects
+    others: UnitVectors  # (N, P) of pictures of other things
     known_scores: Array  # (Q,) ascending, novelty of pictures of known objects that were left out of the fit
     probe: Array  # (K,) features of the probe picture, which tell the network that the rest is about
 
     def __post_init__(self) -> None:
-        known, coordinates = self.directions.shape
+        features, coordinates = self.coordinates.shape
         shapes = {
-            "centre": (known,),
-            "scale": (known,),
-            "directions": (known, coordinates),
-            "spread": (coordinates,),
-            "class_means": (len(self.class_means), coordinates),
+            "centre": (features,),
+            "scale": (features,),
+            "coordinates": (features, coordinates),
+            "known": (len(self.known), coordinates),
+            "others": (len(self.others), coordinates),
             "known_scores": (len(self.known_scores),),
-            "probe": (known,),
+            "probe": (features,),
         }
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape or not value.size or not np.isfinite(value).all():
                 raise ValueError(f"'{name}' of the known appearance has a wrong shape or is not finite")
-        if not (self.spread > 0.0).all() or not (self.scale > 0.0).all():
-            raise ValueError("a variance of the known appearance is not positive")
+        if not (self.scale > 0.0).all():
+            raise ValueError("a scale of the known appearance is not positive")
+
+    def directions(self, features: Array) -> Array:
+        """(N, P) unit vectors of (N, K) features."""
+        return unit((hellinger(features) - self.centre) / self.scale @ self.coordinates)
 
     def novelty(self, features: Array) -> Array:
-        """(N,) relative Mahalanobis distances of (N, K) features; what is known lies low."""
-        coordinates = (hellinger(features) - self.centre) / self.scale @ self.directions
-        whole = (coordinates**2 / self.spread).sum(axis=1)
-        within = [((coordinates - mean) ** 2).sum(axis=1) for mean in self.class_means]
-        return np.asarray(np.min(within, axis=0) - whole)
+        """(N,) log ratios of densities at (N, K) features [nats]; what is known lies low."""
+        directions = self.directions(features)
+        return np.asarray(_log_density(directions, self.others) - _log_density(directions, self.known))
 
     def limit(self, false_alarms: float) -> float:
         """Novelty that this share of the pictures of known objects exceed; with too few of them their largest one."""
@@ -81,7 +92,17 @@ class KnownPictures:
 def hellinger(features: Array) -> Array:
     """(N, K) square roots of the shares of non-negative features."""
     roots = np.sqrt(np.maximum(features, 0.0))
-    return np.asarray(roots / np.maximum(np.linalg.norm(roots, axis=1, keepdims=True), LEAST_NORM))
+    return unit(roots)
+
+
+def unit(vectors: Array) -> Array:
+    """(N, K) vectors of length 1, or 0 where they hardly have one."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), LEAST_NORM))
+
+
+def _log_density(directions: Array, kept: UnitVectors) -> Array:
+    """(N,) of (N, P) unit vectors under kernels about (M, P); up to what all such densities have in common."""
+    return np.asarray(logsumexp(CONCENTRATION * (directions.astype(np.float32) @ kept.T), axis=1) - np.log(len(kept)))
 
 
 def is_novel(appearance: KnownAppearance, features: Array, false_alarms: float) -> Flags:
@@ -89,4 +110,6 @@ def is_novel(appearance: KnownAppearance, features: Array, false_alarms: float) 
     return np.asarray(appearance.novelty(features) > appearance.limit(false_alarms))
 
 
+PICTURES = ("known", "others")
+"""Fields of unit vectors."""
 APPEARANCE_FIELDS = tuple(item.name for item in fields(KnownAppearance))

@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.model_files import ModelFormat
-from semantic_slam.viewpoint.appearance import APPEARANCE_FIELDS, KnownAppearance
+from semantic_slam.viewpoint.appearance import APPEARANCE_FIELDS, PICTURES, KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, PosteriorTable
 from semantic_slam.viewpoint.spherical_process import AZIMUTHS, ELEVATIONS, SphericalProcessModel, SphericalTable
 
@@ -19,6 +19,8 @@ FittedModel = GaussianProcessModel | SphericalProcessModel
 """Class models over one angle of view, or over two."""
 APPEARANCE = "appearance."
 """What names of arrays begin with that tell what the objects look like; older files have none."""
+EARLIER = APPEARANCE + "class_means"
+"""A name that files have which tell it as an earlier version did; they count as files that do not tell."""
 
 
 def save_model(
@@ -33,7 +35,8 @@ def save_model(
         told = {name: value for name, value in (vars(fit) | vars(table)).items() if value is not None}
         arrays |= {f"{index}.{name}": np.array(value, dtype=np.float64, order="C") for name, value in told.items()}
     for name in APPEARANCE_FIELDS if appearance is not None else ():
-        arrays[APPEARANCE + name] = np.array(getattr(appearance, name), dtype=np.float32, order="C")
+        kind = np.float16 if name in PICTURES else np.float32
+        arrays[APPEARANCE + name] = np.array(getattr(appearance, name), dtype=kind, order="C")
     description = {
         "class_names": list(model.class_names),
         "feature_names": list(model.feature_names),
@@ -66,10 +69,12 @@ def read_appearance(path: Path) -> KnownAppearance | None:
     """
     arrays, _ = FORMAT.read(path)
     values = {name: arrays.get(APPEARANCE + name) for name in APPEARANCE_FIELDS}
-    if all(value is None for value in values.values()):
+    if EARLIER in arrays or all(value is None for value in values.values()):
         return None
     try:
-        return KnownAppearance(**{name: np.asarray(value, dtype=np.float64) for name, value in values.items()})
+        kinds = {name: np.dtype(np.float32 if name in PICTURES else np.float64) for name in values}
+        told: dict[str, Any] = {name: np.asarray(value, dtype=kinds[name]) for name, value in values.items()}
+        return KnownAppearance(**told)
     except (TypeError, ValueError, AttributeError, IndexError) as fault:
         raise InputError(f"{path}: {' '.join(str(fault).split())}; fit it anew with fit_viewpoint_models") from None
 

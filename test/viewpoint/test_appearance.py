@@ -20,6 +20,8 @@ from semantic_slam.perception.range_bearing import range_and_bearing
 from semantic_slam.perception.weights import load_network
 from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.training.appearance import fit_appearance
+from semantic_slam.training.other_things import other_crop
+from semantic_slam.training.viewpoint.fit import other_features
 from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.viewpoint.appearance import KnownAppearance, KnownPictures, is_novel
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
@@ -43,18 +45,25 @@ def classes() -> np.ndarray:
 @pytest.fixture(scope="module")
 def known(classes: np.ndarray) -> KnownAppearance:
     features, labels = pictures(5000, np.random.default_rng(1), classes)
-    found = fit_appearance(features, labels, np.arange(5000), np.ones(NUM_FEATURES))
+    found = fit_appearance(features, labels, np.arange(5000), other_things(6), np.ones(NUM_FEATURES))
     assert found is not None
     return found
+
+
+def other_things(seed: int) -> np.ndarray:
+    """Features (N, K) of pictures of many other classes."""
+    generator = np.random.default_rng(seed)
+    many = generator.gamma(0.5, size=(100, NUM_FEATURES)) + 0.1
+    return pictures(1000, generator, many)[0]
 
 
 @pytest.mark.parametrize("rate", RATES)
 def test_of_new_pictures_of_known_objects_the_stated_share_is_taken_for_others(
     known: KnownAppearance, classes: np.ndarray, rate: float
 ) -> None:
-    """Exact but for chance: 1000 pictures set the limit, 20000 test it."""
-    features, _ = pictures(20000, np.random.default_rng(2), classes)
-    error = np.sqrt(rate * (1.0 - rate) * (1.0 / 1000.0 + 1.0 / 20000.0))
+    """Exact but for chance: 1000 pictures set the limit, 4000 test it."""
+    features, _ = pictures(4000, np.random.default_rng(2), classes)
+    error = np.sqrt(rate * (1.0 - rate) * (1.0 / 1000.0 + 1.0 / 4000.0))
     assert is_novel(known, features, rate).mean() == pytest.approx(rate, abs=4.0 * error)
 
 
@@ -67,7 +76,7 @@ def test_what_excites_other_features_is_novel_however_bright(known: KnownAppeara
 
 def test_too_few_directions_of_view_tell_nothing(classes: np.ndarray) -> None:
     features, labels = pictures(50, np.random.default_rng(1), classes)
-    assert fit_appearance(features, labels, np.arange(50) % 9, np.ones(NUM_FEATURES)) is None
+    assert fit_appearance(features, labels, np.arange(50) % 9, other_things(6), np.ones(NUM_FEATURES)) is None
 
 
 def test_it_is_kept_with_the_models_and_older_files_do_without(known: KnownAppearance, tmp_path: Path) -> None:
@@ -77,14 +86,22 @@ def test_it_is_kept_with_the_models_and_older_files_do_without(known: KnownAppea
     assert read_appearance(tmp_path / "old.safetensors") is None
     again = read_appearance(tmp_path / "new.safetensors")
     assert again is not None
-    np.testing.assert_allclose(again.directions, known.directions, rtol=1e-6)
+    np.testing.assert_allclose(again.coordinates, known.coordinates, rtol=1e-6)
     features = np.random.default_rng(5).gamma(1.0, size=(100, NUM_FEATURES))
-    np.testing.assert_allclose(again.novelty(features), known.novelty(features), rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(again.novelty(features), known.novelty(features), atol=0.02)
+
+
+def test_a_file_that_tells_it_as_an_earlier_version_did_tells_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "models.safetensors"
+    save_model(GaussianProcessModel(("one",), FEATURES, [fit_class(synthetic_samples(0.0, 0))]), path, {})
+    arrays, description = FORMAT.read(path)
+    FORMAT.write(path, arrays | {"appearance.class_means": np.zeros((1, 3), dtype=np.float32)}, description)
+    assert read_appearance(path) is None
 
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("spread", np.zeros(NUM_FEATURES)), ("directions", np.ones((3, 3))), ("centre", np.full(NUM_FEATURES, np.nan))],
+    [("scale", np.zeros(NUM_FEATURES)), ("coordinates", np.ones((3, 3))), ("centre", np.full(NUM_FEATURES, np.nan))],
 )
 def test_a_damaged_appearance_is_one_line(known: KnownAppearance, tmp_path: Path, name: str, value: np.ndarray) -> None:
     path = tmp_path / "models.safetensors"
@@ -100,7 +117,7 @@ def test_another_network_is_told_by_what_it_makes_of_one_picture() -> None:
     shipped = load_network(PerceptionConfiguration()).network
     probe = probe_features(shipped)
     features = np.random.default_rng(0).gamma(1.0, size=(100, len(probe)))
-    found = fit_appearance(features, np.zeros(100, dtype=int), np.arange(100), probe)
+    found = fit_appearance(features, np.zeros(100, dtype=int), np.arange(100), features[::2], probe)
     assert found is not None and found.is_about(probe_features(shipped))
     assert not found.is_about(1.1 * probe) and not found.is_about(probe[:-1])
 
@@ -166,10 +183,27 @@ def test_photographs_of_things_left_out_are_unknown(data_set: Callable[[str], Pa
         return trunk_features(network, np.array(crops)), *np.array(rows).T
 
     features, numbers, angles = seen(range(2, 22), range(0, 360, 20))
-    known = fit_appearance(features, numbers, angles // 20, probe_features(network))
+    others = other_features(network, len(features))
+    known = fit_appearance(features, numbers, angles // 20, others, probe_features(network))
     assert known is not None
     assert is_novel(known, seen(range(2, 22), range(10, 360, 60))[0], 0.05).mean() < 0.1
     assert is_novel(known, seen(range(22, 42), range(10, 360, 60))[0], 0.05).mean() > 0.8
+
+
+@pytest.mark.real_data
+def test_to_the_shipped_models_photographs_are_unknown(data_set: Callable[[str], Path]) -> None:
+    """54 things on a turntable, cut to the object, at 5 % false alarms."""
+    network, known = load_network(PerceptionConfiguration()).network, read_appearance(shipped_models())
+    paths = sorted(data_set("coil100").glob("obj*__60.jpg")) + sorted(data_set("coil100").glob("obj*__240.jpg"))
+    features = trunk_features(network, np.array([photograph(path, network.input_size) for path in paths]))
+    assert known is not None and is_novel(known, features, 0.05).mean() >= 0.8
+
+
+def test_things_that_are_made_up_differ_and_are_the_same_again() -> None:
+    drawn = [[other_crop(32, np.random.default_rng(seed)) for seed in range(20)] for _ in range(2)]
+    assert np.array_equal(*map(np.array, drawn)) and drawn[0][0].shape == (32, 32, 3)
+    means = np.array([crop.mean(axis=(0, 1)) for crop in drawn[0]])
+    assert (means.std(axis=0) > 15.0).all()
 
 
 def photograph(path: Path, size: int) -> np.ndarray:

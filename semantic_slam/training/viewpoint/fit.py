@@ -11,10 +11,11 @@ from tqdm import tqdm
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.mc_dropout import probe_features, samples_of_head, seen
-from semantic_slam.perception.network import ClassifierNetwork
+from semantic_slam.perception.network import ClassifierNetwork, DropoutNetwork
 from semantic_slam.perception.uncertainty import sample_covariance
 from semantic_slam.training.appearance import fit_appearance
 from semantic_slam.training.augmentation import room_crop
+from semantic_slam.training.other_things import other_crop
 from semantic_slam.training.viewpoint.calibration import Residuals, left_out_residuals, report_of
 from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.training.viewpoint.samples import ClassSamples
@@ -29,6 +30,9 @@ Direction = tuple[int, ...]
 
 SAME_HEIGHT_RAD = 1e-6
 """Elevations that differ by less are one."""
+
+MOST_OTHERS = 2000
+"""Pictures of other things; of fewer pictures of known objects as many."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +85,16 @@ def appearance_of(samples: dict[str, ClassSamples], classifier: ClassifierNetwor
         features.append(data.appearances.reshape(-1, size))
         classes.append(np.full(count * draws, index))
         views.append(np.repeat(np.arange(count), draws))
+    others = other_features(classifier.network, min(sum(map(len, features)), MOST_OTHERS))
     probe = probe_features(classifier.network)
-    return fit_appearance(np.concatenate(features), np.concatenate(classes), np.concatenate(views), probe)
+    return fit_appearance(np.concatenate(features), np.concatenate(classes), np.concatenate(views), others, probe)
+
+
+def other_features(network: DropoutNetwork, count: int) -> Array:
+    """(N, K) features of ``count`` pictures of things that are made up, the same ones for every network."""
+    generators = [_generator(0, "other things", number) for number in range(count)]
+    with tqdm(generators, desc="measuring other things", unit="picture") as progress:
+        return np.array([seen(network, other_crop(network.input_size, own)).appearance for own in progress])
 
 
 def measure_views(
