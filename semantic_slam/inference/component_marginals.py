@@ -27,7 +27,8 @@ class ComponentMarginals:
 
 def component_marginals(component: Component, reported: ReportedObjects) -> ComponentMarginals:
     """Marginals of a component, with what Gaussians and factors do not say. Raises LostComponentError."""
-    present = [row for row, n in enumerate(reported.ids) if n in component.object_ids]
+    known_ids = component.object_ids
+    present = [row for row, n in enumerate(reported.ids) if n in known_ids]
     ids = [held_as(component, reported.ids[row], reported) for row in present]
     states, covariances = component.robot_and_objects(ids)
     existence = component.objects.existence[component.objects.rows(np.array(ids, dtype=int))]

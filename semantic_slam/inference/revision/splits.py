@@ -7,11 +7,10 @@ as that makes the history likelier. What is worth a replay is told by rough weig
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.revision.first_and_missed import FirstAndMissed
 from semantic_slam.inference.revision.run_model import RunModel
 from semantic_slam.inference.revision.runs import Parting, Runs, numbered, offsets
@@ -98,16 +97,17 @@ class Splits:
         places, seen = now.solution.places, self.runs.seen_of(now.objects)
         away, spread = offsets(places, now.solution.covariance)
         mapped, log_new = self.runs.num_mapped, float(np.median(self.record.log_intensities))
-        apart = {int(now.objects[np.flatnonzero(parting.objects == number)[0]]) for number in parting.parted}
-        found: list[tuple[int, int, float]] = []
-        for one, other in combinations(range(len(places)), 2):
-            if other < mapped or {one, other} == apart or (seen[one] & seen[other]).any():
-                continue
-            squared = away[one, other] @ np.linalg.solve(spread[one, other], away[one, other])
-            gain = float(-0.5 * squared - 0.5 * np.linalg.slogdet(2.0 * np.pi * spread[one, other])[1])
-            if gain - log_new > -UNLIKELY:
-                found.append((one, other, gain))
-        return sorted(found, key=lambda pair: -pair[2])[:MOST_PAIRS]
+        apart = [int(now.objects[np.flatnonzero(parting.objects == number)[0]]) for number in parting.parted]
+        may_be = np.triu(~_together(seen), 1)
+        may_be[:, :mapped] = False
+        may_be[min(apart), max(apart)] = False
+        older, younger = np.nonzero(may_be)
+        off, spread = away[older, younger], spread[older, younger]
+        squared = (off * np.linalg.solve(spread, off[..., None])[..., 0]).sum(axis=1)
+        gains = -0.5 * squared - 0.5 * np.linalg.slogdet(2.0 * np.pi * spread)[1]
+        rows = np.flatnonzero(gains - log_new > -UNLIKELY)
+        best = rows[np.argsort(-gains[rows], kind="stable")[:MOST_PAIRS]]
+        return list(zip(older[best].tolist(), younger[best].tolist(), gains[best].tolist(), strict=True))
 
     def _gains(self, now: Weighed, pairs: Sequence[tuple[int, int, float]]) -> Array:
         """(n,) by places, detections and misses."""
@@ -124,3 +124,9 @@ class Splits:
             for row, (one, other, _) in enumerate(pairs)
         ]
         return np.asarray(np.array([gain for _, _, gain in pairs]) + np.array(after) - before)
+
+
+def _together(seen: Flags) -> Flags:
+    """(N, N) whether two objects are seen in one frame, from (N, T) whether each is."""
+    often = seen.astype(np.float32)
+    return np.asarray(often @ often.T > 0.0)

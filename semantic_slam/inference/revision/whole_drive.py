@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from semantic_slam.configuration import DetectionErrorsConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
@@ -66,7 +67,7 @@ class WholeDrive:
             numbers=np.array([n for _, n, _ in rows], dtype=int),
             polar=np.array([(own.range_m, own.bearing_rad) for _, _, own in rows]).reshape(-1, 2),
             polar_whiten=np.array([own.whiten for _, _, own in rows]).reshape(-1, 2, 2),
-            information=np.asarray(np.linalg.inv(_errors(problem, motions, frames, [row[:2] for row in rows])), float),
+            information=_inverse(_errors(problem, motions, frames, [row[:2] for row in rows])),
             map_places=np.array([prior.mean[:2] for prior in priors]).reshape(-1, 2),
             map_whiten=_whitening(spreads),
         )
@@ -86,6 +87,15 @@ class WholeDrive:
 def _whitening(covariances: Array) -> Array:
     """(n, d, d) from errors to ones of unit covariance."""
     return np.linalg.inv(np.linalg.cholesky(covariances)) if len(covariances) else covariances
+
+
+def _inverse(covariance: Array) -> Array:
+    """Inverse of a large covariance, for half of what that of any matrix costs."""
+    root, fault = dpotrf(covariance, lower=1) if len(covariance) else (covariance, 1)
+    if fault:  # hardly definite, or there is nothing
+        return np.asarray(np.linalg.inv(covariance), dtype=float)
+    below = np.tril(dpotri(root, lower=1)[0])
+    return np.asarray(below + np.tril(below, -1).T)
 
 
 def _in_map(prior: GaussianPrior) -> Array:

@@ -57,6 +57,7 @@ class Component:
     movers: Movers | None = None  # objects that move, or may; None: nothing does
     metre: Metre | None = None  # how well it is known; None: for sure
     past: tuple[Array, ...] = ()  # (n, s) states of the first keyframes' robots, as they were when they were summarised
+    _moved: list[Motion] = field(default_factory=list, init=False, compare=False, repr=False)  # the last one, and how
 
     @classmethod
     def root(
@@ -94,7 +95,8 @@ class Component:
     @property
     def every_id(self) -> frozenset[int]:
         """Ids of its objects."""
-        return self.object_ids if self.movers is None else self.object_ids | self.movers.decided_ids
+        moving = frozenset[int]() if self.movers is None else self.movers.decided_ids
+        return self.object_ids | moving if moving else self.object_ids
 
     def newest_robot(self) -> Array:
         """(s,) estimate of the robot at the newest keyframe."""
@@ -207,7 +209,12 @@ class Component:
         return float(sum(detection.log_change(self.settings) for detection in detections))
 
     def moved_by(self, motion: Motion) -> Motion:
-        """Odometry with the noise, and by the clock, that this hypothesis takes it to have."""
+        """Odometry with the noise, and by the clock, that this hypothesis takes it to have; asked for several times."""
+        if not self._moved or self._moved[0] is not motion:
+            self._moved[:] = motion, self._moved_by(motion)
+        return self._moved[1]
+
+    def _moved_by(self, motion: Motion) -> Motion:
         if self.settings is not None and self.settings.odometry_factor != 1.0:
             motion = replace(motion, covariance=self.settings.odometry_factor * motion.covariance)
         if motion.shifts is None or motion.by_bias is None or self.tracked is None:
