@@ -90,7 +90,7 @@ def _whitening(covariances: Array) -> Array:
 
 
 def _inverse(covariance: Array) -> Array:
-    """Inverse of a large covariance, at a third of what one of any matrix costs."""
+    """Inverse of a large covariance, for half of what that of any matrix costs."""
     root, fault = dpotrf(covariance, lower=1) if len(covariance) else (covariance, 1)
     if fault:  # hardly definite, or there is nothing
         return np.asarray(np.linalg.inv(covariance), dtype=float)

@@ -92,7 +92,7 @@ def appearance_of(samples: dict[str, ClassSamples], classifier: ClassifierNetwor
 
 def other_features(network: DropoutNetwork, count: int) -> Array:
     """(N, K) features of ``count`` pictures of things that are made up, the same ones for every network."""
-    generators = [_generator(0, "other things", number) for number in range(count)]
+    generators = [_generator(0, "other things", str(number)) for number in range(count)]
     with tqdm(generators, desc="measuring other things", unit="picture") as progress:
         return np.array([seen(network, other_crop(network.input_size, own)).appearance for own in progress])
 
