@@ -24,11 +24,10 @@ def told(boxes, mount=AHEAD, settings=SETTINGS):
     return PlaceReader(settings, in_space=True).measure(seen, 0, CAMERA, mount)
 
 
-def test_a_centre_errs_by_a_share_of_the_box_along_each_side():
+def test_a_centre_errs_by_a_share_of_the_larger_side_in_all_directions():
     found = told(MIDDLE)
-    width, height = 2.0 * np.arctan(30.0 / 250.0), 2.0 * np.arctan(20.0 / 250.0)
-    wanted = 0.01**2 + (0.1 * np.array([width, height])) ** 2
-    np.testing.assert_allclose(np.diag(found.place_covariances[0])[1:], wanted, rtol=1e-9)
+    wanted = 0.01**2 + (0.1 * 2.0 * np.arctan(30.0 / 250.0)) ** 2
+    np.testing.assert_allclose(found.place_covariances[0, 1:, 1:], wanted * np.eye(2), rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose([found.bearings_rad[0], found.elevations_rad[0]], 0.0, atol=1e-12)
     assert np.isnan(found.place_covariances[0, 0]).all()
     assert np.isnan(found.ranges_m).all()
