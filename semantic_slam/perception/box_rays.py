@@ -3,7 +3,8 @@
 A detector puts a box's centre wrong by a share of the box's size, besides what any direction is wrong by. A box that
 the image's border cuts goes on beyond it: what a detector finds all the same shows a third at least, and if every share
 from there on is as likely, the centre of the whole is off that of what shows, outwards, by 0.3 of it on average, with a
-standard deviation of 0.25.
+standard deviation of a quarter. That repeats while the border goes on cutting the thing: it counts four times as large,
+so that sixteen views in a row tell as much as one does.
 
 Both sides of a whole box count as the larger one: how its two errors differ is a guess, for the centre of a thing seen
 from above or aslant is off that of its box by what it shows of its depth, either way; and a ray that errs alike in all
@@ -18,7 +19,7 @@ from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.perception.box_sizes import are_cut, pixel_rays, shown_sizes
 from semantic_slam.perception.frame import CameraModel
 
-CUT_SHIFT, CUT_SHARE = 0.3, 0.25
+CUT_SHIFT, CUT_SHARE = 0.3, 1.0
 """Shares of what a cut box shows by which the centre of the whole lies beyond, and that this errs by."""
 DOWN = np.array([0.0, 1.0, 0.0])
 """In the optical frame."""

@@ -42,17 +42,26 @@ def _in_order(cost: Array, within: float) -> Iterator[tuple[float, tuple[int, ..
     queue: list[_Best] = []
     _push(queue, cost, cost, 0, np.inf)
     limit = queue[0][0] + within if queue else np.inf
+    if np.isfinite(limit):
+        queue = [(*queue[0][:3], _possible(cost, limit))]
     while queue:
         total, columns, fixed, restricted = heapq.heappop(queue)
         yield total, columns
-        remaining = restricted.copy()
+        remaining, has_choice = restricted.copy(), np.isfinite(restricted).sum(axis=1) > 1
         for row in range(fixed, len(cost)):
-            branch = remaining.copy()
-            branch[row, columns[row]] = np.inf
-            _push(queue, cost, branch, row, limit)
+            if has_choice[row]:
+                branch = remaining.copy()
+                branch[row, columns[row]] = np.inf
+                _push(queue, cost, branch, row, limit)
             chosen = remaining[row, columns[row]]
             remaining[row], remaining[:, columns[row]] = np.inf, np.inf
             remaining[row, columns[row]] = chosen
+
+
+def _possible(cost: Array, limit: float) -> Array:
+    """``cost`` where an assignment that costs no more than ``limit`` may take it, even if all other rows are free."""
+    least = cost.min(axis=1, keepdims=True)
+    return np.where(cost - least <= limit - least.sum(), cost, np.inf)
 
 
 def _push(queue: list[_Best], cost: Array, restricted: Array, fixed: int, limit: float) -> None:
