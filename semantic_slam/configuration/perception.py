@@ -52,7 +52,7 @@ class PerceptionConfiguration:
     sigma_bearing_rad: float = parameter(0.03, "standard deviation of the bearing to an object's centre", minimum=1e-6)
     box_centre_share: float = parameter(
         0.1,
-        "state_space: spatial: standard deviation of a box's centre as a share of its width and height, besides"
+        "state_space: spatial: standard deviation of a box's centre as a share of its larger side, besides"
         " sigma_bearing_rad; twice 0.1 beside the right box a box overlaps with it by two thirds",
         minimum=0.0,
         maximum=1.0,

@@ -13,6 +13,7 @@ from semantic_slam.datasets.avd import AvdScene
 from semantic_slam.datasets.avd_messages import camera_info, compressed_image, static_transform
 from semantic_slam.datasets.avd_objects import TrueObject, box_depth
 from semantic_slam.datasets.avd_path import Stop
+from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
 from semantic_slam.datasets.planar_odometry import Odometry, OdometryNoise
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
@@ -21,8 +22,6 @@ from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundT
 from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
 
-BODY_FRAME = "base_link"
-CAMERA_FRAME = "camera_optical_frame"
 LABEL = "object"
 FIRST_STAMP_NS = 1_000_000_000_000
 STEP_NS = 500_000_000

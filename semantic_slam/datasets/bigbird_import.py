@@ -17,6 +17,7 @@ from tqdm import tqdm
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.avd_messages import camera_info, compressed_image
 from semantic_slam.datasets.bigbird import CAMERAS, TurntableView, object_folders, read_calibration, turntable_views
+from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar
@@ -27,8 +28,6 @@ from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate, PoseE
 from semantic_slam.messages.typestore import message_class
 from semantic_slam.perception.frame import CameraModel, Detections
 
-BODY_FRAME = "base_link"
-CAMERA_FRAME = "camera_optical_frame"
 FIRST_STAMP_NS = 1000 * NANOSECONDS
 STEP_NS = NANOSECONDS // 2
 OBJECT_ID = "1"

@@ -8,6 +8,7 @@ import numpy as np
 from tqdm import tqdm
 
 from semantic_slam.bag.writer import BagWriter
+from semantic_slam.datasets.frames import BODY_FRAME
 from semantic_slam.datasets.victoria_park import (
     Log,
     Observation,
@@ -26,7 +27,6 @@ from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.perception.measurement import SemanticMeasurements
 
-BODY_FRAME = "base_link"
 LABEL = "tree_trunk"
 
 

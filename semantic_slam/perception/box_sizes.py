@@ -14,13 +14,13 @@ EDGES = np.array([[0.0, 0.5], [1.0, 0.5], [0.5, 0.0], [0.5, 1.0]])
 
 def angular_sizes(boxes: Array, camera: CameraModel) -> Array:
     """(D, 2) width and height [rad] of (D, 4) boxes; NaN where the image's border cuts one, or where it is none."""
-    return np.where(are_cut(boxes, camera), np.nan, shown_sizes(boxes, camera))
+    return np.where(are_cut(boxes, camera).any(axis=2), np.nan, shown_sizes(boxes, camera))
 
 
 def are_cut(boxes: Array, camera: CameraModel) -> Flags:
-    """(D, 2) whether the image's border cuts (D, 4) boxes at the left or right, and above or below."""
+    """(D, 2, 2) whether the image's border cuts (D, 4) boxes, at the left and right, and above and below."""
     size = np.array([camera.width, camera.height])
-    return np.asarray((boxes[:, :2] < BORDER_PX) | (boxes[:, 2:] > size - BORDER_PX))
+    return np.stack([boxes[:, :2] < BORDER_PX, boxes[:, 2:] > size - BORDER_PX], axis=2)
 
 
 def shown_sizes(boxes: Array, camera: CameraModel) -> Array:

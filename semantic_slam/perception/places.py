@@ -13,6 +13,7 @@ import numpy as np
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
+from semantic_slam.perception.box_rays import whole_boxes
 from semantic_slam.perception.crops import IN_SHARES, is_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -44,7 +45,7 @@ class PlaceReader:
         Range and bearing are preferred to a position, and both to a box. In a frame that has either of the first two,
         every bearing is seen from the body's origin, so that boxes alone are not used there.
         """
-        places, sensor = _places(detections, camera, T_base_camera)
+        places, sensor = _places(detections, camera, T_base_camera, whole=self._in_space)
         points = told_points(detections) if self._in_space else SpatialPoints.untold(len(detections))
         if self._in_space:
             places = points.places.where(points.are_told, places)
@@ -113,9 +114,15 @@ def in_body_frame(detections: Detections, T_base_frame: Array, base_frame: str) 
     )
 
 
-def _places(detections: Detections, camera: CameraModel | None, T_base_camera: Array | None) -> tuple[Places, Array]:
-    """The places of all detections, and the (3,) point in the body frame from which those without range are seen."""
+def _places(
+    detections: Detections, camera: CameraModel | None, T_base_camera: Array | None, *, whole: bool
+) -> tuple[Places, Array]:
+    """The places of all detections, and the (3,) point in the body frame from which those without range are seen.
+
+    ``whole``: boxes that the image's border cuts go on beyond it.
+    """
     places = told_places(detections)
     if np.isfinite(places.bearings_rad).any() or camera is None or T_base_camera is None:
         return places, np.zeros(3)
-    return places_of_boxes(detections.boxes, camera, T_base_camera), np.asarray(T_base_camera[:3], dtype=np.float64)
+    boxes = whole_boxes(detections.boxes, camera) if whole else detections.boxes
+    return places_of_boxes(boxes, camera, T_base_camera), np.asarray(T_base_camera[:3], dtype=np.float64)

@@ -4,13 +4,17 @@ import gtsam
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from worlds.same_beliefs import assert_same
 from worlds.spatial_fixtures import spatial
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe
+from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.contracts.state_space import differences
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.inference.association.gating import pair_densities
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.building.announcement import make_run_configuration
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE
@@ -19,6 +23,7 @@ from semantic_slam.inference.models.spatial.range_prior import RangePrior
 from semantic_slam.inference.open_world.spatial.births import birth_in_space, shown_by
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.range_chart import coordinates, moved
 
 RAY_SIGMA = 0.01
@@ -141,6 +146,43 @@ def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
     ]
     slopes = (np.array(places[:6]) - np.array(places[6:])).T / 2e-6
     np.testing.assert_allclose(born.gain, slopes, atol=1e-8)
+
+
+def looking_along_rays(pool: InProcessPool) -> tuple[Engine, list[HybridBelief]]:
+    """Beliefs about points seen by rays alone, two of them next to each other, and a false alarm now and then."""
+    random, points = np.random.default_rng(3), np.array([[1.8, 0.4, 0.2], [1.9, 0.3, 0.2], [1.5, -0.4, -0.1]])
+    configuration = Configuration.of(
+        state_space="spatial",
+        observation="points",
+        association="open",
+        semantic_model={"kind": "none"},
+        open_world={"birth_density": 0.3, "occluder_radius_m": 0.05, "clutter_per_frame": 0.1},
+        pruning={"max_hypotheses": 8},
+    )
+    run = make_run_configuration(configuration, None, ORIGIN, 1e-6 * np.eye(6), stamp_ns=0)
+    engine = Engine.of_run(run, pool)
+    x, motion, beliefs = ORIGIN, se3.exp(np.array([0.0, 0.0, 0.01, 0.0, 0.08, 0.01])), []
+    for k in range(8):
+        x, detections = se3.compose(x, motion), []
+        seen = points if k % 3 else np.append(points, [[1.0, random.normal(scale=0.3), 0.0]], axis=0)
+        for point in seen:
+            away = so3.rotated(so3.inverse(x[3:]), point - x[:3])
+            ray = away / np.linalg.norm(away) + RAY_SIGMA * random.normal(size=3)
+            detections.append(Detection.along(ray, ray_covariance=RAY_SIGMA**2 * np.eye(3)))
+        keyframe = Keyframe.spatial(k, motion=motion, motion_covariance=1e-6 * np.eye(6), detections=detections)
+        beliefs.append(engine.process(keyframe))
+    return engine, beliefs
+
+
+def test_a_lineage_is_rebuilt_with_what_is_known_of_ranges() -> None:
+    """A backend is lost on the way: the other one makes its hypotheses anew, anchors and all."""
+    (whole, beliefs), (divided, others) = (
+        looking_along_rays(pool) for pool in (InProcessPool(2), ForgetfulPool(2, dies_at=5))
+    )
+    assert min(len(belief.log_weights) for belief in beliefs[4:]) > 1
+    for one, other in zip(beliefs, others, strict=True):
+        assert_same(other, one)
+    assert divided.live.keys() == whole.live.keys()
 
 
 def test_mixed_keyframes_find_what_is_seen_with_a_range_and_what_is_not() -> None:

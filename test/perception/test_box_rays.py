@@ -24,22 +24,27 @@ def told(boxes, mount=AHEAD, settings=SETTINGS):
     return PlaceReader(settings, in_space=True).measure(seen, 0, CAMERA, mount)
 
 
-def test_a_centre_errs_by_a_share_of_the_box_along_each_side():
+def test_a_centre_errs_by_a_share_of_the_larger_side_in_all_directions():
     found = told(MIDDLE)
-    width, height = 2.0 * np.arctan(30.0 / 250.0), 2.0 * np.arctan(20.0 / 250.0)
-    wanted = 0.01**2 + (0.1 * np.array([width, height])) ** 2
-    np.testing.assert_allclose(np.diag(found.place_covariances[0])[1:], wanted, rtol=1e-9)
+    wanted = 0.01**2 + (0.1 * 2.0 * np.arctan(30.0 / 250.0)) ** 2
+    np.testing.assert_allclose(found.place_covariances[0, 1:, 1:], wanted * np.eye(2), rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose([found.bearings_rad[0], found.elevations_rad[0]], 0.0, atol=1e-12)
     assert np.isnan(found.place_covariances[0, 0]).all()
     assert np.isnan(found.ranges_m).all()
 
 
-def test_what_the_border_cuts_is_known_to_half_of_what_shows_and_tells_no_size():
+def test_what_the_border_cuts_goes_on_beyond_it_by_a_share_of_what_shows_and_tells_no_size():
     found = told(CUT)
-    across = np.sqrt(found.place_covariances[0, 1, 1])
     shown = np.arctan(160.0 / 250.0) - np.arctan(100.0 / 250.0)
-    assert across == pytest.approx(np.hypot(0.01, 0.5 * shown), rel=0.01)
+    across = np.sqrt(found.place_covariances[0, 1, 1])
+    assert across == pytest.approx(np.hypot(0.01, shown), rel=0.02)
+    assert found.bearings_rad[0] == pytest.approx(np.arctan((160.0 - 30.0 + 0.3 * 60.0) / 250.0))
     assert np.isnan(found.angular_sizes_rad[0]).tolist() == [True, False]
+
+
+def test_what_both_borders_cut_is_in_the_middle_of_what_shows():
+    found = told(np.array([0.0, 100.0, 320.0, 140.0]))
+    assert found.bearings_rad[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_rays_and_their_covariances_turn_with_the_mount():

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.datasets.drives.csv_tables import SeenRows, read_detections, read_objects, read_path
-from semantic_slam.datasets.drives.drive import BODY_FRAME, Drive, write_drive
+from semantic_slam.datasets.drives.drive import Drive, write_drive
 from semantic_slam.datasets.drives.tables import found, found_or_none
+from semantic_slam.datasets.frames import BODY_FRAME
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Index
 from semantic_slam.perception.frame import Detections

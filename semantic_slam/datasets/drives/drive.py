@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from semantic_slam.bag.writer import BagWriter
+from semantic_slam.datasets.frames import BODY_FRAME
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar
@@ -23,7 +24,6 @@ from semantic_slam.perception.frame import Detections
 Message = tuple[int, str, Any]
 """Stamp [ns], topic, message."""
 
-BODY_FRAME = "base_link"
 UNKNOWN = np.zeros((6, 6))
 """Covariance of a pose whose uncertainty the source does not state."""
 

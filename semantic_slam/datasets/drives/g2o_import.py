@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from semantic_slam.datasets.drives.drive import BODY_FRAME, Drive, Path2D, write_drive
+from semantic_slam.datasets.drives.drive import Drive, Path2D, write_drive
 from semantic_slam.datasets.drives.g2o import LandmarkGraph, Sighting, read_graph
+from semantic_slam.datasets.frames import BODY_FRAME
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.perception.frame import Detections

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.datasets.drives import kitti_tracking, kitti_truth
-from semantic_slam.datasets.drives.drive import BODY_FRAME, Drive, Path2D, write_drive
+from semantic_slam.datasets.drives.drive import Drive, Path2D, write_drive
 from semantic_slam.datasets.drives.kitti_tracking import DetectedBoxes
 from semantic_slam.datasets.drives.noisy_odometry import add_drift, check_drift, noisy_odometry
+from semantic_slam.datasets.frames import BODY_FRAME
 from semantic_slam.messages.ground_truth import MOVING
 from semantic_slam.perception.frame import Detections
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.datasets.drives import mrclam
-from semantic_slam.datasets.drives.drive import BODY_FRAME, Drive, TrueObjects, since, write_drive
+from semantic_slam.datasets.drives.drive import Drive, TrueObjects, since, write_drive
 from semantic_slam.datasets.drives.mrclam import NUM_ROBOTS, Readings
+from semantic_slam.datasets.frames import BODY_FRAME
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Index
 from semantic_slam.messages.ground_truth import MOVING

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.datasets.drives.tables import lines_of, numbers
+from semantic_slam.datasets.frames import CAMERA_FRAME
 from semantic_slam.datasets.image_folders.box_places import bearing_of_box, place_of_box
 from semantic_slam.datasets.image_folders.image_folder import ImageFrame, read_colour
-from semantic_slam.datasets.image_folders.intrinsics import CAMERA_FRAME
 from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.frame import CameraModel, Detections
 

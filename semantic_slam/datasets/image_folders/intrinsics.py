@@ -5,11 +5,11 @@ from pathlib import Path
 import cv2
 
 from semantic_slam.datasets.drives.tables import table
+from semantic_slam.datasets.frames import CAMERA_FRAME
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.frame import CameraModel
 
-CAMERA_FRAME = "camera_optical_frame"
 FILE = "camera.txt"
 COLUMNS = ("fx", "fy", "cx", "cy", "width", "height")
 REMEDY = f"one line '{' '.join(COLUMNS)}' in pixels is expected"

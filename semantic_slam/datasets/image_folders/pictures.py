@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.datasets.avd_messages import camera_info
-from semantic_slam.datasets.drives.drive import BODY_FRAME, Message
+from semantic_slam.datasets.drives.drive import Message
+from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
-from semantic_slam.datasets.image_folders.intrinsics import CAMERA_FRAME
 from semantic_slam.datasets.image_folders.levelling import quaternion_of
 from semantic_slam.datasets.image_formats import encoded_depth
 from semantic_slam.errors import InputError

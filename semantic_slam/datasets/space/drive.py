@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from semantic_slam.datasets.drives.drive import BODY_FRAME, UNKNOWN, Message, Written, detected, write_messages
+from semantic_slam.datasets.drives.drive import UNKNOWN, Message, Written, detected, write_messages
+from semantic_slam.datasets.frames import BODY_FRAME
 from semantic_slam.datasets.space.path import SpatialPath
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.datasets.drives.csv_tables import Row, read_rows
 from semantic_slam.datasets.drives.tables import nanoseconds
-from semantic_slam.datasets.image_folders.intrinsics import CAMERA_FRAME
+from semantic_slam.datasets.frames import CAMERA_FRAME
 from semantic_slam.datasets.space.drive import PlacedObjects
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.frame import Detections

@@ -21,6 +21,9 @@ from semantic_slam.inference.models.heavy_tail import HeavyTail
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
+SLACK = 1e-6
+"""Nats beyond a gate that are looked at all the same, for sums that were rounded otherwise."""
+
 
 @dataclass(frozen=True)
 class PairDensities:
@@ -118,7 +121,7 @@ def best_assignments(
     cost = np.full((count, known + count), np.inf)
     cost[:, :known] = np.where(admitted, -log_known, np.inf)
     cost[np.arange(count), known + np.arange(count)] = -log_new
-    columns, total = _cheapest(cost, limit)
+    columns, total = _cheapest(cost, limit, gate + SLACK if objects is None else np.inf)
     if objects is not None:
         possible = _distinct(columns, objects)
         columns, total = columns[possible], total[possible]
@@ -153,11 +156,11 @@ def may_be_more(admitted: NDArray[np.bool_], limit: int) -> bool:
     return bool(np.prod(1.0 + admitted.sum(axis=1)) > limit)
 
 
-def _cheapest(cost: Array, limit: int) -> tuple[Index, Array]:
-    """All assignments where there are few, else the cheapest."""
+def _cheapest(cost: Array, limit: int, within: float) -> tuple[Index, Array]:
+    """All assignments where there are few, else the cheapest, none of them more than ``within`` behind the first."""
     options = [np.flatnonzero(np.isfinite(row)) for row in cost]
     if np.prod([float(len(columns)) for columns in options]) > limit:
-        cheapest = k_best(cost, limit)
+        cheapest = k_best(cost, limit, within)
         return cheapest.columns, cheapest.costs
     listed = list(product(*options))
     every = np.array(listed, dtype=int).reshape(len(listed), len(cost))

@@ -13,6 +13,9 @@ from scipy.optimize import linear_sum_assignment
 
 from semantic_slam.geometry.arrays import Array, Index
 
+_Best = tuple[float, tuple[int, ...], int, Array]
+"""The cheapest of a set: its cost and columns, how many rows have no choice, and costs, infinite beyond the set."""
+
 
 @dataclass(frozen=True)
 class KBest:
@@ -22,40 +25,57 @@ class KBest:
     costs: Array  # (K,)
 
 
-def k_best(cost: Array, k: int) -> KBest:
+def k_best(cost: Array, k: int, within: float = np.inf) -> KBest:
     """The ``k`` cheapest assignments that give each row of ``cost`` (n, m) a column of its own; fewer when fewer exist.
 
-    Infinite entries are not admitted. Equal costs come in an order that depends on ``cost`` alone.
+    None costs more than the cheapest and ``within``. Infinite entries are not admitted. Equal costs come in an order
+    that depends on ``cost`` alone.
     """
-    ranked = [item for item, _ in zip(_in_order(np.asarray(cost, dtype=np.float64)), range(k), strict=False)]
+    in_order = _in_order(np.asarray(cost, dtype=np.float64), within)
+    ranked = [item for item, _ in zip(in_order, range(k), strict=False)]
     columns = np.array([columns for _, columns in ranked], dtype=int).reshape(len(ranked), len(cost))
     return KBest(columns, np.array([total for total, _ in ranked], dtype=np.float64))
 
 
-def _in_order(cost: Array) -> Iterator[tuple[float, tuple[int, ...]]]:
-    """All assignments as (cost, columns), cheapest first."""
-    queue: list[tuple[float, tuple[int, ...], int, Array]] = []
-    _push(queue, cost, cost, 0)
+def _in_order(cost: Array, within: float) -> Iterator[tuple[float, tuple[int, ...]]]:
+    """Assignments as (cost, columns), cheapest first, until one costs more than that one and ``within``."""
+    queue: list[_Best] = []
+    _push(queue, cost, cost, 0, np.inf)
+    limit = queue[0][0] + within if queue else np.inf
+    if np.isfinite(limit):
+        queue = [(*queue[0][:3], _possible(cost, limit))]
     while queue:
         total, columns, fixed, restricted = heapq.heappop(queue)
         yield total, columns
-        remaining = restricted.copy()
+        remaining, has_choice = restricted.copy(), np.isfinite(restricted).sum(axis=1) > 1
         for row in range(fixed, len(cost)):
-            branch = remaining.copy()
-            branch[row, columns[row]] = np.inf
-            _push(queue, cost, branch, row)
+            if has_choice[row]:
+                branch = remaining.copy()
+                branch[row, columns[row]] = np.inf
+                _push(queue, cost, branch, row, limit)
             chosen = remaining[row, columns[row]]
             remaining[row], remaining[:, columns[row]] = np.inf, np.inf
             remaining[row, columns[row]] = chosen
 
 
-def _push(queue: list[tuple[float, tuple[int, ...], int, Array]], cost: Array, restricted: Array, fixed: int) -> None:
-    """Queue the cheapest assignment of ``restricted``, if there is one; its first ``fixed`` rows have no choice."""
+def _possible(cost: Array, limit: float) -> Array:
+    """``cost`` where an assignment that costs no more than ``limit`` may take it, even if all other rows are free."""
+    least = cost.min(axis=1, keepdims=True)
+    return np.where(cost - least <= limit - least.sum(), cost, np.inf)
+
+
+def _push(queue: list[_Best], cost: Array, restricted: Array, fixed: int, limit: float) -> None:
+    """Queue the cheapest assignment of ``restricted``, if there is one that costs no more than ``limit``.
+
+    Its first ``fixed`` rows have no choice.
+    """
+    if len(cost) and not np.isfinite(restricted[fixed]).any():
+        return
     try:
         rows, matched = linear_sum_assignment(restricted)
     except ValueError:  # infeasible
         return
-    columns = tuple(int(column) for column in matched)
-    if len(columns) < len(cost):
-        return
-    heapq.heappush(queue, (float(cost[rows, matched].sum()), columns, fixed, restricted))
+    columns = tuple(matched.tolist())
+    total = float(cost[rows, matched].sum())
+    if len(columns) == len(cost) and total <= limit:
+        heapq.heappush(queue, (total, columns, fixed, restricted))

@@ -109,8 +109,20 @@ def _joint(
     """(r + p + q) square of robot, biases and errors, and (n, l, l) of objects: from a local map that holds them."""
     if local is not None and local.holds(object_ids):
         return local.covariance[local.carried, local.carried], local.single(object_ids)
-    together = smoother.joint_covariance(carried_keys(keyframe, num_biases, errors))
-    return together, smoother.covariances([object_key(n) for n in object_ids.tolist()])
+    carried, keys = carried_keys(keyframe, num_biases, errors), [object_key(n) for n in object_ids.tolist()]
+    if smoother.spaces.name == "spatial":
+        return _read_at_once(smoother, carried, keys)
+    return smoother.joint_covariance(carried), smoother.covariances(keys)
+
+
+def _read_at_once(smoother: Smoother, carried: list[int], objects: list[int]) -> tuple[Array, Array]:
+    """The same, out of their joint covariance, which the next prediction asks for, too."""
+    layout = smoother.spaces.layout
+    joint = smoother.joint_covariance([*carried, *objects])
+    first = len(joint) - layout.landmark * len(objects)
+    blocks = joint[first:, first:].reshape(len(objects), layout.landmark, len(objects), layout.landmark)
+    numbers = np.arange(len(objects))
+    return joint[:first, :first].copy(), blocks[numbers, :, numbers]
 
 
 def carried_keys(keyframe: int, num_biases: int, errors: CarriedErrors | None) -> list[int]:

@@ -32,6 +32,14 @@ def test_the_first_k_are_the_k_cheapest() -> None:
     np.testing.assert_allclose(k_best(cost, 17).costs, [total for total, _ in brute_force(cost)[:17]])
 
 
+def test_none_costs_more_than_is_asked_for() -> None:
+    cost = np.random.default_rng(2).normal(size=(4, 6))
+    every = brute_force(cost)
+    expected = [columns for total, columns in every if total <= every[0][0] + 1.5]
+    assert 1 < len(expected) < len(every)
+    assert [tuple(row) for row in k_best(cost, 1000, within=1.5).columns] == expected
+
+
 def test_equal_costs_all_come() -> None:
     found = k_best(np.zeros((3, 3)), 100)
     assert len({tuple(row) for row in found.columns}) == 6

@@ -127,13 +127,11 @@ def _looks(region: SpatialRegion, trail: Array, points: Array, hiding: Array) ->
     away = points[:, None] - cameras[:, :3]
     squared = squared_norms(away)
     numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.max_range_m**2))
-    back = so3.inverse(cameras[:, 3:])
-    seen = so3.rotated(back[times], away[numbers, times])
-    inside = region.holds(seen)
-    if region.occluder_radius_m > 0.0 and len(hiding):
-        others = so3.rotated(back[times][:, None], hiding - cameras[times, None, :3])
-        inside &= ~region.hides(seen, others)
+    inside = region.holds(so3.rotated(so3.inverse(cameras[:, 3:])[times], away[numbers, times]))
     numbers, times = numbers[inside], times[inside]
+    if region.occluder_radius_m > 0.0 and len(hiding):
+        open_to = ~region.hides(away[numbers, times], hiding - cameras[times, None, :3])
+        numbers, times = numbers[open_to], times[open_to]
     return numbers, times, np.sqrt(squared[numbers, times])
 
 

@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, squared_norms
-from semantic_slam.geometry.levenberg_marquardt import minimise
+from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
 from semantic_slam.inference.states.range_chart import moved_and_slopes, relative_sigmas
 from semantic_slam.inference.states.spaces import Spaces
 
-LEAST_SIGMA = 0.05
+LEAST_SIGMA = 0.1
 """Standard deviation of a range as a share of it below which a detection is linear enough at the prediction."""
 MOST_STEPS, TOLERANCE = 6, 1e-2
 """Steps of a search, and the nats that its last one may be expected to bring."""
+FIRST_STEPS, HOPELESS = 2, 50.0
+"""Steps after which a pair that is still so many nats from agreeing is looked at no longer: no gate lets it in."""
 
 
 def pairs_at_modes(
@@ -54,7 +56,7 @@ def pairs_at_modes(
         anchors=anchors[columns],
         root=np.linalg.cholesky(joint[columns]),
     )
-    y = minimise(problem, np.zeros((len(columns), joint.shape[-1])), MOST_STEPS, TOLERANCE).y
+    y = problem.mode()
     return _with_parts(
         pairs, problem.linearised(y), joint[columns], (numbers, columns), (problem.root @ y[..., None])[..., 0]
     )
@@ -81,6 +83,15 @@ class PairProblem:
             anchors=self.anchors[selection],
             root=self.root[selection],
         )
+
+    def mode(self) -> Array:
+        """(B, n) where each is found; of those that never agree, where the search was given up."""
+        search = LevenbergMarquardt(self, np.zeros((len(self.objects), self.root.shape[-1])))
+        search.advance(FIRST_STEPS, np.full(len(self.objects), TOLERANCE))
+        y = search.y
+        left = np.flatnonzero(search.energy + self.detections.log_normaliser < HOPELESS)
+        y[left] = search.select(left).finished(MOST_STEPS - FIRST_STEPS, TOLERANCE).y
+        return y
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
         """Energy (B,), gradient (B, n) and Gauss-Newton Hessian (B, n, n)."""

@@ -103,7 +103,7 @@ class SpatialRegion:
         return np.asarray((1.0 - aside * behind).prod(axis=-1))
 
     def hides(self, seen: Array, hiding: Array) -> Flags:
-        """(Q,) whether one of N objects (Q, N, 3) stands before a point (Q, 3), all in the optical frame."""
+        """(Q,) whether one of N objects (Q, N, 3) stands before a point (Q, 3), all seen from the camera."""
         distance, reach = np.sqrt(squared_norms(seen)), np.sqrt(squared_norms(hiding))
         unit = seen / np.maximum(distance, LEAST_DISTANCE_M)[:, None]
         along = (hiding * unit[:, None]).sum(axis=-1)
