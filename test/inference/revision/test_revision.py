@@ -12,6 +12,7 @@ from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyfra
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
+from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision.pairs import merged, relative_distances, seen_together
 from semantic_slam.inference.revision.replay import Replay
@@ -90,6 +91,8 @@ def test_beliefs_tell_every_history_as_it_was_revised() -> None:
 
 
 def test_histories_are_rebuilt_alike_from_the_prior_and_from_what_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, as_replayed = return_with_drift({"every_keyframes": 1})
+    monkeypatch.setattr(InProcessPool, "offer", lambda pool, components: None)  # as backends elsewhere do
     monkeypatch.setattr(trunks, "APART", 2)
     began: list[int] = []
 
@@ -104,8 +107,18 @@ def test_histories_are_rebuilt_alike_from_the_prior_and_from_what_was_kept(monke
     assert max(began) > 0
     monkeypatch.setattr(trunks.Trunks, "deepest", lambda kept, numbers: None)
     _, from_prior = return_with_drift({"every_keyframes": 1})
-    for one, other in zip(with_trunks, from_prior, strict=True):
+    for one, other, third in zip(with_trunks, from_prior, as_replayed, strict=True):
         assert_same(one, other)
+        assert_same(one, third)
+
+
+def test_what_was_replayed_is_not_rebuilt(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(backend: Backend, lineage: Sequence[LineageStep], length: int) -> Component:
+        raise AssertionError("rebuilt what the manager has replayed")
+
+    monkeypatch.setattr(Backend, "_rebuild", refused)
+    _, beliefs = return_with_drift({"every_keyframes": 1})
+    assert sum(len(belief.revised_ids) for belief in beliefs) > 0
 
 
 def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> None:
