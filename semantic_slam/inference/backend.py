@@ -1,6 +1,6 @@
 """A backend: holds components, weighs their continuations, forks and updates the survivors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,7 @@ class Backend:
         self._offered: Candidates | None = None  # the newest answer to round one, as long as it holds
         self._asked: set[int] = set()  # what the newest commit gave to this backend
         self._answer: Components | None = None  # to the newest commit
+        self._given: Mapping[int, Component] = {}  # that the next commit need not rebuild
 
     def learn(self, keyframe: Keyframe) -> Step:
         """Know a keyframe, the next one or one before: lineages that go through it can be rebuilt.
@@ -134,11 +135,15 @@ class Backend:
         weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
         kept = {number: outcome for number, outcome in grown.items() if isinstance(outcome, Component)}
         self.held = {number: WeightedComponent(outcome, weights[number]) for number, outcome in kept.items()}
-        self.committed, self._expanded, self._offered = commit.keyframe, None, None
+        self.committed, self._expanded, self._offered, self._given = commit.keyframe, None, None, {}
         self._keep_trunk()
         lost = {number: str(outcome) for number, outcome in grown.items() if number not in kept}
         self._asked, self._answer = set(grown), self._report(commit.keyframe, lost)
         return self._answer
+
+    def offer(self, components: Mapping[int, Component]) -> None:
+        """Components by hypothesis that the next commit need not rebuild: the same, to the bit."""
+        self._given = components
 
     def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Outcome]:
         """Components of the survivors: as held already, grown from what was expanded, or rebuilt from lineages."""
@@ -151,6 +156,8 @@ class Backend:
                 survivors[number] = self.held[number].component
             elif number in at and parent in self.held:
                 growing[number] = at[number]
+            elif number in self._given:
+                survivors[number] = self._given[number].fork()
             elif commit.lineages[row] or commit.keyframe == 0:
                 lineage = (*commit.lineages[row], commit.steps[row])
                 try:

@@ -193,6 +193,7 @@ class Engine:
             return components, reported
         places = {number: components[number].pose[:3] for number in self.live}
         together = with_revised(self.live, found, places, self.problem)
+        self.pool.offer({n: own.replayed for n, own in together.items() if own.replayed is not None})
         children, answers = self.rounds.commit(step.index, together)
         reported = self._reported(answers)
         components = held_components(answers, reported)

@@ -11,6 +11,7 @@ from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.protocol import Commit
 from semantic_slam.inference.pruning import Pruned
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep, revised
 
@@ -30,6 +31,7 @@ class Hypothesis:
     parent_id: int
     lineage: tuple[LineageStep, ...]  # one step for every keyframe
     revises: "Hypothesis | None" = None  # the live one of whose history it is a revision, when it enters as one
+    replayed: Component | None = field(default=None, compare=False, repr=False)  # when it enters after a replay
 
     @property
     def told_parent_id(self) -> int:
@@ -127,7 +129,9 @@ class Hypotheses:
         kept = {n: child for n, child in children.items() if n in held}
         log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
         self.discarded.find(log_found)
-        self.live = {n: replace(child, log_weight=child.log_weight - log_total) for n, child in kept.items()}
+        self.live = {
+            n: replace(child, log_weight=child.log_weight - log_total, replayed=None) for n, child in kept.items()
+        }
 
     def commit(
         self, run_id: str, keyframe: int, children: dict[int, Hypothesis], *, always_lineage: bool = False

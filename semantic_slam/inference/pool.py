@@ -1,5 +1,7 @@
 """Backends in this process: offline use of the manager."""
 
+from collections.abc import Mapping
+
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
@@ -36,6 +38,11 @@ class InProcessPool:
         """Round two: the survivors forked, updated and reported."""
         answers = [backend.commit(commit) for backend in self._backends]
         return [answer for answer in answers if answer is not None]
+
+    def offer(self, components: Mapping[int, Component]) -> None:
+        """Components that the next commit need not rebuild."""
+        for backend in self._backends:
+            backend.offer(components)
 
     @property
     def num_steps_kept(self) -> int:

@@ -6,6 +6,7 @@ or behind topics, a manager sees only :class:`BackendPool`.
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import ObjectTable
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep, Reassigned
 
 LOST = "hypothesis lost"
@@ -119,3 +121,9 @@ class BackendPool(Protocol):
 
     def commit(self, commit: Commit) -> list[Components]:
         """Round two: the components of every backend."""
+
+    def offer(self, components: Mapping[int, Component]) -> None:
+        """Components by hypothesis that the manager has made, for the next commit: to make them again is no use.
+
+        Backends of other processes make them again.
+        """

@@ -1,11 +1,13 @@
 """Backends whose answers are kept in a journal, and are taken from there until it ends."""
 
 import struct
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool, Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
 from semantic_slam.pipeline.journal import NoJournal, Record
@@ -54,6 +56,11 @@ class JournaledPool:
         if self._journal.next is not None:
             return self._kept(topics.COMPONENTS, commit.keyframe)
         return self._keep(topics.COMPONENTS, self._pool.commit(commit))
+
+    def offer(self, components: Mapping[int, Component]) -> None:
+        """Components that the next commit need not rebuild; of no use where the journal has its answers."""
+        if self._journal.next is None:
+            self._pool.offer(components)
 
     def _keep(self, topic: str, answers: list[Any]) -> list[Any]:
         self._journal.append(topic, _packed(self.backend_ids, [encode(answer) for answer in answers]))

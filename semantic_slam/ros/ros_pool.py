@@ -3,7 +3,7 @@
 import queue
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rclpy
@@ -12,6 +12,7 @@ from rclpy.node import Node
 from semantic_slam.errors import MessageError, SemanticSlamError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
 from semantic_slam.ros import qos
@@ -75,6 +76,9 @@ class RosPool:
     def commit(self, commit: Commit) -> list[Components]:
         """Round two: the survivors forked, updated and reported."""
         return self._ask(self._commits, encode(commit), self._components, topics.COMPONENTS, commit.keyframe)
+
+    def offer(self, components: Mapping[int, Component]) -> None:
+        """Nothing: backends of other processes rebuild what they are to hold."""
 
     def _welcome(self) -> None:
         """Let backends that are back take part; they are given hypotheses as ownership has it."""

@@ -1,5 +1,6 @@
 """What a manager and one backend say in a short run, as messages."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from semantic_slam.configuration import from_dict
@@ -9,6 +10,7 @@ from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.messages.codec import to_message
 from semantic_slam_lab.fuzz import small_drive
 
@@ -34,6 +36,9 @@ class ListeningPool:
     def commit(self, commit: Commit) -> list[Components]:
         self.said.append(to_message(commit))
         return self._pool.commit(commit)
+
+    def offer(self, components: Mapping[int, Component]) -> None:
+        self._pool.offer(components)
 
 
 def spoken(num_keyframes: int = 2) -> list[Any]:

@@ -3,6 +3,7 @@
 import multiprocessing
 import pickle
 import time
+from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.smoothing.component import Component
 
 
 class ProcessPool:
@@ -57,6 +59,9 @@ class ProcessPool:
     def commit(self, commit: Commit) -> list[Components]:
         """Round two: the survivors forked, updated and reported."""
         return [answer for answer in self._ask("commit", commit) if answer is not None]
+
+    def offer(self, components: Mapping[int, Component]) -> None:
+        """Nothing: backends of other processes rebuild what they are to hold."""
 
     def resident_mb(self) -> float:
         """Memory of all backends at its peak."""

@@ -108,6 +108,9 @@ class _WatchedPool:
         answer = self._backend.commit(commit)
         return [] if answer is None else [answer]
 
+    def offer(self, components: Mapping[int, Component]) -> None:
+        self._backend.offer(components)
+
     def component(self, number: int) -> Component:
         return self._backend.held[number].component
 

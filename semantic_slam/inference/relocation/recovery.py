@@ -103,6 +103,7 @@ class Recovery:
                 parent_id=own.parent_id,
                 lineage=own.lineage,
                 revises=best,
+                replayed=own.component,
             )
             for own in caught_up
             if gains.get(own.number, -np.inf) >= -float(np.log(ratio))

@@ -75,6 +75,7 @@ class Relocation:
                     parent_id=own.parent_id,
                     lineage=own.lineage,
                     revises=lost or best,
+                    replayed=own.component,
                 )
         return found
 

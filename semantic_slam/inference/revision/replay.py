@@ -56,6 +56,7 @@ class Replay:
     association: AssociationStrategy
     steps: list[Step] = field(default_factory=list)  # so far
     _kept: dict[int, Progress] = field(default_factory=dict)  # of the history that was replayed first in the last round
+    _beside: dict[int, Progress] = field(default_factory=dict)  # of the others: one may be followed from now on
 
     @property
     def may_move(self) -> bool:
@@ -64,20 +65,22 @@ class Replay:
         return moving.is_on and any(moving.shares(step.labels).any() for step in self.steps)
 
     def log_joints(self, lineages: Sequence[Lineage]) -> list[Revised | None]:
-        """What each weighs; None for one that is impossible. The next round begins where the first of them was."""
+        """What each weighs; None for one that is impossible. The next round begins where these were."""
         first, *others = lineages
-        kept = dict(self._kept)
-        found = [self._replayed(first, kept)]
-        self._kept = {
-            number: kept[number]
-            for number in self._numbers(first)
-            if number in kept and stays(kept[number].at, len(first))
+        known, along = self._kept | self._beside, set(self._numbers(first))
+        found = [self._replayed(first, known)]
+        self._kept = {number: own for number, own in known.items() if number in along and stays(own.at, len(first))}
+        known = dict(self._kept)
+        found += [self._replayed(lineage, known) for lineage in others]
+        self._beside = {
+            number: own for number, own in known.items() if number not in self._kept and stays(own.at, len(first))
         }
-        return found + [self._replayed(lineage) for lineage in others]
+        return found
 
     def forget(self) -> None:
         """Keep nothing of what was replayed: the next round begins at the prior."""
         self._kept.clear()
+        self._beside.clear()
 
     def _replayed(self, lineage: Lineage, kept: dict[int, Progress] | None = None) -> Revised | None:
         try:

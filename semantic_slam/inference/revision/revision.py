@@ -84,6 +84,7 @@ class Revision:
                 parent_id=own.parent_id,
                 lineage=own.lineage,
                 revises=best,
+                replayed=own.component,
             )
             for own, gain in gains
             if own.number not in live and gain >= -float(np.log(ratio))

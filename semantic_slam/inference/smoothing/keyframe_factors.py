@@ -24,7 +24,7 @@ class KeyframeFactors:
         self._spaces, self._model, self._keyframe = spaces, model, keyframe
         self._odometry: dict[int, Any] = {}
         self._geometry: dict[tuple[int, int], Any] = {}
-        self._errors: dict[bytes, Any] = {}
+        self._errors: dict[tuple[bytes, bytes], Any] = {}
 
     @property
     def has_biases(self) -> bool:
@@ -82,9 +82,10 @@ class KeyframeFactors:
     def errors(self, transition: ErrorTransition) -> Any:
         """Factor of the errors that repeat, from those of the newest frame before.
 
-        Hypotheses share it that take the sensor to be as noisy, for what it gets wrong all the way counts in that.
+        Hypotheses share it that take the sensor to be as noisy, for what it gets wrong all the way counts in that, and
+        the robot to have moved alike, for errors repeat the less the further it went: each may have a clock of its own.
         """
-        name = transition.by_sensor.tobytes()
+        name = transition.matrix.tobytes(), transition.noise.tobytes()
         if name not in self._errors:
             before = error_keys(transition.before, transition.matrix.shape[1] // 2)
             self._errors[name] = transition.factor(before, error_keys(self._keyframe, transition.count))

@@ -110,9 +110,10 @@ def test_the_offset_is_found(offset_s: float) -> None:
         assert error < 0.5 * tracked_at_end(late_drive(offset_s, 0.0))[1]
 
 
-@pytest.mark.slow
-def test_a_lineage_is_rebuilt_with_its_offset() -> None:
-    drive = late_drive(-0.2, SIGMA_S, duration_s=4.0)
+@pytest.mark.parametrize("errors", [{}, {"correlated_share": 0.7}])
+def test_a_lineage_is_rebuilt_with_its_offset(errors: dict[str, float]) -> None:
+    """Errors repeat the less the further the robot went, which by each hypothesis's clock is another way."""
+    drive = late_drive(-0.2, SIGMA_S, duration_s=4.0, detection_errors=errors)
     whole, divided = Engine.of_run(drive.run, InProcessPool(2)), Engine.of_run(drive.run, ForgetfulPool(2))
     for keyframe in drive.keyframes:
         assert_same(divided.process(keyframe), whole.process(keyframe))

@@ -12,9 +12,10 @@ from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyfra
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
+from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision.pairs import merged, relative_distances, seen_together
-from semantic_slam.inference.revision.replay import Replay
+from semantic_slam.inference.revision.replay import CHECKPOINT, Replay
 from semantic_slam.inference.smoothing import trunks
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep
@@ -90,6 +91,8 @@ def test_beliefs_tell_every_history_as_it_was_revised() -> None:
 
 
 def test_histories_are_rebuilt_alike_from_the_prior_and_from_what_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, as_replayed = return_with_drift({"every_keyframes": 1})
+    monkeypatch.setattr(InProcessPool, "offer", lambda pool, components: None)  # as backends elsewhere do
     monkeypatch.setattr(trunks, "APART", 2)
     began: list[int] = []
 
@@ -104,18 +107,33 @@ def test_histories_are_rebuilt_alike_from_the_prior_and_from_what_was_kept(monke
     assert max(began) > 0
     monkeypatch.setattr(trunks.Trunks, "deepest", lambda kept, numbers: None)
     _, from_prior = return_with_drift({"every_keyframes": 1})
-    for one, other in zip(with_trunks, from_prior, strict=True):
+    for one, other, third in zip(with_trunks, from_prior, as_replayed, strict=True):
         assert_same(one, other)
+        assert_same(one, third)
 
 
-def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> None:
-    room = make_room(12, 4, clutter=0.6, open_world={"merge_position_m": 0.0, "iterate_updates": False})
+def test_what_was_replayed_is_not_rebuilt(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(backend: Backend, lineage: Sequence[LineageStep], length: int) -> Component:
+        raise AssertionError("rebuilt what the manager has replayed")
+
+    monkeypatch.setattr(Backend, "_rebuild", refused)
+    _, beliefs = return_with_drift({"every_keyframes": 1})
+    assert sum(len(belief.revised_ids) for belief in beliefs) > 0
+
+
+def followed_in_a_room(num_keyframes: int) -> tuple[Engine, Replay]:
+    """Several hypotheses, and what replays their histories."""
+    room = make_room(num_keyframes, 4, clutter=0.6, open_world={"merge_position_m": 0.0, "iterate_updates": False})
     engine = Engine.of_run(room.run, InProcessPool(1))
     steps = []
     for keyframe in room.keyframes:
         engine.process(keyframe)
         steps.append(engine.problem.reader.step(keyframe))
-    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), steps)
+    return engine, Replay(engine.problem, engine.association(engine.problem, engine.registry), steps)
+
+
+def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> None:
+    engine, replay = followed_in_a_room(12)
     live = list(engine.live.items())[:3]
     assert len(live) == 3
     found = replay.log_joints([own.lineage for _, own in live])
@@ -123,6 +141,14 @@ def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> Non
     assert [own.number for own in found if own is not None] == [number for number, _ in live]
     np.testing.assert_allclose([own.log_joint for own in found if own is not None], expected, atol=1e-9)
     assert replay.log_joints([own.lineage for _, own in live]) == found  # from where the last round was
+
+
+def test_a_history_that_was_replayed_beside_another_goes_on_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, replay = followed_in_a_room(CHECKPOINT)
+    first, other = [own.lineage for own in engine.live.values()][:2]
+    found = replay.log_joints([first, other])
+    monkeypatch.setattr(Replay, "advanced", None)
+    assert replay.log_joints([other]) == found[1:]
 
 
 @pytest.mark.slow
