@@ -116,7 +116,7 @@ def _joint(
 
 
 def _read_at_once(smoother: Smoother, carried: list[int], objects: list[int]) -> tuple[Array, Array]:
-    """The same, out of their joint covariance, which the next prediction asks for, too."""
+    """Covariances of what is carried, and of each object, out of the joint one, which predictions need, too."""
     layout = smoother.spaces.layout
     joint = smoother.joint_covariance([*carried, *objects])
     first = len(joint) - layout.landmark * len(objects)
