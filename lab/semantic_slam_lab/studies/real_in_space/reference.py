@@ -37,7 +37,7 @@ def meeting_point(
     """(3,) in map that is nearest, by least squares, to the rays of all boxes that the border does not cut."""
     matrix, vector = np.zeros((3, 3)), np.zeros(3)
     for frame, pose in zip(frames, true_poses(drive, frames), strict=True):
-        whole = frame.boxes[~are_cut(frame.boxes, camera).any(axis=1)]
+        whole = frame.boxes[~are_cut(frame.boxes, camera).any(axis=(1, 2))]
         rays = pixel_rays(0.5 * (whole[:, :2] + whole[:, 2:]), camera) @ rotation_matrix(T_body_camera[3:]).T
         for ray in so3.rotated(pose[3:], rays) if np.isfinite(pose).all() else ():
             across = np.eye(3) - np.outer(ray, ray)
