@@ -130,4 +130,6 @@ def forger(bag: Path, domain_id: int) -> Iterator[Forger]:
     finally:
         is_over.set()
         thread.join()
+        executor.shutdown()
+        node.destroy_node()  # or what it sent from the start would reach whoever comes later
         context.try_shutdown()
