@@ -30,8 +30,8 @@ SECTIONS = (
         "A kitchen and a cabinet in space",
         "RedKitchen (three alike chairs and two mugs, NanoDet's boxes, visual odometry) with depth and by boxes alone,"
         " and a cabinet that is walked about (boxes alone, odometry that errs by 2 %), with `config/spatial.yaml` and"
-        " no map. Errors are distances from the median of the boxes' places by depth under the true poses, paths aligned;"
-        " for the cabinet from where the rays of its boxes meet.",
+        " no map. Errors are distances from the median of the boxes' places by depth under the true poses, paths"
+        " aligned; for the cabinet from where the rays of its boxes meet.",
         (("Drives", lines),),
     ),
 )
