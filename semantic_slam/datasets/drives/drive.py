@@ -87,6 +87,20 @@ class Written:
     detections: int
     pictures: int = 0
 
+    @classmethod
+    def of(
+        cls, counts: Counter[str], odometry_ns: NDArray[np.int64], frames: list[Detections], end_ns: int | None
+    ) -> "Written":
+        """From messages by topic, stamps of odometry and frames; ``end_ns``: where the bag was ended, None: nowhere."""
+        last_ns = int(odometry_ns[-1]) if end_ns is None else end_ns
+        return cls(
+            counts[topics.ODOMETRY],
+            float(last_ns - odometry_ns[0]) / 1e9,
+            len(frames),
+            sum(map(len, frames)),
+            counts[topics.IMAGE_COMPRESSED],
+        )
+
     def __str__(self) -> str:
         drive = f"{self.poses} poses in {self.seconds:.1f} s"
         return f"{drive}, {self.frames} frames with {self.detections} detections, {self.pictures or 'no'} pictures"
@@ -111,14 +125,7 @@ def write_drive(
     total = len(drive.odometry.stamps_ns) + per_frame * len(frames) + (len(drive.truth.stamps_ns) if drive.truth else 0)
     known = None if pictures else total  # of pictures nobody knows how many there are before they are read
     counts = write_messages([iter(pictures), *_streams(drive, len(frames))], out, title, end_ns, known)
-    last_ns = int(drive.odometry.stamps_ns[-1]) if end_ns is None else end_ns
-    return Written(
-        counts[topics.ODOMETRY],
-        float(last_ns - drive.odometry.stamps_ns[0]) / 1e9,
-        len(frames),
-        sum(map(len, frames)),
-        counts[topics.IMAGE_COMPRESSED],
-    )
+    return Written.of(counts, drive.odometry.stamps_ns, frames, end_ns)
 
 
 def write_messages(

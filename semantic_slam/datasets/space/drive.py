@@ -57,14 +57,7 @@ def write_spatial_drive(
     if drive.objects is not None:
         streams.append(iter([_objects(drive.objects, int(drive.odometry.stamps_ns[0]))]))
     counts = write_messages(streams, out, title, end_ns)
-    last_ns = int(drive.odometry.stamps_ns[-1]) if end_ns is None else end_ns
-    return Written(
-        counts[topics.ODOMETRY],
-        float(last_ns - drive.odometry.stamps_ns[0]) / 1e9,
-        len(frames),
-        sum(map(len, frames)),
-        counts[topics.IMAGE_COMPRESSED],
-    )
+    return Written.of(counts, drive.odometry.stamps_ns, frames, end_ns)
 
 
 def _start(drive: SpatialDrive) -> Message:
