@@ -44,3 +44,14 @@ class OdometryConfiguration:
         "estimate_bias: standard deviation [s] of clock_offset_s before the drive; 0: it is as expected",
         minimum=0.0,
     )
+    sigma_level_rad: float = parameter(
+        0.0,
+        "state_space: spatial, association: open: standard deviation [rad] of roll and pitch in odometry's poses, whose"
+        " frame is level by gravity (visual-inertial odometry, or one that an IMU corrects); 0: only motions count",
+        minimum=0.0,
+    )
+    level_repeats_s: float = parameter(
+        10.0,
+        "sigma_level_rad: time [s] within which errors of roll and pitch repeat; looks closer count as one",
+        minimum=0.0,
+    )

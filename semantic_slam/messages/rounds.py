@@ -34,6 +34,7 @@ RUN_LAYOUT: Layout = {"class_names": ("C",)}
 KEYFRAME_LAYOUT: Layout = {
     "odometry_slopes": MayBeEmpty((3, 3)),
     "odometry_shifts": MayBeEmpty((len(OFFSETS), 3)),
+    "level": MayBeEmpty((4,)),
 }
 
 CANDIDATES_LAYOUT: Layout = {

@@ -31,6 +31,7 @@ from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.same_outline import joined
 from semantic_slam.perception.usable_measurements import usable
+from semantic_slam.pipeline.level import level_at
 from semantic_slam.pipeline.motion import (
     OdometryPoint,
     motion_covariance,
@@ -217,6 +218,7 @@ class KeyframeAssembler:
             measurements=named,
             odometry_slopes=motion_slopes(self._last_keyframe, point),
             odometry_shifts=self._shifts(point),
+            level=self._level(point),
         )
         self._next_index += 1
         self._last_keyframe, self._last_chosen = point, as_stamped
@@ -243,6 +245,13 @@ class KeyframeAssembler:
                 return earlier, point
             earlier = point
         return earlier, None
+
+    def _level(self, point: OdometryPoint) -> Array | None:
+        """Which way odometry has up at a keyframe in space, where it knows."""
+        if self._in_space is None:
+            return None
+        before = self._last_keyframe if self._next_index else None
+        return level_at(point, before, self._configuration.odometry)
 
     def _shifts(self, point: OdometryPoint) -> Array | None:
         """How the motion to ``point`` changes with the offset of odometry's clock, where that is estimated."""

@@ -38,4 +38,7 @@ def fault_of_keyframe(keyframe: Keyframe) -> str:
     told = [array for array in (keyframe.odometry_slopes, keyframe.odometry_shifts) if array is not None]
     if not all(np.isfinite(array).all() for array in told):
         return "slopes that are not finite"
+    level = keyframe.level
+    if level is not None and not (np.isfinite(level).all() and level[:3].any() and level[3] > 0.0):
+        return "gravity without a direction or a variance"
     return next((reason for reason, rows in faults(keyframe.measurements).items() if rows.any()), "")

@@ -14,6 +14,8 @@ from semantic_slam.inference.models.moving import Moving
 def check_space(configuration: Configuration, association: type[AssociationStrategy]) -> None:
     """Raises InputError for the first setting that only a planar run has."""
     if not configuration.is_spatial:
+        if configuration.odometry.sigma_level_rad > 0.0:
+            raise InputError("odometry.sigma_level_rad: a planar robot is level; set it to 0, or state_space: spatial")
         return
     for is_set, remedy in _planar_alone(configuration, association):
         if is_set:
@@ -42,6 +44,7 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
     yield closed.displaced_share > 0.0, "set closed_world.displaced_share: 0"
     yield configuration.history.is_on, "set history.horizon_keyframes: 0"
     if not association.tracks_objects:
+        yield configuration.odometry.sigma_level_rad > 0.0, "set odometry.sigma_level_rad: 0, or association: open"
         return
     yield revision.every_keyframes > 0, "set revision.every_keyframes: 0"
     yield revision.lost_every_keyframes > 0, "set revision.lost_every_keyframes: 0"

@@ -37,6 +37,7 @@ class Keyframe:
     measurements: SemanticMeasurements
     odometry_slopes: Array | None = None  # (3, 3) of the planar motion by its biases; None: the motion was one arc
     odometry_shifts: Array | None = None  # (9, 3) of the planar motion by offsets of its clock; None: not told
+    level: Array | None = None  # (4,) direction of up along the body's axes, and its variance [rad^2]; None: not told
 
     @classmethod
     def planar(
@@ -65,6 +66,8 @@ class Keyframe:
         detections: Sequence[Detection] = (),
         motion_covariance: ArrayLike | None = None,
         T_body_camera: ArrayLike | None = None,
+        up: ArrayLike | None = None,
+        sigma_up_rad: float = 0.02,
         stamp_ns: int | None = None,
     ) -> "Keyframe":
         """Keyframe of a robot in space: what it saw after a ``motion`` x y z qx qy qz qw from the pose before.
@@ -72,13 +75,17 @@ class Keyframe:
         ``motion_covariance`` (6, 6) over x y z rx ry rz, along and about the axes of the body after the motion; None:
         what ``odometry.*`` of the configuration makes of the motion. ``T_body_camera`` (7,) is the pose of the camera's
         optical frame, z ahead, in the body frame, which says where misses count; None: it looks along the body's x.
-        Raises InputError.
+        ``up`` (3,) is the direction against gravity along the axes of the body, by an accelerometer or an IMU, and
+        ``sigma_up_rad`` its standard deviation about each of two axes across it; None: nothing feels it. Raises
+        InputError.
         """
         pose = _pose(motion, "motion")
         covariance = np.full((6, 6), np.nan)
         if motion_covariance is not None:
             covariance = positive_definite(motion_covariance, 6, "keyframe: motion_covariance")
         keyframe = cls._of(index, pose, covariance, detections, stamp_ns)
+        if up is not None:
+            keyframe = replace(keyframe, level=_level(up, sigma_up_rad))
         if T_body_camera is None:
             return keyframe
         camera = _pose(T_body_camera, "T_body_camera")
@@ -105,6 +112,16 @@ def _pose(values: ArrayLike, what: str) -> Array:
     if pose.shape != (7,) or not se3.is_pose(pose):
         raise InputError(f"keyframe: {what} is {values!r}; give x y z [m] and a quaternion of unit length")
     return se3.wrapped(pose)
+
+
+def _level(up: ArrayLike, sigma_rad: float) -> Array:
+    """(4,) as of ``Keyframe.level``. Raises InputError."""
+    direction = np.asarray(up, dtype=np.float64)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
+        raise InputError(f"keyframe: up is {up!r}; give the direction against gravity as x, y, z in the body frame")
+    if not (np.isfinite(sigma_rad) and sigma_rad > 0.0):
+        raise InputError(f"keyframe: sigma_up_rad is {sigma_rad!r}; a standard deviation must be above 0")
+    return np.append(direction / np.linalg.norm(direction), sigma_rad**2)
 
 
 def _three(values: ArrayLike, what: str) -> Array:

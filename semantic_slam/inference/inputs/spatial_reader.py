@@ -12,6 +12,7 @@ from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, across
+from semantic_slam.inference.models.spatial.gravity import Gravity
 from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -60,7 +61,8 @@ class SpatialReader:
                 f"keyframe {keyframe.index}: its odometry is no pose; give x y z [m] and a quaternion of unit length"
             )
         control = se3.wrapped(control)
-        return Motion(control, self._noise.of_motion_in_space(control, told)[se3.TO_MESSAGE][:, se3.TO_MESSAGE])
+        covariance = self._noise.of_motion_in_space(control, told)[se3.TO_MESSAGE][:, se3.TO_MESSAGE]
+        return Motion(control, covariance, gravity=Gravity.of(keyframe.level))
 
     def _detection(self, measurements: SemanticMeasurements, row: int) -> SpatialDetection:
         """Raises InputError."""

@@ -12,6 +12,7 @@ from semantic_slam.inference.models.detection_vectors import DetectionVectors
 from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.spatial.camera import Camera
+from semantic_slam.inference.models.spatial.gravity import Gravity
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,7 @@ class Motion:
     covariance: Array  # (r, r)
     by_bias: Array | None = None  # (r, p) change of the control by what odometry always gets wrong, where estimated
     shifts: Array | None = None  # (G, r) that by offsets of its clock, see ``clock_offset``, where estimated
+    gravity: Gravity | None = None  # in space, what tells at its end which way is up
 
 
 @dataclass(frozen=True)

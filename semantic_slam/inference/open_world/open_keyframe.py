@@ -142,9 +142,15 @@ class OpenKeyframe:
         return float(first.rates.average(first.expected_births))
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """Births, detections and misses."""
+        """Births, detections and misses; and what gravity tells, which is as likely whatever is detected."""
         accounts = ExistenceAccounts(self.problem.open_world, self.step, self.predictions, self.born)
-        return accounts.of(candidates.assignments, candidates.assignments.object_ids(self.object_ids))
+        factors, updates = accounts.of(candidates.assignments, candidates.assignments.object_ids(self.object_ids))
+        return factors + self._log_levels[candidates.assignments.parents], updates
+
+    @cached_property
+    def _log_levels(self) -> Array:
+        """(P,) log evidence of the direction of gravity."""
+        return np.array([own.log_level for own in self.predictions])
 
     def updates(
         self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]

@@ -47,6 +47,7 @@ class Prediction:
     detected: Array  # (O, G) detection probabilities at the prediction, nothing being hidden
     detectable: Array | None  # (O, G) probability that an object can be detected at all, where misses come in runs
     movers: PredictedMovers | None = None  # objects that move, or may; None: nothing does
+    log_level: float = 0.0  # log density of what gravity tells, where something feels it
 
     @cached_property
     def stands(self) -> Array:

@@ -73,6 +73,10 @@ class Predictor:
         before = with_changed_bias(tracked.motion_covariance, component.keyframe + 1, len(tracked.bias))
         before = before[: transition.shape[1], : transition.shape[1]]
         spread = transition @ before @ transition.T + motion.covariance
+        as_moved, log_level = robot, 0.0
+        if motion.gravity is not None:
+            level = motion.gravity.levels(robot, spread)
+            robot, spread, log_level = space.retract(robot, level.shift), level.covariance, level.log_evidence
         births = [geometry.birth(self.model, detection, robot, region) for detection in detections]
         reach = self._in_reach(component, region, robot, spread)
         if named is None:
@@ -82,9 +86,10 @@ class Predictor:
         local = local_around(component, robot, near, geometry.ahead(region, tracked.states, robot, reach))
         wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
         local = local.moved(robot, wider, transition, motion.covariance)
+        local, shift = local.levelled(motion.gravity, as_moved)
         carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
-        predicted = _predicted(component, robot, near, local)
+        predicted = _predicted(component, robot, near, local, shift)
         objects = objects_in_reach(component.spaces, tracked, robot, reach, near, predicted)
         detected = self._detected(component, region, reach, objects)
         num_second, second = second_boxes(self.settings, component, births, detected)
@@ -114,6 +119,7 @@ class Predictor:
             birth_existence=existence,
             expected_births=expected + num_second,
             log_beyond=beyond,
+            log_level=log_level,
             in_reach=reach,
             objects=objects,
             detected=detected,
@@ -184,11 +190,15 @@ class Predictor:
         )
 
 
-def _predicted(component: Component, robot: Array, near: Index, local: LocalMap) -> PredictedBelief:
-    """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects."""
-    spaces = component.spaces
-    mean = spaces.storage.stacked(robot[None], tracked_states(component).states[near])
-    return PredictedBelief(spaces.layout, mean[None], local.of(component.objects.ids[near])[None])
+def _predicted(
+    component: Component, robot: Array, near: Index, local: LocalMap, shift: Array | None
+) -> PredictedBelief:
+    """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects, which gravity shifts with the robot."""
+    spaces, ids, states = component.spaces, component.objects.ids[near], tracked_states(component).states[near]
+    if shift is not None and len(near):
+        rows = local.rows(ids)[spaces.layout.robot :].reshape(len(near), -1)
+        states = spaces.landmark.retract(states, shift[rows])
+    return PredictedBelief(spaces.layout, spaces.storage.stacked(robot[None], states)[None], local.of(ids)[None])
 
 
 def _control(component: Component, motion: Motion) -> Array:

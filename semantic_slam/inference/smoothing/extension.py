@@ -66,13 +66,15 @@ def linearisation_start(component: Component, update: ComponentUpdate) -> dict[i
 def new_factors(
     component: Component, shared: KeyframeFactors, update: ComponentUpdate
 ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """Odometry, geometry and priors of new objects; and values of the new keys, the robot's where its mode is.
+    """Odometry, gravity, geometry and priors of new objects; and values of the new keys, the robot's where its mode is.
 
     What the keyframe measures is not among them where the smoother holds its measurements linear.
     """
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     if component.smoother.in_charts is None:
         graph.add(shared.odometry(component))
+        if (level := shared.level()) is not None:
+            graph.add(level)
         for item in update.observed:
             graph.add(shared.geometry(item))
     component.spaces.robot.insert(values, robot_key(component.keyframe + 1), update.robot)

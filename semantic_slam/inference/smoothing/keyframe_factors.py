@@ -17,12 +17,13 @@ from semantic_slam.inference.states.spaces import Spaces
 
 
 class KeyframeFactors:
-    """Odometry to a keyframe, and geometry of its detections; each is made once."""
+    """Odometry to a keyframe, gravity there, and geometry of its detections; each is made once."""
 
     def __init__(self, spaces: Spaces, model: ObservationModel, keyframe: int, motion: Motion) -> None:
         self._motion = motion
         self._spaces, self._model, self._keyframe = spaces, model, keyframe
         self._odometry: dict[int, Any] = {}
+        self._level: Any | None = None
         self._geometry: dict[tuple[int, int], Any] = {}
         self._errors: dict[tuple[bytes, bytes], Any] = {}
 
@@ -40,6 +41,12 @@ class KeyframeFactors:
         if name not in self._odometry:
             self._odometry[name] = self._moving(component.moved_by(self._motion))
         return self._odometry[name]
+
+    def level(self) -> Any | None:
+        """Factor of the direction of gravity, where it is told."""
+        if self._level is None and self._motion.gravity is not None:
+            self._level = self._motion.gravity.factor(robot_key(self._keyframe))
+        return self._level
 
     def _moving(self, motion: Motion) -> Any:
         keys = robot_key(self._keyframe - 1), robot_key(self._keyframe)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.models.spatial.gravity import Gravity
 from semantic_slam.inference.states.layout import Layout
 
 LARGEST_AGE = 25
@@ -97,6 +98,13 @@ class LocalMap:
         covariance[:, :size] = covariance[:, :width] @ transition.T
         covariance[:size, :size] += noise
         return replace(self, robot=robot, covariance=covariance, age=self.age + 1)
+
+    def levelled(self, gravity: Gravity | None, robot: Array) -> tuple["LocalMap", Array | None]:
+        """The map after a look at gravity from a robot predicted at (s,), and how far that moves the rows' means."""
+        if gravity is None:
+            return self, None
+        level = gravity.levels(robot, self.covariance)
+        return replace(self, covariance=level.covariance), level.shift
 
     def at(self, robot: Array, objects: Array) -> "LocalMap":
         """The map at other estimates (s,) and (M, s): what turns with the heading error turns about the new ones.

@@ -1,0 +1,22 @@
+"""Which way is up, by odometry whose frame is level."""
+
+import numpy as np
+
+from semantic_slam.configuration import OdometryConfiguration
+from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages.standard import NANOSECONDS
+from semantic_slam.pipeline.motion import OdometryPoint
+
+
+def level_at(point: OdometryPoint, before: OdometryPoint | None, settings: OdometryConfiguration) -> Array | None:
+    """(4,) as of ``Keyframe.level``, at a keyframe and after the one ``before``; None where nothing tells it.
+
+    Errors of one mount and one filter repeat: n looks within ``level_repeats_s`` have n times the variance, so that
+    together they count as one. That is an approximation: a lasting error averages out, over many times that time.
+    """
+    if settings.sigma_level_rad <= 0.0 or point.sigma_rad > 0.0:  # the odometry was missing
+        return None
+    elapsed_s = np.inf if before is None else (point.stamp_ns - before.stamp_ns) / NANOSECONDS
+    looks = max(settings.level_repeats_s / max(elapsed_s, 1.0 / NANOSECONDS), 1.0)
+    return np.append(so3.matrix(point.pose[3:])[2], looks * settings.sigma_level_rad**2)
