@@ -1,18 +1,16 @@
 """The coherent noisy process: log N(mu_z; mu_s, Sigma_s + Sigma_z) over all views, whatever their order."""
 
-from typing import Self
-
 import numpy as np
 
-from semantic_slam.classification.classifier import SequentialClassifier, View
+from semantic_slam.classification.classifier import View
 from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock
 from semantic_slam.classification.processes import ClassProcesses
-from semantic_slam.classification.recursive import Coupling
-from semantic_slam.classification.track import NextView, TrackViews
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.classification.track import NextView
+from semantic_slam.classification.windowed import Coupling, WindowedClassifier
+from semantic_slam.geometry.arrays import Array
 
 
-class JointClassifier(SequentialClassifier):
+class JointClassifier(WindowedClassifier):
     """Every prefix of the track from one growing factor, by the chain rule: p(z_k | z_0:k-1, c).
 
     With a ``window`` of W views each view is predicted from the W before it.
@@ -27,38 +25,23 @@ class JointClassifier(SequentialClassifier):
         coupling: Coupling = "full",
         window: int | None = None,
     ) -> None:
-        super().__init__(log_prior, num_tracks)
-        self._processes, self._coupling, self._window = processes, coupling, window
-        self._views = TrackViews(processes, num_tracks)
+        super().__init__(processes, log_prior, num_tracks, coupling=coupling, window=window)
         batch = self._views.batch[:2] if coupling == "full" else self._views.batch
-        self._measurements = GrowingGaussian(batch, processes.least_variance)
-
-    def empty(self, num_tracks: int) -> Self:
-        return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
-
-    def of_class(self, class_index: int) -> Self:
-        """A joint classifier with these settings for one class alone: its evidence is p(z_0:k | track, class)."""
-        processes = self._processes.only(class_index)
-        return type(self)(processes, np.zeros(1), coupling=self._coupling, window=self._window)
+        self._scores = GrowingGaussian(batch, processes.least_variance)
 
     def update(self, view: View) -> Array:
         next_view = self._views.next(view.locations_m)
         residual = view.scores.mean - next_view.mean
         if self._coupling == "full":
             block = self._coupled(next_view, view.scores.covariance)
-            log_likelihoods = self._measurements.append(block, residual)
+            log_likelihoods = self._scores.append(block, residual)
         else:
             variance = next_view.variance + np.diag(view.scores.covariance)
-            block = self._measurements.predict(next_view.covariances[..., None], variance[..., None, None])
-            log_likelihoods = self._measurements.append(block, residual[..., None]).sum(axis=-1)
+            block = self._scores.predict(next_view.covariances[..., None], variance[..., None, None])
+            log_likelihoods = self._scores.append(block, residual[..., None]).sum(axis=-1)
         self._views.append(next_view)
         self._keep_window()
         return self._weigh(log_likelihoods[:, None, :])
-
-    def replace(self, rows: Index, other: Self, source: Index) -> None:
-        super().replace(rows, other, source)
-        self._views.replace(rows, other._views, source)
-        self._measurements.replace(rows, other._measurements, source)
 
     def _coupled(self, view: NextView, noise: Array) -> NextBlock:
         """The F components of a view as one block: the process leaves them independent, Sigma_z does not."""
@@ -68,12 +51,8 @@ class JointClassifier(SequentialClassifier):
         cross[..., diagonal, diagonal] = view.covariances.swapaxes(-1, -2)
         corner = np.tile(noise, (tracks, classes, 1, 1))
         corner[..., diagonal, diagonal] += view.variance
-        return self._measurements.predict(cross.reshape(tracks, classes, count * size, size), corner)
+        return self._scores.predict(cross.reshape(tracks, classes, count * size, size), corner)
 
-    def _keep_window(self) -> None:
-        if self._window is None or len(self._views) <= self._window:
-            return
-        self._views.drop_first()
+    def _drop_first(self) -> None:
         for _ in range(self._processes.num_components if self._coupling == "full" else 1):
-            self._measurements.drop_first()
-        self.dropped += 1
+            self._scores.drop_first()

@@ -1,19 +1,16 @@
 """The thesis's recursion (Alg. 3.1) in covariance form: valid for a singular Sigma_z, O(k^2) per view."""
 
 from dataclasses import dataclass
-from typing import Literal, Self
 
 import numpy as np
 
-from semantic_slam.classification.classifier import SequentialClassifier, View
+from semantic_slam.classification.classifier import View
 from semantic_slam.classification.growing import GrowingArray
 from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock, floored_cholesky
 from semantic_slam.classification.processes import ClassProcesses
-from semantic_slam.classification.track import NextView, TrackViews
-from semantic_slam.geometry.arrays import Array, Index
-
-Coupling = Literal["full", "per_component"]
-"""How Sigma_z couples the components of a score: by its full matrix, or by its diagonal alone."""
+from semantic_slam.classification.track import NextView
+from semantic_slam.classification.windowed import Coupling, WindowedClassifier
+from semantic_slam.geometry.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class ScorePrediction:
         return np.asarray(-0.5 * squared - logdet - 0.5 * samples.shape[1] * np.log(2.0 * np.pi)).swapaxes(-1, -2)
 
 
-class RecursiveClassifier(SequentialClassifier):
+class RecursiveClassifier(WindowedClassifier):
     """P(c | H_k) from P(c | H_k-1) and the samples of the newest view; earlier views enter by mu_z and Sigma_z.
 
     With a ``window`` of W views the scores' correlation with older ones is neglected; what they said of the class
@@ -49,19 +46,9 @@ class RecursiveClassifier(SequentialClassifier):
         coupling: Coupling = "full",
         window: int | None = None,
     ) -> None:
-        super().__init__(log_prior, num_tracks)
-        self._processes, self._coupling, self._window = processes, coupling, window
-        self._views = TrackViews(processes, num_tracks)
+        super().__init__(processes, log_prior, num_tracks, coupling=coupling, window=window)
         self._noise = GrowingArray((), (processes.num_components,) * 2)  # Sigma_z of the views before
         self._scores = GrowingGaussian(self._views.batch, processes.least_variance)
-
-    def empty(self, num_tracks: int) -> Self:
-        return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
-
-    def of_class(self, class_index: int) -> Self:
-        """A recursive classifier with these settings for one class alone: its evidence is p(z_0:k | track, class)."""
-        processes = self._processes.only(class_index)
-        return type(self)(processes, np.zeros(1), coupling=self._coupling, window=self._window)
 
     def update(self, view: View) -> Array:
         next_view = self._views.next(view.locations_m)
@@ -73,11 +60,6 @@ class RecursiveClassifier(SequentialClassifier):
         self._noise.append(noise if self._coupling == "full" else np.diag(np.diag(noise)))
         self._keep_window()
         return average
-
-    def replace(self, rows: Index, other: Self, source: Index) -> None:
-        super().replace(rows, other, source)
-        self._views.replace(rows, other._views, source)
-        self._scores.replace(rows, other._scores, source)
 
     def predict(self, locations_m: Array) -> ScorePrediction:
         """Prediction of the scores at (P, 2) next locations, before they are measured."""
@@ -95,9 +77,6 @@ class RecursiveClassifier(SequentialClassifier):
         covariance[..., range(size), range(size)] += np.square(block.root[..., 0, 0])
         return ScorePrediction(view.mean + block.shift[..., 0], covariance, self._processes.least_variance)
 
-    def _keep_window(self) -> None:
-        if self._window is not None and len(self._views) > self._window:
-            self._views.drop_first()
-            self._scores.drop_first()
-            self._noise.drop_first()
-            self.dropped += 1
+    def _drop_first(self) -> None:
+        self._scores.drop_first()
+        self._noise.drop_first()
