@@ -8,22 +8,17 @@ import numpy as np
 from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import largest_sigmas
-from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.models.odometry_bias import with_changed_bias
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers, RobotMotion, predicted_movers
-from semantic_slam.inference.open_world.nearby import (
-    local_around,
-    near_objects,
-    objects_in_reach,
-)
+from semantic_slam.inference.open_world.nearby import local_around, near_objects, objects_in_reach
 from semantic_slam.inference.open_world.open_geometry import geometry_of
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
+from semantic_slam.inference.open_world.predicted_robot import PredictedRobot
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.open_world.second_boxes import second_boxes
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
@@ -62,64 +57,44 @@ class Predictor:
         that the detections may be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter
         where objects move.
         """
-        motion, space, tracked = component.moved_by(motion), component.spaces.robot, tracked_states(component)
-        geometry, rates = geometry_of(component.spaces), component.objects.rates
+        predicted, tracked = PredictedRobot.of(component, motion), tracked_states(component)
+        robot, geometry = predicted.state, geometry_of(component.spaces)
         region = geometry.region(self.settings).reaching(sensed).read_by(component.settings)
-        control = _control(component, motion)
-        robot = space.compose(tracked.robot, control)
-        transition = space.propagation(control)
-        if motion.by_bias is not None:
-            transition = np.concatenate([transition, motion.by_bias], axis=1)
-        before = with_changed_bias(tracked.motion_covariance, component.keyframe + 1, len(tracked.bias))
-        before = before[: transition.shape[1], : transition.shape[1]]
-        spread = transition @ before @ transition.T + motion.covariance
-        as_moved, log_level = robot, 0.0
-        if motion.gravity is not None:
-            level = motion.gravity.levels(robot, spread)
-            robot, spread, log_level = space.retract(robot, level.shift), level.covariance, level.log_evidence
         births = [geometry.birth(self.model, detection, robot, region) for detection in detections]
-        reach = self._in_reach(component, region, robot, spread)
+        reach = self._in_reach(component, region, robot, predicted.covariance)
         if named is None:
-            near, beyond = near_objects(self.settings, component, robot, spread, births, detections, reach)
+            near, beyond = near_objects(
+                self.settings, component, robot, predicted.covariance, births, detections, reach
+            )
         else:
             near, beyond = named, np.full(len(births), -np.inf)
         local = local_around(component, robot, near, geometry.ahead(region, tracked.states, robot, reach))
-        wider = with_changed_bias(local.covariance, component.keyframe + 1, local.num_biases)
-        local = local.moved(robot, wider, transition, motion.covariance)
-        local, shift = local.levelled(motion.gravity, as_moved)
-        carried = None if tracked.errors is None else tracked.errors.moved(motion.control, self.errors)
+        local, shift = predicted.moved(local)
+        carried = None if tracked.errors is None else tracked.errors.moved(predicted.noise.control, self.errors)
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
-        predicted = _predicted(component, robot, near, local, shift)
-        objects = objects_in_reach(component.spaces, tracked, robot, reach, near, predicted)
+        belief = predicted.with_objects(near, local, shift)
+        objects = objects_in_reach(component.spaces, tracked, robot, reach, near, belief)
         detected = self._detected(component, region, reach, objects)
         num_second, second = second_boxes(self.settings, component, births, detected)
         expected, intensity, existence = geometry.expected_births(
             self.settings, component, region, robot, births, detections, second
         )
-        robot_motion = RobotMotion(
-            before=tracked.robot,
-            after=robot,
-            covariance_before=tracked.robot_covariance,
-            cross=before[: len(spread)] @ transition.T,
-            covariance=spread,
-            control=control,
-        )
         return Prediction(
-            movers=self._movers(component, robot_motion, region, stamp_ns, detections, labels),
+            movers=self._movers(component, predicted.motion, region, stamp_ns, detections, labels),
             component=component,
             population=component.objects.left_until(stamp_ns, self.settings.departures_per_hour),
             near=near,
-            predicted=predicted,
+            predicted=belief,
             local=local,
             errors=errors,
             carried_errors=carried,
             births=births,
-            rates=rates,
+            rates=component.objects.rates,
             log_intensity=intensity,
             birth_existence=existence,
             expected_births=expected + num_second,
             log_beyond=beyond,
-            log_level=log_level,
+            log_level=predicted.log_level,
             in_reach=reach,
             objects=objects,
             detected=detected,
@@ -188,21 +163,3 @@ class Predictor:
             covariance=local.covariance[local.errors, local.errors],
             cross=local.covariance[local.rows(near_ids), local.errors],
         )
-
-
-def _predicted(
-    component: Component, robot: Array, near: Index, local: LocalMap, shift: Array | None
-) -> PredictedBelief:
-    """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and the near objects, which gravity shifts with the robot."""
-    spaces, ids, states = component.spaces, component.objects.ids[near], tracked_states(component).states[near]
-    if shift is not None and len(near):
-        rows = local.rows(ids)[spaces.layout.robot :].reshape(len(near), -1)
-        states = spaces.landmark.retract(states, shift[rows])
-    return PredictedBelief(spaces.layout, spaces.storage.stacked(robot[None], states)[None], local.of(ids)[None])
-
-
-def _control(component: Component, motion: Motion) -> Array:
-    """(s,) odometry without what it always gets wrong, as far as that is known."""
-    if motion.by_bias is None:
-        return motion.control
-    return component.spaces.robot.retract(motion.control, motion.by_bias @ tracked_states(component).bias)

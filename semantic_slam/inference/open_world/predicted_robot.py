@@ -1,0 +1,90 @@
+"""The robot of one hypothesis after a motion and a look at gravity, and what is known together with it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.odometry_bias import with_changed_bias
+from semantic_slam.inference.models.step import Motion
+from semantic_slam.inference.open_world.moving_objects import RobotMotion
+from semantic_slam.inference.smoothing.component import Component, tracked_states
+from semantic_slam.inference.smoothing.local_map import LocalMap
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictedRobot:
+    """Where a component's robot is expected; r dimensions of its tangent space, p biases of odometry."""
+
+    component: Component
+    noise: Motion  # as the component takes odometry to be
+    control: Array  # (s,) odometry without what it always gets wrong, as far as that is known
+    transition: Array  # (r, r + p)
+    before: Array  # (r + p, r + p) covariance before the motion
+    as_moved: Array  # (s,) by odometry alone
+    state: Array  # (s,)
+    covariance: Array  # (r, r)
+    log_level: float = 0.0  # log density of what gravity tells, where something feels it
+
+    @classmethod
+    def of(cls, component: Component, motion: Motion) -> "PredictedRobot":
+        """After ``motion``, under the noise that the component takes it to have."""
+        noise, space, tracked = component.moved_by(motion), component.spaces.robot, tracked_states(component)
+        control = _control(component, noise)
+        transition = space.propagation(control)
+        if noise.by_bias is not None:
+            transition = np.concatenate([transition, noise.by_bias], axis=1)
+        before = with_changed_bias(tracked.motion_covariance, component.keyframe + 1, len(tracked.bias))
+        before = before[: transition.shape[1], : transition.shape[1]]
+        state = as_moved = space.compose(tracked.robot, control)
+        covariance, log_level = transition @ before @ transition.T + noise.covariance, 0.0
+        if noise.gravity is not None:
+            level = noise.gravity.levels(as_moved, covariance)
+            state, covariance, log_level = space.retract(state, level.shift), level.covariance, level.log_evidence
+        return cls(
+            component=component,
+            noise=noise,
+            control=control,
+            transition=transition,
+            before=before,
+            as_moved=as_moved,
+            state=state,
+            covariance=covariance,
+            log_level=log_level,
+        )
+
+    @property
+    def motion(self) -> RobotMotion:
+        """From the keyframe before to this one."""
+        tracked = tracked_states(self.component)
+        return RobotMotion(
+            before=tracked.robot,
+            after=self.state,
+            covariance_before=tracked.robot_covariance,
+            cross=self.before[: len(self.covariance)] @ self.transition.T,
+            covariance=self.covariance,
+            control=self.control,
+        )
+
+    def moved(self, local: LocalMap) -> tuple[LocalMap, Array | None]:
+        """A local map after the motion, and how far gravity moves the means of its rows; None: nothing feels it."""
+        before = with_changed_bias(local.covariance, self.component.keyframe + 1, local.num_biases)
+        local = local.moved(self.state, before, self.transition, self.noise.covariance)
+        return local.levelled(self.noise.gravity, self.as_moved)
+
+    def with_objects(self, near: Index, local: LocalMap, shift: Array | None) -> PredictedBelief:
+        """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and near objects, which gravity shifts with the robot."""
+        spaces, ids = self.component.spaces, self.component.objects.ids[near]
+        states = tracked_states(self.component).states[near]
+        if shift is not None and len(near):
+            rows = local.rows(ids)[spaces.layout.robot :].reshape(len(near), -1)
+            states = spaces.landmark.retract(states, shift[rows])
+        mean = spaces.storage.stacked(self.state[None], states)
+        return PredictedBelief(spaces.layout, mean[None], local.of(ids)[None])
+
+
+def _control(component: Component, motion: Motion) -> Array:
+    if motion.by_bias is None:
+        return motion.control
+    return component.spaces.robot.retract(motion.control, motion.by_bias @ tracked_states(component).bias)
