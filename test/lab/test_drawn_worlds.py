@@ -95,6 +95,6 @@ def test_the_study_leaves_result_and_page(tmp_path: Path) -> None:
     files = run(tmp_path, quick=True, jobs=1, seed=0)
     assert {file.name for file in files} == {"result.json", "result.html"}
     result = json.loads((tmp_path / "result.json").read_text())
-    assert result["num_worlds"]["as stated"] == 4
+    assert result["num_worlds"]["as stated"] == 2
     assert {"robot x", "robot yaw", "existence"} <= result["ranks"].keys()
     assert (tmp_path / "ranks.png").stat().st_size > 5000

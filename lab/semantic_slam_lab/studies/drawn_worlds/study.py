@@ -17,9 +17,9 @@ from semantic_slam_lab.studies.drawn_worlds.worlds import Truth, drawn_world
 from semantic_slam_lab.studies.result import write_result
 
 NAME = "drawn_worlds"
-WORLDS, QUICK_WORLDS = 300, 4
+WORLDS, QUICK_WORLDS = 300, 2
 WRONG_WORLDS, QUICK_WRONG_WORLDS = 40, 1
-KEYFRAMES, QUICK_KEYFRAMES = 20, 8
+KEYFRAMES, QUICK_KEYFRAMES = 20, 5
 RIGHT = "as stated"
 TRUTHS = {
     RIGHT: Truth(),
