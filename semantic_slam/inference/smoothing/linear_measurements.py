@@ -54,8 +54,9 @@ class LinearMeasurements:
         noise, right = unit_noise(self.constant.shape[1]), -(self.constant + self.of.offset)
         rows = zip(self.of.terms(), self.by_first, self.by_second, right, strict=True)
         linear = gtsam.GaussianFactorGraph()
+        add: Any = linear.add  # of two or three keys, which its type does not say
         for (first, second, repeated), by_first, by_second, own in rows:
-            linear.add(first, by_first, second, by_second, *repeated, own, noise)
+            add(first, by_first, second, by_second, *repeated, own, noise)
         return gtsam.LinearContainerFactor.ConvertLinearGraph(linear, gtsam.Values())
 
 
