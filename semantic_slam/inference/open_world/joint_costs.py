@@ -85,17 +85,16 @@ class JointCosts:
 
     def given_each(self) -> Array:
         """(P, D, M) log weight of each pair given each pair by itself, which stands; -inf: none, or impossible then."""
-        count, size = self.residual.shape
-        first, second = (own.ravel() for own in np.indices((count, count)))
-        cross, alone = self.covariance[second, first], np.linalg.inv(self._alone)
-        gain = cross @ alone[first]
-        left = self.residual[second] - (gain @ self.residual[first][..., None])[..., 0]
-        spread = self._alone[second] - gain @ np.swapaxes(cross, 1, 2)
-        impossible = (self.rows[first] == self.rows[second]) | (self.columns[first] == self.columns[second])
-        spread[impossible] = np.eye(size)
-        values = np.where(impossible, -np.inf, self.log_constant[second] + self._log_density(second, left, spread))
-        values[first == second] = 0.0
-        return self._table(values.reshape(count, count))
+        count, cross = len(self.rows), np.swapaxes(self.covariance, 0, 1)  # of the second pair with the first
+        gain = cross @ np.linalg.inv(self._alone)[:, None]
+        left = self.residual - (gain @ self.residual[:, None, :, None])[..., 0]
+        spread = self._alone - gain @ np.swapaxes(cross, 2, 3)
+        possible = (self.rows[:, None] != self.rows) & (self.columns[:, None] != self.columns)
+        second = np.nonzero(possible)[1]
+        values = np.full((count, count), -np.inf)
+        values[possible] = self.log_constant[second] + self._log_density(second, left[possible], spread[possible])
+        np.fill_diagonal(values, 0.0)
+        return self._table(values)
 
     def _conditional(self, others: Index, outlier: Flags) -> Array:
         """(P,) log weight of each pair given ``others`` (P, n), pairs or -1; ``outlier`` (1, n): which of them are."""
