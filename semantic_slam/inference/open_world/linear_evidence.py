@@ -291,7 +291,7 @@ def _stacked(pairs: PairDensities) -> Linearisation:
 
 
 def _first(joint: JointInnovation) -> JointInnovation:
-    """Of one assignment alone."""
+    """What joint innovations of assignments say of the first one."""
     return JointInnovation(*(values[0] for values in vars(joint).values()))
 
 
