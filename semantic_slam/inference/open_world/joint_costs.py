@@ -6,6 +6,7 @@ given them, what stays undecided are questions of single detections.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -84,33 +85,42 @@ class JointCosts:
 
     def given_each(self) -> Array:
         """(P, D, M) log weight of each pair given each pair by itself, which stands; -inf: none, or impossible then."""
-        count, size = self.residual.shape
-        first, second = (own.ravel() for own in np.indices((count, count)))
-        cross, alone = self.covariance[second, first], self.covariance[first, first]
-        gain = cross @ np.linalg.inv(alone)
-        left = self.residual[second] - (gain @ self.residual[first][..., None])[..., 0]
-        spread = self.covariance[second, second] - gain @ np.swapaxes(cross, 1, 2)
-        impossible = (self.rows[first] == self.rows[second]) | (self.columns[first] == self.columns[second])
-        spread[impossible] = np.eye(size)
-        values = np.where(impossible, -np.inf, self.log_constant[second] + self._log_density(second, left, spread))
-        values[first == second] = 0.0
-        return self._table(values.reshape(count, count))
+        count, cross = len(self.rows), np.swapaxes(self.covariance, 0, 1)  # of the second pair with the first
+        gain = cross @ np.linalg.inv(self._alone)[:, None]
+        left = self.residual - (gain @ self.residual[:, None, :, None])[..., 0]
+        spread = self._alone - gain @ np.swapaxes(cross, 2, 3)
+        possible = (self.rows[:, None] != self.rows) & (self.columns[:, None] != self.columns)
+        second = np.nonzero(possible)[1]
+        values = np.full((count, count), -np.inf)
+        values[possible] = self.log_constant[second] + self._log_density(second, left[possible], spread[possible])
+        np.fill_diagonal(values, 0.0)
+        return self._table(values)
 
     def _conditional(self, others: Index, outlier: Flags) -> Array:
         """(P,) log weight of each pair given ``others`` (P, n), pairs or -1; ``outlier`` (1, n): which of them are."""
-        residual, covariance = self._joint(others)
+        every, which = np.unique(others, axis=0, return_inverse=True)
+        residual, covariance = self._joint(every)
         if self.tail is not None:
-            added = (self.tail.added * (outlier & (others >= 0)))[..., None] * self.measured[others]
+            added = (self.tail.added * (outlier & (every >= 0)))[..., None] * self.measured[every]
             diagonal = np.arange(residual.shape[1])
             covariance[:, diagonal, diagonal] += added.reshape(residual.shape)
         count, size = self.residual.shape
         cross = self.covariance[np.arange(count)[:, None], others]
         cross = np.where((others >= 0)[..., None, None], cross, 0.0)
         cross = np.swapaxes(cross, 1, 2).reshape(count, size, -1)
-        gain = np.swapaxes(np.linalg.solve(covariance, np.swapaxes(cross, 1, 2)), 1, 2)
-        left = self.residual - (gain @ residual[..., None])[..., 0]
-        spread = self.covariance[np.arange(count), np.arange(count)] - gain @ np.swapaxes(cross, 1, 2)
+        gain = np.empty_like(cross)
+        for number, own in enumerate(covariance):  # many pairs have the same others
+            rows = np.flatnonzero(which == number)
+            gain[rows] = np.linalg.solve(own, cross[rows].reshape(-1, len(own)).T).T.reshape(len(rows), size, -1)
+        left = self.residual - (gain @ residual[which][..., None])[..., 0]
+        spread = self._alone - gain @ np.swapaxes(cross, 1, 2)
         return np.asarray(self.log_constant + self._log_density(np.arange(count), left, spread))
+
+    @cached_property
+    def _alone(self) -> Array:
+        """(P, c, c) of each pair by itself."""
+        pairs = np.arange(len(self.rows))
+        return np.asarray(self.covariance[pairs, pairs])
 
     def _log_density(self, pairs: Index, residual: Array, covariance: Array) -> Array:
         """(K,) log densities of ``pairs`` (K,) by themselves, up to what normalises whitened residuals (K, c)."""

@@ -162,20 +162,34 @@ class LinearisedEvidence:
     def innovation(self, columns: Index, seen: list[int]) -> JointInnovation:
         """The detections ``seen`` together, before they are taken in; ``columns`` (D,): of which object each is."""
         numbers = np.array(seen, dtype=int)
-        return self.innovation_of_pairs(numbers, columns[numbers])
+        return _first(self._innovation(numbers[None], columns[numbers][None]))
 
     def innovation_of_pairs(self, numbers: Index, objects: Index) -> JointInnovation:
         """Detections ``numbers`` (P,) each as one of ``objects`` (P,), before they are taken in.
 
-        Pairs may share a detection or an object. Detections err by themselves in each pair.
+        Pairs may share a detection or an object, which has one place among the states. Detections err by themselves in
+        each pair.
         """
-        joint = self._innovation(numbers[None], objects[None])
-        return JointInnovation(*(values[0] for values in vars(joint).values()))
+        every, place = np.unique(objects, return_inverse=True)
+        part, seen, layout = self._part, numbers[None], self.layout
+        residual = part.residual[seen, objects]
+        jacobian = np.zeros((len(numbers), residual.shape[-1], layout.size(len(every))))
+        jacobian[..., layout.block(0)] = part.jacobian_robot[numbers, objects]
+        for number in range(len(every)):
+            pairs = place == number
+            jacobian[pairs, :, layout.block(1 + number)] = part.jacobian_object[numbers[pairs], objects[pairs]]
+        stacked = jacobian.reshape(1, -1, layout.size(len(every)))
+        system = residual.reshape(1, -1), stacked, part.log_normaliser[seen, objects]
+        return _first(self._together(seen, self._places(every[None]), *system))
 
     def _innovation(self, seen: Index, objects: Index) -> JointInnovation:
         """Detections ``seen`` (G, n) of ``objects`` (G, n), before they are taken in."""
-        places = self._places(objects)
-        residual, jacobian, log_normalisers = self._system(seen, objects)
+        return self._together(seen, self._places(objects), *self._system(seen, objects))
+
+    def _together(
+        self, seen: Index, places: Index, residual: Array, jacobian: Array, log_normalisers: Array
+    ) -> JointInnovation:
+        """Detections ``seen`` (G, n) with Jacobians (G, m, k) by the states at ``places`` (G, k)."""
         cross = jacobian @ self.covariance[places[:, :, None], places[:, None, :]]
         covariance = cross @ _transposed(jacobian)
         if self.errors is not None:
@@ -274,6 +288,11 @@ def _stacked(pairs: PairDensities) -> Linearisation:
         jacobian_object=np.array([part.jacobian_object for part in pairs.parts]),
         log_normaliser=np.array([part.log_normaliser for part in pairs.parts]),
     )
+
+
+def _first(joint: JointInnovation) -> JointInnovation:
+    """What joint innovations of assignments say of the first one."""
+    return JointInnovation(*(values[0] for values in vars(joint).values()))
 
 
 def _transposed(matrices: Array) -> Array:

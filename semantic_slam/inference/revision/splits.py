@@ -46,11 +46,13 @@ class Splits:
     def best(self, count: int, is_news: Callable[[Parting], bool]) -> list[tuple[Parting, Index, float]]:
         """At most ``count`` partings that are news, each with the objects of the detections and what these gain.
 
-        Raises numpy.linalg.LinAlgError where the history at hand is indeterminate.
+        Raises numpy.linalg.LinAlgError where the history at hand is indeterminate and there are any.
         """
+        partings = [parting for parting in self.runs.partings() if is_news(parting)]
+        if not partings:
+            return []
         own = self._weighed(self.runs.objects, self.path)
         model = RunModel.at(self.drive, self.runs, own.solution, own.objects)
-        partings = [parting for parting in self.runs.partings() if is_news(parting)]
         scores = [model.log_evidence(parting.objects) for parting in partings]
         found: list[tuple[Parting, Index, float]] = []
         for row in np.argsort(-np.array(scores), kind="stable")[:count].tolist():

@@ -4,8 +4,9 @@ All histories share odometry and the errors of detections that repeat. With thos
 of a history is sparse in the path, the biases of odometry and the objects. What a history weighs, its replay tells.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any, Self
 
 import numpy as np
@@ -36,7 +37,7 @@ class WholeDrive:
     numbers: Index  # (n,) place of each in its keyframe
     polar: Array  # (n, 2) range [m] and bearing [rad]
     polar_whiten: Array  # (n, 2, 2)
-    information: Array  # (2 n, 2 n) of whitened errors
+    covariance: Callable[[], Array]  # (2 n, 2 n) of whitened errors
     map_places: Array  # (M, 2)
     map_whiten: Array  # (M, 2, 2)
 
@@ -67,10 +68,15 @@ class WholeDrive:
             numbers=np.array([n for _, n, _ in rows], dtype=int),
             polar=np.array([(own.range_m, own.bearing_rad) for _, _, own in rows]).reshape(-1, 2),
             polar_whiten=np.array([own.whiten for _, _, own in rows]).reshape(-1, 2, 2),
-            information=_inverse(_errors(problem, motions, frames, [row[:2] for row in rows])),
+            covariance=partial(_errors, problem, motions, frames, [row[:2] for row in rows]),
             map_places=np.array([prior.mean[:2] for prior in priors]).reshape(-1, 2),
             map_whiten=_whitening(spreads),
         )
+
+    @cached_property
+    def information(self) -> Array:
+        """(2 n, 2 n) of whitened errors; made where it is asked for, as it costs the cube of the detections."""
+        return _inverse(self.covariance())
 
     @property
     def num_biases(self) -> tuple[int, int]:

@@ -8,61 +8,16 @@ same charts, exactly to first order: no other factor has to be made anew with it
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.states.keys import is_object, is_robot, is_vector, number_of
+from semantic_slam.inference.smoothing.located import Located, Stepped
+from semantic_slam.inference.states.keys import is_object, is_robot, is_vector, number_of, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.state_space import StateSpace
-
-
-class Variables(NamedTuple):
-    """n estimated states of s numbers, and where they are in charts of d dimensions."""
-
-    states: Array  # (n, s)
-    steps: Array  # (n, d)
-    slopes: Array  # (n, d, d) changes in the tangent spaces at the states by changes of the steps
-
-    def take(self, rows: Index) -> "Variables":
-        """Some of them, any number of times."""
-        return Variables(self.states[rows], self.steps[rows], self.slopes[rows])
-
-    def joined(self, others: "Variables") -> "Variables":
-        """These, and then ``others``."""
-        return Variables(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Located:
-    """Where some robots and objects are estimated to be."""
-
-    robot_rows: Index  # (T,) ascending; row 0 is before the first keyframe
-    robots: Variables  # T
-    object_ids: Index  # (O,) ascending
-    objects: Variables  # O
-
-    def robots_of(self, rows: Index) -> Variables:
-        """Robots by their rows (B,)."""
-        return self.robots.take(np.searchsorted(self.robot_rows, rows))
-
-    def objects_of(self, ids: Index) -> Variables:
-        """Objects by their ids (B,)."""
-        return self.objects.take(np.searchsorted(self.object_ids, ids))
-
-    @property
-    def largest_turn(self) -> float:
-        """Radians by which a robot has turned in its chart, at most; 0 where robots do not turn."""
-        steps = self.robots.steps
-        return float(np.abs(steps[:, 2]).max(initial=0.0)) if steps.shape[1] > 2 else 0.0
-
-    def of(self, key: int) -> Variables:
-        """A robot or an object by its GTSAM key."""
-        number = np.array([number_of(key)])
-        return self.robots_of(number) if is_robot(key) else self.objects_of(number)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +54,7 @@ class Charts:
         objects = [key for key in keys if is_object(key)]
         (robot,) = (spaces.robot.state(values, key) for key in keys if is_robot(key))
         started = np.reshape([spaces.landmark.state(values, key) for key in objects], (-1, spaces.storage.landmark))
-        last, point = at.robots.states[-1], self.robots[-1]
+        last, point = at.robots_of(np.array([-1])).states[0], self.robots[-1]
         charts = replace(
             self,
             robots=np.concatenate([self.robots, _carried(spaces.robot, robot[None], last, point)]),
@@ -108,43 +63,39 @@ class Charts:
             vectors={**self.vectors, **{key: values.atVector(key) for key in keys if is_vector(key)}},
         )
         located = Located(
-            robot_rows=np.arange(len(charts.robots)),
-            robots=at.robots.joined(_known(spaces.robot, charts.robots[-1:], robot[None])),
+            robots=at.robots.with_states(charts.robots[-1:], robot[None]),
             object_ids=charts.object_ids,
-            objects=at.objects.joined(_known(spaces.landmark, charts.objects[len(self.objects) :], started)),
+            objects=at.objects.with_states(charts.objects[len(self.objects) :], started),
         )
-        return charts, located, charts.values(charts.begun(), values, keys)
+        return charts, located, _changed(values, charts.points([key for key in keys if not is_vector(key)]))
 
     def located(self, steps: Array) -> Located:
         """All of them after (n,) steps, those of objects and then of robots last."""
         spaces, split = self.spaces, len(steps) - self.robots.shape[0] * self.spaces.layout.robot
         begin = split - self.objects.shape[0] * spaces.layout.landmark
         by_object = steps[begin:split].reshape(-1, spaces.layout.landmark)
-        return Located(
-            robot_rows=np.arange(len(self.robots)),
-            robots=_moved(spaces.robot, self.robots, steps[split:].reshape(-1, spaces.layout.robot)),
-            object_ids=self.object_ids,
-            objects=_moved(spaces.landmark, self.objects, by_object),
-        )
+        return self._after(steps[split:].reshape(-1, spaces.layout.robot), by_object)
 
     def begun(self) -> Located:
         """All of them where their charts begin."""
-        robots, objects = self.robots, self.objects
+        layout = self.spaces.layout
+        return self._after(np.zeros((len(self.robots), layout.robot)), np.zeros((len(self.objects), layout.landmark)))
+
+    def _after(self, by_robot: Array, by_object: Array) -> Located:
         return Located(
-            robot_rows=np.arange(len(robots)),
-            robots=_known(self.spaces.robot, robots, robots),
+            robots=Stepped(self.spaces.robot, self.robots, by_robot),
             object_ids=self.object_ids,
-            objects=_known(self.spaces.landmark, objects, objects),
+            objects=Stepped(self.spaces.landmark, self.objects, by_object),
         )
 
-    def values(self, at: Located, others: gtsam.Values, keys: Sequence[int] | None = None) -> gtsam.Values:
-        """Where robots and objects are, all or those of some ``keys``, and ``others`` as they are there."""
-        values, every = gtsam.Values(others), others.keys() if keys is None else keys
-        for key in every:
-            if not is_vector(key):
-                values.erase(key)
-                self.spaces.of(key).insert(values, key, at.of(key).states[0])
-        return values
+    def values(self, at: Located, others: gtsam.Values) -> gtsam.Values:
+        """Where robots and objects are, and ``others`` as they are there."""
+        found = gtsam.Values()
+        for number, state in zip(self.object_ids.tolist(), at.objects.states, strict=True):
+            self.spaces.landmark.insert(found, object_key(number), state)
+        for row, state in enumerate(at.robots.states):
+            self.spaces.robot.insert(found, robot_key(row - 1), state)
+        return _changed(others, found)
 
     def points(self, keys: Sequence[int]) -> gtsam.Values:
         """About which the charts of some robots and objects are."""
@@ -170,29 +121,8 @@ def _carried(space: StateSpace, states: Array, last: Array, point: Array) -> Arr
     return points
 
 
-def _known(space: StateSpace, points: Array, states: Array) -> Variables:
-    """Variables at ``states`` (n, s), whose charts begin at points (n, s)."""
-    if space.heading is None:
-        return _moved(space, points, states - points)
-    cos, sin = np.cos(points[:, 2]), np.sin(points[:, 2])
-    x, y = (states - points)[:, :2].T
-    steps = np.stack([cos * x + sin * y, cos * y - sin * x, wrap_angle(states[:, 2] - points[:, 2])], axis=1)
-    return _moved(space, points, steps)
-
-
-def _moved(space: StateSpace, points: Array, steps: Array) -> Variables:
-    """States after ``steps`` (n, d) from points (n, s); poses are x, y, yaw, and positions x, y."""
-    slopes = np.zeros((*steps.shape, steps.shape[1]))
-    if space.heading is None:
-        slopes[:] = np.eye(steps.shape[1])
-        return Variables(points + steps, steps, slopes)
-    cos, sin = np.cos(points[:, 2]), np.sin(points[:, 2])
-    ahead = cos * steps[:, 0] - sin * steps[:, 1], sin * steps[:, 0] + cos * steps[:, 1]
-    states = np.stack(
-        [points[:, 0] + ahead[0], points[:, 1] + ahead[1], wrap_angle(points[:, 2] + steps[:, 2])], axis=1
-    )
-    slopes[:, 0, 0] = slopes[:, 1, 1] = np.cos(steps[:, 2])
-    slopes[:, 0, 1] = np.sin(steps[:, 2])
-    slopes[:, 1, 0] = -slopes[:, 0, 1]
-    slopes[:, 2, 2] = 1.0
-    return Variables(states, steps, slopes)
+def _changed(values: gtsam.Values, places: gtsam.Values) -> gtsam.Values:
+    """Values in which robots and objects are at other places."""
+    changed = gtsam.Values(values)
+    changed.update(places)
+    return changed

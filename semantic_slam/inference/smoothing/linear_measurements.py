@@ -11,7 +11,8 @@ from semantic_slam.geometry.arrays import Array, Index, squared_norms
 from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.smoothing.charts import Charts, Located, Variables
+from semantic_slam.inference.smoothing.charts import Charts
+from semantic_slam.inference.smoothing.located import Located, Variables
 from semantic_slam.inference.smoothing.measured import Measured, Motions, Sightings, Slopes
 
 _jacobian_factor: Any = gtsam.JacobianFactor  # of two or three keys, which its type does not say
@@ -48,14 +49,15 @@ class LinearMeasurements:
         linear = self.by_first @ slopes.first.steps[..., None] + self.by_second @ slopes.second.steps[..., None]
         return 0.5 * squared_norms(slopes.residual - self.constant - linear[..., 0])
 
-    def factors(self) -> list[Any]:
+    def factors(self) -> gtsam.NonlinearFactorGraph:
         """One for GTSAM for each."""
         noise, right = unit_noise(self.constant.shape[1]), -(self.constant + self.of.offset)
         rows = zip(self.of.terms(), self.by_first, self.by_second, right, strict=True)
-        return [
-            gtsam.LinearContainerFactor(_jacobian_factor(first, by_first, second, by_second, *repeated, own, noise))
-            for (first, second, repeated), by_first, by_second, own in rows
-        ]
+        linear = gtsam.GaussianFactorGraph()
+        add: Any = linear.add  # of two or three keys, which its type does not say
+        for (first, second, repeated), by_first, by_second, own in rows:
+            add(first, by_first, second, by_second, *repeated, own, noise)
+        return gtsam.LinearContainerFactor.ConvertLinearGraph(linear, gtsam.Values())
 
 
 @dataclass(frozen=True, kw_only=True)

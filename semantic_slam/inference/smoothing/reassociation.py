@@ -56,7 +56,7 @@ def reassociated(smoother: Smoother, objects: Index, started: Mapping[int, Gauss
         size = int(isam.calculateEstimate().size())
     except RuntimeError as fault:
         raise LostComponentError(f"a revision failed ({first_line(fault)})") from None
-    return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, num_variables=size, _known={})
+    return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, num_variables=size, _known={}, _here=[])
 
 
 def brought_together(smoother: Smoother, pairs: Sequence[tuple[int, int]]) -> Smoother:
@@ -76,7 +76,7 @@ def brought_together(smoother: Smoother, pairs: Sequence[tuple[int, int]]) -> Sm
         isam, factors = relinearised(isam, factors)
     except RuntimeError as fault:
         raise LostComponentError(f"a revision failed ({first_line(fault)})") from None
-    return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, _known={})
+    return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, _known={}, _here=[])
 
 
 def log_evidence(smoother: Smoother) -> float:
@@ -125,8 +125,7 @@ def _renamed(
     renamed = replace(before, parts=tuple(tuple(_with_ids(own, objects) for own in kind) for kind in before.parts))
     empty, made = renamed.about(values)
     for own in made:
-        for factor in own.factors():
-            graph.add(factor)
+        graph.push_back(own.factors())
     fresh = single_step_isam(spaces, errors_repeat=True)
     fresh.update(graph, values)
     return fresh, empty.with_new(made, others)

@@ -50,8 +50,7 @@ def _afresh(isam: gtsam.ISAM2, factors: LinearFactors, values: gtsam.Values) -> 
     others = graph.size()
     empty, made = factors.about(values)
     for own in made:
-        for factor in own.factors():
-            graph.add(factor)
+        graph.push_back(own.factors())
     fresh = single_step_isam(factors.charts.spaces, errors_repeat=True)
     fresh.update(graph, values)
     return fresh, empty.with_new(made, others)

@@ -18,7 +18,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
-from semantic_slam.inference.smoothing.charts import Charts, Located
+from semantic_slam.inference.smoothing.charts import Charts
 from semantic_slam.inference.smoothing.elimination import MOST_JOINT, groups, last_eliminated
 from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
 from semantic_slam.inference.smoothing.estimate import Estimate
@@ -32,10 +32,11 @@ from semantic_slam.inference.smoothing.factor_table import (
 )
 from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
 from semantic_slam.inference.smoothing.linear_measurements import LinearFactors, in_charts, new_measurements
+from semantic_slam.inference.smoothing.located import Located
 from semantic_slam.inference.smoothing.measured import Measured
 from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
-from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_robot, is_vector, letter_of, number_of
+from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_VARIABLES = 200
@@ -67,6 +68,7 @@ class Smoother:
     is_summarised: bool = False  # its past is one factor over all objects
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
+    _here: list[Located] = field(default_factory=list, compare=False, repr=False)  # which a fork goes on with
 
     @classmethod
     def of(
@@ -103,21 +105,12 @@ class Smoother:
         if not len(keys):
             return np.zeros((0, self.spaces.storage.width))
         if self.in_charts is not None:
-            return self._states_in_charts(keys)
+            _ = self.isam  # raises where it was consumed
+            return self._located.states(keys, self.spaces.storage)
         if self.num_variables < FEW_VARIABLES:
             return self.estimate.states(keys)
         ascending = self.spaces.states(self.isam.calculateEstimate(list(keys)))
         return ascending[_ranks(tuple(keys))]
-
-    def _states_in_charts(self, keys: Sequence[int]) -> Array:
-        """(n, s) estimates of robots and objects, in the order of their ``keys``."""
-        _ = self.isam  # raises where it was consumed
-        numbers, robots = _numbers(tuple(keys))
-        located, storage = self._located, self.spaces.storage
-        found = np.zeros((len(keys), storage.width))
-        found[robots, : storage.robot] = located.robots_of(numbers[robots]).states
-        found[~robots, : storage.landmark] = located.objects_of(numbers[~robots]).states
-        return found
 
     @property
     def estimate(self) -> Estimate:
@@ -173,12 +166,9 @@ class Smoother:
         """A covariance of the ``keys`` in the tangent spaces at the estimates, from that in iSAM2's own."""
         if self.in_charts is None:
             return np.asarray(covariance)
-        slopes, end = np.eye(len(covariance)), 0
-        for key in keys:
-            begin, end = end, end + self._size(key)
-            if not is_vector(key):
-                slopes[begin:end, begin:end] = self._located.of(key).slopes[0]
-        return np.asarray(slopes @ covariance @ slopes.T)
+        ends = np.cumsum([self._size(key) for key in keys]).tolist()
+        parts = [(key, slice(end - self._size(key), end)) for key, end in zip(keys, ends, strict=True)]
+        return self._located.covariance(parts, covariance)
 
     def _size(self, key: int) -> int:
         if is_vector(key):
@@ -252,8 +242,8 @@ class Smoother:
         made = factors.made(now, at)
         together = linearised(graph, self._vectors(values, graph.keyVector()))
         others = together.size()
-        for factor in (factor for own in made for factor in own.factors()):
-            together.add(factor)
+        for own in made:
+            together.push_back(own.factors())
         semantic = [in_charts(factor, charts, at) for factor in added.factors]
         child = self.updated(together, values, replace(added, factors=semantic))
         factors = factors.with_new(made, others, len(semantic))
@@ -261,13 +251,15 @@ class Smoother:
         if not again and child.steps % STEPPED_SKIP:
             return child
         isam, factors = relinearised(child.owned.hand_on().isam, factors)
-        return replace(child, owned=OwnedIsam(isam), in_charts=factors, _known={})
+        return replace(child, owned=OwnedIsam(isam), in_charts=factors, _known={}, _here=[])
 
-    @cached_property
+    @property
     def _located(self) -> Located:
         """Where robots and objects are in charts, read from iSAM2 once."""
         assert self.in_charts is not None
-        return self.in_charts.charts.located(self.isam.getDelta().vector())
+        if not self._here:
+            self._here.append(self.in_charts.charts.located(self.isam.getDelta().vector()))
+        return self._here[0]
 
     def _vectors(self, values: gtsam.Values, keys: Sequence[int]) -> gtsam.Values:
         """New variables at their ``values``, and estimates of the others among ``keys``, which are vectors."""
@@ -298,6 +290,7 @@ class Smoother:
             in_charts=factors,
             single_steps=True,
             _known={},
+            _here=[],
         )
 
     def updated(
@@ -425,9 +418,3 @@ class Smoother:
 def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
     """Rank of each key among them all."""
     return np.argsort(np.argsort(keys))
-
-
-@lru_cache(maxsize=1024)
-def _numbers(keys: tuple[int, ...]) -> tuple[Index, NDArray[np.bool_]]:
-    """The number of each key, and whether it is a robot's."""
-    return np.array([number_of(key) for key in keys]), np.array([is_robot(key) for key in keys])
