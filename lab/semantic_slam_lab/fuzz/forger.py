@@ -46,7 +46,7 @@ class Forger:
         self.owed: Counter[tuple[str, str, str]] = Counter()  # by node that is to count it, topic and kind
         self.counted: dict[str, dict[str, int]] = {}  # by node: what it has not used, by reason
         self.keyframe, self._stamp_ns = -1, 0  # of the newest belief
-        self._node = node
+        self.node = node
         self._own: set[bytes] = set()
         self._heard: dict[str, deque[bytes]] = defaultdict(lambda: deque(maxlen=REMEMBERED))
         with BagReader(bag) as reader:
@@ -97,7 +97,7 @@ class Forger:
         forged = forgery(topic, list(self._heard[topic]), chance)
         if forged.kind != "again":
             self._own.add(forged.data)
-        for reader in self._node.get_subscriptions_info_by_topic(self._outlets[topic].name):
+        for reader in self.node.get_subscriptions_info_by_topic(self._outlets[topic].name):
             if reader.node_name != NAME and (reader.node_name, topic, forged.kind) not in NOTHING_TELLS:
                 self.owed[reader.node_name, topic, forged.kind] += 1
         self._outlets[topic].send(forged.data)
