@@ -26,6 +26,7 @@ from semantic_slam.inference.building import is_id_of_its_contents
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import BY_TYPE_NAME, decode, from_message
+from semantic_slam.messages.node_status import is_of_another_robot
 from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.outputs import LEAVE_OF_NODES, claimed_again, claimed_bag
@@ -140,6 +141,8 @@ class BagRecorder(PipelineNode):
     def _write(self, topic: str, data: bytes) -> None:
         message = deserialize(data, topics.TYPES[topic])
         value = from_message(message) if topics.TYPES[topic] in BY_TYPE_NAME else None
+        if topic == topics.DIAGNOSTICS and is_of_another_robot(message.status, self.get_namespace()):
+            return
         if isinstance(value, RunConfiguration) and not is_id_of_its_contents(value):
             raise MessageError(f"{topic}: its id is not that of its contents", "id of another run")
         stamp_ns = header_stamp_ns(message) if hasattr(message, "header") else 0

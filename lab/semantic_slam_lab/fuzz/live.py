@@ -1,8 +1,8 @@
 """``python -m semantic_slam_lab.fuzz --live --messages 2000``: forged messages to every topic of a demo that runs.
 
 A demo is left in peace, and another one is sent messages that nobody of it sends, and asked what cannot be answered.
-No node may die, the beliefs are to be the same, and each node is to count whatever it was sent and to refuse what it was
-asked. The last line is ``N messages, M findings``.
+No node may die, the beliefs are to be the same, and each node is to count whatever it was sent and to refuse what it
+was asked. The last line is ``N messages, M findings``.
 """
 
 import argparse

@@ -106,6 +106,8 @@ def run_killing_all(demo: Demo, times: int, seed: int) -> list[int]:
             if not demo.comes_to(demo.newest + int(chance.integers(1, MOST_KEYFRAMES))):
                 break
             time.sleep(float(chance.uniform(0.0, MOST_WAIT_S)))
+            if not demo.is_running:
+                break
             demo.kill_all()
             seen.append(demo.newest)
             demo.start("--resume")
