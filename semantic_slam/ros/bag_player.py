@@ -38,7 +38,7 @@ from semantic_slam.messages.typestore import message_class, serialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.flow_control import Credit
 from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import refuse_undeclared
+from semantic_slam.ros.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.playlist import Playlist, parse_remaps
 from semantic_slam.ros.resumption import FROM_THE_START, Resumption, resumption
@@ -59,12 +59,12 @@ class BagPlayer(PipelineNode):
 
     def __init__(self) -> None:
         super().__init__("bag_player")
-        bag = str(self.declare_parameter("bag", "").value)
-        self._rate = float(self.declare_parameter("rate", 0.0).value)
-        self._wait_s = float(self.declare_parameter("wait_for_listeners_s", 60.0).value)
-        remaps = parse_remaps(self.declare_parameter("remap", [""]).value)
-        self._credit = Credit(int(self.declare_parameter("window", 4).value), STALL_S)
-        self._resumes = bool(self.declare_parameter("resume", False).value)
+        bag = declare_fixed(self, "bag", "")
+        self._rate = declare_fixed(self, "rate", 0.0)
+        self._wait_s = declare_fixed(self, "wait_for_listeners_s", 60.0)
+        remaps = parse_remaps(declare_fixed(self, "remap", [""]))
+        self._credit = Credit(declare_fixed(self, "window", 4), STALL_S)
+        self._resumes = declare_fixed(self, "resume", False)
         refuse_undeclared(self)
         if not bag:
             raise InputError("bag_player: parameter bag is empty; name the bag to replay")

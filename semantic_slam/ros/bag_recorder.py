@@ -32,7 +32,7 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.outputs import LEAVE_OF_NODES, claimed_again, claimed_bag
 from semantic_slam.ros import qos
 from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import refuse_undeclared
+from semantic_slam.ros.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PASSED, PipelineNode, main_of
 from semantic_slam.ros.recent_inputs import RecentInputs
 from semantic_slam.ros.repeats import Repeats
@@ -53,9 +53,9 @@ class BagRecorder(PipelineNode):
 
     def __init__(self) -> None:
         super().__init__("bag_recorder")
-        path = str(self.declare_parameter("bag", "").value)
-        overwrite = bool(self.declare_parameter("overwrite", False).value)
-        resume = bool(self.declare_parameter("resume", False).value)
+        path = declare_fixed(self, "bag", "")
+        overwrite = declare_fixed(self, "overwrite", False)
+        resume = declare_fixed(self, "resume", False)
         refuse_undeclared(self)
         if not path:
             raise InputError("bag_recorder: parameter bag is empty; name the bag to write")

@@ -54,7 +54,7 @@ from semantic_slam.ros.health import Level, Status, dropped_status, explanation_
 from semantic_slam.ros.lookalike_service import LookalikeService
 from semantic_slam.ros.map_service import MapService
 from semantic_slam.ros.object_services import ObjectServices
-from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
+from semantic_slam.ros.parameters import declare_configuration, declare_fixed, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.ros_pool import RosPool
@@ -73,15 +73,15 @@ class HypothesisManagerNode(PipelineNode):
     def __init__(self) -> None:
         super().__init__("hypothesis_manager")
         self._configuration = declare_configuration(self)
-        num_backends = int(self.declare_parameter("backends", 1).value)
+        num_backends = declare_fixed(self, "backends", 1)
         if num_backends < 1:
             raise InputError(f"parameter backends is {num_backends}; at least one backend is needed")
-        timeout_s = float(self.declare_parameter("backend_timeout_s", 60.0).value)
+        timeout_s = declare_fixed(self, "backend_timeout_s", 60.0)
         self._pool = RosPool(self, range(num_backends), timeout_s)
-        self._map_prior = _map_prior(str(self.declare_parameter("map_prior", "").value))
-        source_bag = str(self.declare_parameter("source_bag", "").value)
-        journal = str(self.declare_parameter("journal", "").value)
-        resume = bool(self.declare_parameter("resume", True).value)
+        self._map_prior = _map_prior(declare_fixed(self, "map_prior", ""))
+        source_bag = declare_fixed(self, "source_bag", "")
+        journal = declare_fixed(self, "journal", "")
+        resume = declare_fixed(self, "resume", True)
         refuse_undeclared(self)
         self._source = _source(source_bag)
         self._journal = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
