@@ -153,12 +153,13 @@ class HypothesisManagerNode(PipelineNode):
     def _go_on_after_end(self) -> None:
         """After the end of a replay another session begins, of which nothing was had so far."""
         if self._is_finished:
-            self._is_finished = self.health.finished = False
-            self._frames, self._repeats = FrameCount(is_gapless=self.lossless), Repeats(self.repeated)
             self._begin(self._session.map_prior)
 
     def _begin(self, map_prior: MapPrior | None) -> None:
         """Another run, whose backends follow once it is announced."""
+        if self._is_finished:
+            self._is_finished = self.health.finished = False
+            self._frames, self._repeats = FrameCount(is_gapless=self.lossless), Repeats(self.repeated)
         self.get_logger().info(f"the run has ended after {self._session.num_keyframes} keyframes; another one begins")
         self._session = self._session.follower(map_prior)
         self._session.assembler.is_paused = self._is_paused
