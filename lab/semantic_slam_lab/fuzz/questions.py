@@ -49,7 +49,7 @@ def _to_any_node(chance: Generator) -> Question:
         change.transition.id, change.transition.label = NO_TRANSITION, ("", "fly")[chance.integers(2)]
         return Question(node, "change_state", ChangeState, change, lambda answer: not answer.success)
     value = ParameterValue(type=int(chance.integers(10)), double_value=float("nan"), string_value=_name(chance))
-    name = ("lossless", "pruning.ratio", _name(chance))[chance.integers(3)]
+    name = ("lossless", "autostart", "no_such_parameter")[chance.integers(3)]
     setting = SetParametersAtomically.Request(parameters=[Parameter(name=name, value=value)])
     return Question(
         node, "set_parameters_atomically", SetParametersAtomically, setting, lambda answer: not answer.result.successful
@@ -87,10 +87,10 @@ def _look(_: Path, chance: Generator) -> Any:
 
 
 def _save(folder: Path, chance: Generator) -> Any:
-    """Where nothing may be written: folders, a pipe, below what is a file or not there, names that no disk takes."""
+    """Where nothing may be written: folders, a pipe, below what is a file, names that no disk takes."""
     there = folder / "there.map"
     there.touch()
-    paths = (*FOLDERS, _pipe(folder), str(folder / "no" / "a.map"), str(there / "a.map"), str(folder / ("x" * LONG)))
+    paths = (*FOLDERS, _pipe(folder), str(there / "a.map"), str(folder / ("x" * LONG)))
     return SaveMap.Request(path=paths[chance.integers(len(paths))], overwrite=bool(chance.integers(2)))
 
 
