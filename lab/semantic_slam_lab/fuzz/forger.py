@@ -84,11 +84,10 @@ class Forger:
             own = self.counted.setdefault(status.name.partition(":")[0], {})
             own.update({told.key: int(told.value) for told in status.values if told.key.startswith(COUNTS)})
 
-    def num_counted(self, node: str, topic: str) -> int:
-        """How many messages of a topic a node says that it has not used."""
+    def counted_of(self, node: str, topic: str) -> dict[str, int]:
+        """How many messages of a topic a node says that it has not used, by reason."""
         names = tuple(f"{kind}{slash}{relative_name(topic)}" for kind in COUNTS for slash in ("", "/"))
-        own = self.counted.get(node, {})
-        return sum(number for key, number in own.items() if _ends(key, names))
+        return {key: number for key, number in self.counted.get(node, {}).items() if _ends(key, names)}
 
     def send(self, chance: Generator) -> None:
         """One forged message to a topic that somebody reads."""

@@ -84,6 +84,7 @@ def uncounted(forging: Forger) -> Iterator[str]:
     for (node, topic, _), number in forging.owed.items():
         owed[node, topic] += number
     for (node, topic), number in sorted(owed.items()):
-        counted = forging.num_counted(node, topic)
-        if counted < number:
-            yield f"{node} counts {counted} of {number} forgeries of {topic}"
+        counted = forging.counted_of(node, topic)
+        if (total := sum(counted.values())) < number:
+            told = ", ".join(f"{count} x {reason}" for reason, count in sorted(counted.items()))
+            yield f"{node} counts {total} of {number} forgeries of {topic}: {told}"
