@@ -106,8 +106,7 @@ def result_of(arguments: argparse.Namespace, rows: list[Row]) -> dict[str, Any]:
         "rate": arguments.rate,
         "seconds": arguments.seconds,
         "horizon": arguments.horizon,
-        "rows": [asdict(row) for row in rows],
-        "last": asdict(rows[-1]),
+        "results": [asdict(row) for row in rows],
     }
 
 
