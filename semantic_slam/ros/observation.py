@@ -50,6 +50,8 @@ class Observer:
         self.messages: list[RawMessage] = []  # of the topics that :meth:`listen` names, under these names
         self.left_out: dict[str, list[tuple[int, int]]] = {}  # header stamp, arrival [ns] of pictures that are not kept
         self.heard: Counter[str] = Counter()
+        resolved = {absolute(topic): self.resolved(topic) for topic in READ_HERE}
+        self.names = {known: name for known, name in resolved.items() if known != name}  # of topics, as they are here
         self._executor, self._num_bytes, self._is_simulated = executor, 0, False
         self._said: dict[str, Said] = {}
         receive(node, topics.DIAGNOSTICS, self._note, qos.everything())
