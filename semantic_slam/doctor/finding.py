@@ -30,7 +30,7 @@ class Finding:
         return " ".join(f"{self.severity.name.lower()}: {self.check}: {self.what}; {self.remedy}".split())
 
     def renamed(self, names: Mapping[str, str]) -> "Finding":
-        """The same with topics called what they are remapped to."""
+        """This finding with topics called what they are remapped to."""
         if not names:
             return self
         known = "|".join(map(re.escape, names))

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 HARDWARE_ID = "semantic_slam"
-"""Of all statuses of ours."""
+"""The hardware id of all statuses of our nodes."""
 
 
 def status_name(node: str, part: str) -> str:

@@ -45,7 +45,7 @@ def answers(folder: Path) -> Case:
 
 
 def believed() -> HybridBelief:
-    """Of two objects whose classes are not sure."""
+    """A belief in two objects whose classes are not sure."""
     engine = Engine(from_dict(small_drive.PLAIN), small_drive.map_prior())
     seen = [Detection.at(float(x), float(y)) for x, y in small_drive.OBJECTS]
     belief = engine.process(Keyframe.planar(0, detections=seen))

@@ -61,7 +61,7 @@ def _name(chance: Generator) -> str:
 
 
 def _region(chance: Generator) -> list[float]:
-    """Of three numbers, or of four of which some are none."""
+    """Three numbers, or ten thousand, or four of which one is none."""
     if chance.random() < 0.5:
         return [0.0] * (3, LONG)[chance.integers(2)]
     found = [-1.0, -1.0, 1.0, 1.0]

@@ -11,7 +11,7 @@ NAME = "raw pictures"
 KEPT_BYTES = 512 * 1024
 """Shared memory of a writer, unless its process is told otherwise."""
 NEAR = 0.5
-"""Of the time from one picture to the next: what was stamped farther from any picture is of one that has not come."""
+"""What is stamped farther from any picture than this share of the usual step is of one that has not come."""
 SOME, MOST = 0.05, 0.5
 
 
