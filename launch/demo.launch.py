@@ -25,8 +25,9 @@ from semantic_slam.ros.transport import is_installed
 class Nodes:
     """The nodes of one launch, and what becomes of it when one of them ends."""
 
-    def __init__(self, specs, last):
+    def __init__(self, specs, last, namespace):
         self._supervisor = Supervisor(specs, last)
+        self._namespace = namespace
         self._actions = {}
 
     def action(self, spec):
@@ -35,6 +36,7 @@ class Nodes:
             package="semantic_slam",
             executable=spec.executable,
             name=spec.name,
+            namespace=self._namespace,
             parameters=[spec.parameters],
             output="screen",
             emulate_tty=True,
@@ -64,8 +66,8 @@ class Nodes:
 
 def start_nodes(context):
     """Actions of all nodes, once the arguments' values are known."""
-    names = ("bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart")
-    bag, config, backends, rate, record, overwrite, journal, resume, autostart = (
+    names = ("bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart", "namespace")
+    bag, config, backends, rate, record, overwrite, journal, resume, autostart, namespace = (
         LaunchConfiguration(name).perform(context) for name in names
     )
     specs = node_set(
@@ -81,7 +83,7 @@ def start_nodes(context):
         autostart=autostart.lower() == "true",
     )
     # The last of the chain to be done ends the launch.
-    nodes = Nodes(specs, "bag_recorder" if record else "bag_player")
+    nodes = Nodes(specs, "bag_recorder" if record else "bag_player", namespace)
     return [nodes.action(spec) for spec in specs]
 
 
@@ -105,6 +107,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 "autostart", default_value="true", description="false: nodes wait to be configured and activated"
             ),
+            DeclareLaunchArgument("namespace", default_value="", description="of all nodes, for one robot of several"),
             OpaqueFunction(function=start_nodes),
         ]
     )

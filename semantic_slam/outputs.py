@@ -64,9 +64,9 @@ def claimed(
 def claimed_file(
     out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE
 ) -> Iterator[Path]:
-    """:func:`claimed` for a file: a folder is refused even with leave."""
-    if out.is_dir():
-        raise InputError(f"{out}: is a folder; name a file")
+    """:func:`claimed` for a file: a folder is refused even with leave, and so is a pipe or a device."""
+    if out.exists() and not out.is_file():
+        raise InputError(f"{out}: is a {'folder' if out.is_dir() else 'pipe or a device'}; name a file")
     with claimed(out, inputs, overwrite, leave) as staged:
         yield staged
 

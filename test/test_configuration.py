@@ -12,7 +12,13 @@ from rclpy.parameter import Parameter
 
 from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
 from semantic_slam.errors import InputError
-from semantic_slam.ros.parameters import changed_parameters, declare_configuration, leaves, refuse_undeclared
+from semantic_slam.ros.parameters import (
+    changed_parameters,
+    declare_configuration,
+    declare_fixed,
+    leaves,
+    refuse_undeclared,
+)
 
 CONFIG = Path(__file__).parents[1] / "config"
 SHIPPED = sorted(path for path in CONFIG.glob("*.yaml") if not path.stem.endswith("_example"))
@@ -189,3 +195,23 @@ def test_node_with_a_wrong_parameter_ends_with_code_2_and_one_line(parameter: st
     assert result.returncode == 2
     assert result.stderr.count("\n") == 1
     assert named in result.stderr
+
+
+@pytest.mark.parametrize(("given", "value"), [(2, 2.0), (0.5, 0.5)])
+def test_a_parameter_of_a_node_is_read_once_and_a_whole_number_is_a_number(ros, given, value) -> None:
+    node = rclpy.create_node("player", parameter_overrides=[Parameter("rate", value=given)])
+    try:
+        assert declare_fixed(node, "rate", 0.0) == value
+        (answer,) = node.set_parameters([Parameter("rate", value=1.0)])
+        assert not answer.successful and "read-only" in answer.reason
+    finally:
+        node.destroy_node()
+
+
+def test_a_parameter_that_is_no_number_is_named(ros) -> None:
+    node = rclpy.create_node("player", parameter_overrides=[Parameter("rate", value="fast")])
+    try:
+        with pytest.raises(InputError, match="parameters of player: rate is 'fast'; give a number"):
+            declare_fixed(node, "rate", 0.0)
+    finally:
+        node.destroy_node()

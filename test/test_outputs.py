@@ -222,6 +222,13 @@ def test_a_folder_is_not_replaced_by_a_file_even_with_leave(tmp_path: Path) -> N
     assert (tmp_path / "report.json").read_text() == "mine"
 
 
+def test_a_pipe_is_not_replaced_by_a_file_even_with_leave(tmp_path: Path) -> None:
+    os.mkfifo(pipe := tmp_path / "pipe")
+    with pytest.raises(InputError, match="is a pipe or a device; name a file"), claimed_file(pipe, overwrite=True):
+        pass
+    assert pipe.is_fifo()
+
+
 def test_what_is_no_bag_is_not_replaced_by_one_even_with_leave(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(InputError, match="no part of a bag"), claimed_bag(tmp_path, (), overwrite=True):

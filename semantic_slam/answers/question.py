@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array
 
 MAPPED = 0.5
 """Probability that what is looked for is on the map at all, where nobody knows better."""
+LONGEST_NAME = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +31,8 @@ class Question:
     def __post_init__(self) -> None:
         if not self.name and self.vector is None:
             raise InputError("nothing is looked for; give a name, or a vector of appearance")
+        if len(self.name) > LONGEST_NAME:
+            raise InputError(f"the name has {len(self.name)} letters; give one of at most {LONGEST_NAME}")
         if self.name and self.vector is not None:
             raise InputError("a name and a vector of a picture are looked for at once; ask for one after the other")
         if self.text_vectors and self.name not in self.text_vectors:

@@ -1,6 +1,8 @@
 """What the doctor has to say: one finding a line, what is wrong with its numbers, and what to do about it."""
 
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 from semantic_slam.errors import InputError
@@ -26,6 +28,15 @@ class Finding:
     def line(self) -> str:
         """As it is printed."""
         return " ".join(f"{self.severity.name.lower()}: {self.check}: {self.what}; {self.remedy}".split())
+
+    def renamed(self, names: Mapping[str, str]) -> "Finding":
+        """This finding with topics called what they are remapped to."""
+        if not names:
+            return self
+        known = "|".join(map(re.escape, names))
+        whole = re.compile(rf"(?<![\w/])({known})(?![\w/])")
+        what, remedy = (whole.sub(lambda found: names[found[0]], text) for text in (self.what, self.remedy))
+        return replace(self, what=what, remedy=remedy)
 
 
 def error(check: str, what: str, remedy: str) -> Finding:

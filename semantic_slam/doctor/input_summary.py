@@ -14,6 +14,7 @@ from semantic_slam.doctor.innovations import Innovations
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.pipeline.input_topics import InputTopics
 from semantic_slam.pipeline.preamble import Preamble
@@ -28,6 +29,18 @@ class Stamps:
 
     def __len__(self) -> int:
         return len(self.header_ns)
+
+    @property
+    def usual_step_s(self) -> float:
+        """Median time from message to message [s]."""
+        return float(np.median(np.abs(np.diff(self.header_ns)))) / NANOSECONDS
+
+    def distances_s(self, others: "Stamps") -> Array:
+        """(N,) from each stamp to the nearest one of at least two others."""
+        times = np.sort(others.header_ns)
+        at = np.clip(np.searchsorted(times, self.header_ns), 1, len(times) - 1)
+        apart = np.minimum(np.abs(self.header_ns - times[at - 1]), np.abs(self.header_ns - times[at]))
+        return np.asarray(apart / NANOSECONDS)
 
 
 NO_STAMPS = Stamps(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
@@ -72,6 +85,7 @@ class InputSummary:
     detections: DetectionRecord = field(default_factory=DetectionRecord)
     images: PictureRecord = field(default_factory=PictureRecord)
     depths: PictureRecord = field(default_factory=PictureRecord)
+    picture_bytes: dict[str, int] = field(default_factory=dict)  # of the newest picture of each topic, as sent
     camera: CameraModel | None = None
     camera_poses: list[Array] = field(default_factory=list)  # (7,) T_base_camera of frames
     num_frames: int = 0  # detection messages that the first part of the pipeline was shown

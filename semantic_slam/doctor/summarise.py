@@ -81,6 +81,8 @@ class Summariser:
     def _take(self, message: RawMessage) -> None:
         if message.topic in self._stamped and len(message.cdr) >= ENCODING + LITTLE.size:
             self._times[message.topic].append((serialised_stamp_ns(message.cdr), message.stamp_ns))
+        if message.topic in (self._summary.found.image, self._summary.found.depth):
+            self._summary.picture_bytes[message.topic] = len(message.cdr)
         if not self._is_looked_at(message.topic):
             return
         try:

@@ -90,8 +90,13 @@ def read_map_prior(path: Path) -> MapPrior:
 
 
 def is_map_file(path: Path) -> bool:
-    """Whether a file is a ``FILE.map`` rather than a text. Raises InputError where it cannot be read."""
+    """Whether a file is a ``FILE.map`` rather than a text. Raises InputError where it cannot be read.
+
+    Pipes and devices are not opened: they may have nothing to say for ever, or no end.
+    """
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise InputError(f"{path}: is no file; name an existing FILE.map or objects.json")
         with path.open("rb") as file:
             return b"\0" in file.read(16)
     except OSError as fault:

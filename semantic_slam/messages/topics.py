@@ -61,6 +61,8 @@ TYPES = {
     GROUND_TRUTH_OBJECTS: "semantic_slam_msgs/msg/GroundTruthObjects",
     GROUND_TRUTH_ASSOCIATIONS: "semantic_slam_msgs/msg/GroundTruthAssociations",
 }
+GLOBAL = frozenset({TF, TF_STATIC, CLOCK, DIAGNOSTICS})
+"""Topics of these names in every namespace, unless they are remapped."""
 LATCHED = frozenset({TF_STATIC, RUN_CONFIGURATION, GROUND_TRUTH_OBJECTS, INITIAL_POSE})
 """Topics whose last message a late subscriber still receives (TRANSIENT_LOCAL)."""
 KEPT_INPUTS = (

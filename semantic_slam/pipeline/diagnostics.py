@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from semantic_slam.messages.node_status import HARDWARE_ID
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class
 
@@ -18,7 +19,7 @@ def dropped_message(stamp_ns: int, dropped_by: Mapping[str, Counter[str]]) -> An
             level=WARNING if dropped else OK,
             name=f"semantic_slam: {part}",
             message=f"{dropped.total()} dropped" if dropped else "nothing dropped",
-            hardware_id="semantic_slam",
+            hardware_id=HARDWARE_ID,
             values=[key_value(key=f"dropped: {reason}", value=str(n)) for reason, n in sorted(dropped.items())],
         )
         for part, dropped in dropped_by.items()

@@ -16,7 +16,7 @@ from semantic_slam.messages.codec import encode
 from semantic_slam.ros import qos
 from semantic_slam.ros.health import dropped_status
 from semantic_slam.ros.liveliness import Sign
-from semantic_slam.ros.parameters import refuse_undeclared
+from semantic_slam.ros.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.transport import Outlet, relative_name
 from semantic_slam.ros.work_order import Answer, WorkOrder
@@ -29,7 +29,7 @@ class BackendNode(PipelineNode):
 
     def __init__(self, backend_class: type[Backend] = Backend) -> None:
         super().__init__("backend_0")
-        given = int(self.declare_parameter("backend_id", -1).value)
+        given = declare_fixed(self, "backend_id", -1)
         refuse_undeclared(self)
         self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
         self._rounds = WorkOrder(lambda: backend_class(self.backend_id))

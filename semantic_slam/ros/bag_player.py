@@ -1,14 +1,15 @@
 """Node ``bag_player``: any rosbag2 onto the topics, in real time, faster, or losslessly in lock-step.
 
-It begins where the hypothesis manager stands: at the bag's start, or in a run that goes on shortly before the newest
-frame done with. Where an earlier replay has ended, this one is another session.
+In lock-step it begins where the hypothesis manager stands: at the bag's start, or in a run that goes on shortly before
+the newest frame done with. Where an earlier replay has ended, this one is another session. Live it begins at the start.
 
 Parameters:
   bag                   rosbag2 folder, .mcap or .db3
   rate                  0 (default): lossless lock-step; 1: real time; more: faster
   window                detection frames under way at most, in lock-step (default 4)
   remap                 list of FROM:=TO, e.g. ["/camera/image:=image"]
-  resume                after the end of a replay: it was this one, there is nothing left to do (default false)
+  resume                in place of a player that died: live, too, it begins where the manager stands, and after the end
+                        of a replay there is nothing left to do (default false)
   wait_for_listeners_s  how long to wait until every input has a listener (default 60)
 """
 
@@ -38,7 +39,7 @@ from semantic_slam.messages.typestore import message_class, serialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.flow_control import Credit
 from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import refuse_undeclared
+from semantic_slam.ros.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.playlist import Playlist, parse_remaps
 from semantic_slam.ros.resumption import FROM_THE_START, Resumption, resumption
@@ -59,12 +60,12 @@ class BagPlayer(PipelineNode):
 
     def __init__(self) -> None:
         super().__init__("bag_player")
-        bag = str(self.declare_parameter("bag", "").value)
-        self._rate = float(self.declare_parameter("rate", 0.0).value)
-        self._wait_s = float(self.declare_parameter("wait_for_listeners_s", 60.0).value)
-        remaps = parse_remaps(self.declare_parameter("remap", [""]).value)
-        self._credit = Credit(int(self.declare_parameter("window", 4).value), STALL_S)
-        self._resumes = bool(self.declare_parameter("resume", False).value)
+        bag = declare_fixed(self, "bag", "")
+        self._rate = declare_fixed(self, "rate", 0.0)
+        self._wait_s = declare_fixed(self, "wait_for_listeners_s", 60.0)
+        remaps = parse_remaps(declare_fixed(self, "remap", [""]))
+        self._credit = Credit(declare_fixed(self, "window", 4), STALL_S)
+        self._resumes = declare_fixed(self, "resume", False)
         refuse_undeclared(self)
         if not bag:
             raise InputError("bag_player: parameter bag is empty; name the bag to replay")
@@ -110,7 +111,8 @@ class BagPlayer(PipelineNode):
             self._stands.set()
             return
         # Messages of others that are no detections count as frames that the classifier lost.
-        self._credit.done(min(progress.frames, self._sent) if self._sent else progress.frames)
+        before = progress.frames if self._goes_on else 0
+        self._credit.done(min(progress.frames, self._sent) if self._sent else before)
         self._done_stamp_ns = progress.stamp_ns
         self._stands.set()
         if progress.finished:
@@ -159,9 +161,14 @@ class BagPlayer(PipelineNode):
             if waited_s > GRACE_S and (waited_s > self._wait_s or not self.count_publishers(self._manager_topic)):
                 return
 
+    @property
+    def _goes_on(self) -> bool:
+        """Whether a replay that was broken off is gone on with; live, only by a player that is started for that."""
+        return self._rate == 0.0 or self._resumes
+
     def _start(self, bag: BagReader) -> Resumption:
         """Where to begin; the frames before count as sent."""
-        if not self._done_stamp_ns:
+        if not (self._done_stamp_ns and self._goes_on):
             return FROM_THE_START
         frames = [topic for topic, item in self._playlist.items.items() if item.is_frame]
         start = resumption(filter(self._is_frame, bag.messages(frames)), self._done_stamp_ns)
@@ -185,10 +192,10 @@ class BagPlayer(PipelineNode):
             item = self._playlist.items[message.topic]
             is_frame = self._is_frame(message)
             frame += is_frame
-            # The first camera_info counts, wherever a replay goes on.
-            is_first_camera = item.name == CAMERA_INFO and message.topic not in cameras
-            cameras.add(message.topic)
-            if not (is_first_camera or start.takes(message, frame if is_frame else None)):
+            if not start.takes(message, frame if is_frame else None):
+                if item.name == CAMERA_INFO and message.topic not in cameras:  # the first one counts
+                    self._send(message)
+                cameras.add(message.topic)
                 continue
             if is_frame:
                 self._wait_for_credit(bar)

@@ -26,12 +26,13 @@ from semantic_slam.inference.building import is_id_of_its_contents
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import BY_TYPE_NAME, decode, from_message
+from semantic_slam.messages.node_status import is_of_another_robot
 from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.outputs import LEAVE_OF_NODES, claimed_again, claimed_bag
 from semantic_slam.ros import qos
 from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import refuse_undeclared
+from semantic_slam.ros.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PASSED, PipelineNode, main_of
 from semantic_slam.ros.recent_inputs import RecentInputs
 from semantic_slam.ros.repeats import Repeats
@@ -52,9 +53,9 @@ class BagRecorder(PipelineNode):
 
     def __init__(self) -> None:
         super().__init__("bag_recorder")
-        path = str(self.declare_parameter("bag", "").value)
-        overwrite = bool(self.declare_parameter("overwrite", False).value)
-        resume = bool(self.declare_parameter("resume", False).value)
+        path = declare_fixed(self, "bag", "")
+        overwrite = declare_fixed(self, "overwrite", False)
+        resume = declare_fixed(self, "resume", False)
         refuse_undeclared(self)
         if not path:
             raise InputError("bag_recorder: parameter bag is empty; name the bag to write")
@@ -140,6 +141,8 @@ class BagRecorder(PipelineNode):
     def _write(self, topic: str, data: bytes) -> None:
         message = deserialize(data, topics.TYPES[topic])
         value = from_message(message) if topics.TYPES[topic] in BY_TYPE_NAME else None
+        if topic == topics.DIAGNOSTICS and is_of_another_robot(message.status, self.get_namespace()):
+            return
         if isinstance(value, RunConfiguration) and not is_id_of_its_contents(value):
             raise MessageError(f"{topic}: its id is not that of its contents", "id of another run")
         stamp_ns = header_stamp_ns(message) if hasattr(message, "header") else 0

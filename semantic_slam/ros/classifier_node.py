@@ -35,7 +35,7 @@ from semantic_slam.pipeline.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.places_assembler import PlacesAssembler
 from semantic_slam.ros import qos
 from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
+from semantic_slam.ros.parameters import declare_configuration, declare_fixed, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.transport import Outlet, is_installed, private_name, ros_type
@@ -50,11 +50,11 @@ class ClassifierNode(PipelineNode):
         super().__init__("classifier")
         configuration = declare_configuration(self)
         self._configuration, self._perception = configuration, configuration.perception
-        has_images = bool(self.declare_parameter("has_images", True).value)
-        has_depth = bool(self.declare_parameter("has_depth", True).value)
+        has_images = declare_fixed(self, "has_images", True)
+        has_depth = declare_fixed(self, "has_depth", True)
         self._classifier = build_classifier(configuration) if has_images else None
         self._transforms = TransformTree()
-        moves = bool(self.declare_parameter("has_moving_camera", False).value) and is_installed(topics.TYPES[topics.TF])
+        moves = declare_fixed(self, "has_moving_camera", False) and is_installed(topics.TYPES[topics.TF])
         self._has_depth, self._moving = has_depth, self._transforms if moves else None
         self._dropped: Counter[str] = Counter()
         self._begin()
@@ -63,7 +63,7 @@ class ClassifierNode(PipelineNode):
         self._listen(
             has_depth=has_depth,
             has_moving_camera=moves,
-            detections_type=str(self.declare_parameter("detections_type", OURS).value),
+            detections_type=declare_fixed(self, "detections_type", OURS),
         )
         refuse_undeclared(self)
         self._status = dropped_status(self._dropped)  # replaced by the worker, published by the executor
@@ -139,7 +139,7 @@ class ClassifierNode(PipelineNode):
     ) -> None:
         """Listen to pictures by the transport that ``parameter`` says, or else by that which has a publisher."""
         given = parameter in self._parameter_overrides  # that none is given cannot be told from a default
-        is_compressed = bool(self.declare_parameter(parameter, True).value)
+        is_compressed = declare_fixed(self, parameter, True)
         if not is_wanted:
             return
         chosen = transports if not given else transports[:1] if is_compressed else transports[1:]

@@ -8,6 +8,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from semantic_slam.messages.node_status import HARDWARE_ID, status_name
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.topics import DIAGNOSTICS, TYPES
 from semantic_slam.messages.typestore import message_class, serialize
@@ -84,8 +85,8 @@ class Diagnostics:
         key_value = message_class("diagnostic_msgs/msg/KeyValue")
         return message_class("diagnostic_msgs/msg/DiagnosticStatus")(
             level=int(status.level),
-            name=f"{self._node.get_name()}: {status.name}",
+            name=status_name(self._node.get_fully_qualified_name(), status.name),
             message=status.message,
-            hardware_id="semantic_slam",
+            hardware_id=HARDWARE_ID,
             values=[key_value(key=key, value=value) for key, value in status.values.items()],
         )

@@ -65,7 +65,8 @@ def examine_running_system(
     faults = [*unread, *_unheard(look, kinds), *_read_preamble(look, summary.preamble)]
     Summariser(summary, deserialize).take(look.messages)
     faults += _left_out(look, summary)
-    return [*graph_checks.check(with_nodes_to_come(graph)), *faults, *examine(summary)]
+    found = [*graph_checks.check(with_nodes_to_come(graph)), *faults, *examine(summary)]
+    return [finding.renamed(look.names) for finding in found]
 
 
 def prior_of_manager(name: str) -> tuple[MapPrior | None, list[Finding]]:

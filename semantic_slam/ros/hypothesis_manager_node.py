@@ -54,7 +54,7 @@ from semantic_slam.ros.health import Level, Status, dropped_status, explanation_
 from semantic_slam.ros.lookalike_service import LookalikeService
 from semantic_slam.ros.map_service import MapService
 from semantic_slam.ros.object_services import ObjectServices
-from semantic_slam.ros.parameters import declare_configuration, refuse_undeclared
+from semantic_slam.ros.parameters import declare_configuration, declare_fixed, refuse_undeclared
 from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.ros_pool import RosPool
@@ -73,15 +73,15 @@ class HypothesisManagerNode(PipelineNode):
     def __init__(self) -> None:
         super().__init__("hypothesis_manager")
         self._configuration = declare_configuration(self)
-        num_backends = int(self.declare_parameter("backends", 1).value)
+        num_backends = declare_fixed(self, "backends", 1)
         if num_backends < 1:
             raise InputError(f"parameter backends is {num_backends}; at least one backend is needed")
-        timeout_s = float(self.declare_parameter("backend_timeout_s", 60.0).value)
+        timeout_s = declare_fixed(self, "backend_timeout_s", 60.0)
         self._pool = RosPool(self, range(num_backends), timeout_s)
-        self._map_prior = _map_prior(str(self.declare_parameter("map_prior", "").value))
-        source_bag = str(self.declare_parameter("source_bag", "").value)
-        journal = str(self.declare_parameter("journal", "").value)
-        resume = bool(self.declare_parameter("resume", True).value)
+        self._map_prior = _map_prior(declare_fixed(self, "map_prior", ""))
+        source_bag = declare_fixed(self, "source_bag", "")
+        journal = declare_fixed(self, "journal", "")
+        resume = declare_fixed(self, "resume", True)
         refuse_undeclared(self)
         self._source = _source(source_bag)
         self._journal = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
@@ -153,12 +153,13 @@ class HypothesisManagerNode(PipelineNode):
     def _go_on_after_end(self) -> None:
         """After the end of a replay another session begins, of which nothing was had so far."""
         if self._is_finished:
-            self._is_finished = self.health.finished = False
-            self._frames, self._repeats = FrameCount(is_gapless=self.lossless), Repeats(self.repeated)
             self._begin(self._session.map_prior)
 
     def _begin(self, map_prior: MapPrior | None) -> None:
         """Another run, whose backends follow once it is announced."""
+        if self._is_finished:
+            self._is_finished = self.health.finished = False
+            self._frames, self._repeats = FrameCount(is_gapless=self.lossless), Repeats(self.repeated)
         self.get_logger().info(f"the run has ended after {self._session.num_keyframes} keyframes; another one begins")
         self._session = self._session.follower(map_prior)
         self._session.assembler.is_paused = self._is_paused

@@ -21,6 +21,7 @@ from semantic_slam.doctor.graph import Endpoint, Graph, Said
 from semantic_slam.doctor.summarise import ENCODING, LITTLE, serialised_stamp_ns
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
+from semantic_slam.messages.node_status import is_ours
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros import qos
 from semantic_slam.ros.transport import receive, relative_name
@@ -39,8 +40,6 @@ READ_HERE = (
     topics.ODOMETRY, topics.INITIAL_POSE, topics.TF, topics.TF_STATIC, topics.MEASUREMENTS,
 )  # fmt: skip
 ALIVE = re.compile(r"/backend_\d+/alive$")
-OURS = "semantic_slam"
-"""The hardware id of our nodes' diagnostics."""
 
 
 class Observer:
@@ -51,6 +50,8 @@ class Observer:
         self.messages: list[RawMessage] = []  # of the topics that :meth:`listen` names, under these names
         self.left_out: dict[str, list[tuple[int, int]]] = {}  # header stamp, arrival [ns] of pictures that are not kept
         self.heard: Counter[str] = Counter()
+        resolved = {absolute(topic): self.resolved(topic) for topic in READ_HERE}
+        self.names = {known: name for known, name in resolved.items() if known != name}  # of topics, as they are here
         self._executor, self._num_bytes, self._is_simulated = executor, 0, False
         self._said: dict[str, Said] = {}
         receive(node, topics.DIAGNOSTICS, self._note, qos.everything())
@@ -111,8 +112,7 @@ class Observer:
 
     def resolved(self, topic: str) -> str:
         """What a topic of ours is called here."""
-        is_global = topic.startswith("/tf")
-        return str(self.node.resolve_topic_name(topic if is_global else relative_name(topic)))
+        return str(self.node.resolve_topic_name(relative_name(topic)))
 
     def _endpoints(self, found: Sequence[Any]) -> list[Endpoint]:
         return [
@@ -144,7 +144,7 @@ class Observer:
         except InputError:
             return
         for status in statuses:
-            if status.hardware_id == OURS:
+            if is_ours(status, self.node.get_namespace()):
                 self._said[status.name] = Said(int(status.level), status.name, status.message)
 
 

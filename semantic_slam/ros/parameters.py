@@ -4,7 +4,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterValueException
@@ -13,6 +13,7 @@ from rclpy.node import Node
 from semantic_slam.configuration import Configuration, choices_of, from_dict
 from semantic_slam.errors import InputError
 
+T = TypeVar("T")
 SETTINGS_OF_ROS = frozenset({"use_sim_time", "start_type_description_service"})
 """Which rclpy reads itself."""
 
@@ -60,6 +61,21 @@ def configuration_of(parameters: Mapping[str, Any], origin: str) -> Configuratio
         if name in parameters:
             _insert(values, name.split("."), parameters[name])
     return from_dict(values, origin)
+
+
+def declare_fixed(node: Node, name: str, default: T) -> T:
+    """Declare a parameter that is read once and cannot be set later; its value. Raises InputError.
+
+    Where a number is asked for, ``1`` may stand for ``1.0``.
+    """
+    is_number = isinstance(default, float)
+    told = ParameterDescriptor(description="read when the node starts", read_only=True, dynamic_typing=is_number)
+    value = node.declare_parameter(name, default, told).value
+    if not is_number:
+        return cast(T, value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"parameters of {node.get_name()}: {name} is {value!r}; give a number")
+    return cast(T, float(value))
 
 
 def refuse_undeclared(node: Node) -> None:

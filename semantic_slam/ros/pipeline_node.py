@@ -26,6 +26,7 @@ from semantic_slam.messages import topics
 from semantic_slam.ros.backlog import Backlog
 from semantic_slam.ros.diagnostics import Diagnostics
 from semantic_slam.ros.health import repeated_status
+from semantic_slam.ros.parameters import declare_fixed
 from semantic_slam.ros.qos import PICTURES, SENSOR_DEPTH
 from semantic_slam.ros.transport import receive, relative_name
 from semantic_slam.ros.worker import Worker
@@ -68,9 +69,9 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._service_change_state.callback = _refusing(self._service_change_state.callback)
-        self._starts_itself = bool(self.declare_parameter("autostart", True).value)
+        self._starts_itself = declare_fixed(self, "autostart", True)
         self.is_active = False
-        self.lossless = bool(self.declare_parameter("lossless", False).value)
+        self.lossless = declare_fixed(self, "lossless", False)
         self.health = Diagnostics(self)
         self.worker = Worker(self._failed)
         self.fault: Exception | None = None

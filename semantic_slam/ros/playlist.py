@@ -18,7 +18,6 @@ INPUTS = frozenset(
         topics.INITIAL_POSE,
     }
 )
-ABSOLUTE = frozenset({topics.TF, topics.TF_STATIC})
 NEVER = (topics.CLOCK, topics.DIAGNOSTICS, "/classifier/", "/hypothesis_manager/", "/bag_player/")
 """What the running nodes publish themselves; a recorded one would mix with it."""
 RECORDED_MEASUREMENTS = topics.MEASUREMENTS.lstrip("/")
@@ -68,7 +67,7 @@ class Playlist:
             if topic.startswith(NEVER) and not (self.has_measurements and topic == topics.MEASUREMENTS):
                 continue
             if is_installed(type_name):
-                name = remaps.get(topic, topic if topic in ABSOLUTE else topic.lstrip("/"))
+                name = remaps.get(topic, topic if topic in topics.GLOBAL else topic.lstrip("/"))
                 self.items[topic] = PlayItem(name, type_name)
             else:
                 self.notes.append(f"{topic} is not replayed: package {type_name.split('/')[0]} is not installed")
@@ -81,5 +80,7 @@ def parse_remaps(entries: Iterable[str]) -> dict[str, str]:
         source, separator, target = entry.partition(":=")
         if not (separator and source and target):
             raise InputError(f"parameter remap: '{entry}' is not FROM:=TO; write for example /camera/image:=image")
-        remaps["/" + source.lstrip("/")] = target.lstrip("/") if "/" + target.lstrip("/") not in ABSOLUTE else target
+        remaps["/" + source.lstrip("/")] = (
+            target.lstrip("/") if "/" + target.lstrip("/") not in topics.GLOBAL else target
+        )
     return remaps

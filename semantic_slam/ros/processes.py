@@ -53,7 +53,8 @@ class NodeProcesses:
         self._commands[spec.name] = (command, show_errors)
         parameters = self._logs / f"{spec.name}.yaml"
         # JSON is YAML; written with the node's name so that nothing else takes these parameters.
-        parameters.write_text(json.dumps({f"/{spec.name}": {"ros__parameters": _nested(spec.parameters)}}), "utf-8")
+        given = {f"/**/{spec.name}": {"ros__parameters": _nested(spec.parameters)}}
+        parameters.write_text(json.dumps(given), "utf-8")
         options = ["-r", f"__node:={spec.name}", "--params-file", str(parameters)]
         words = [*(command or [spec.executable]), "--ros-args", *options]
         mode = "ab" if spec.name in self._processes else "wb"

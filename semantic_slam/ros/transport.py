@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile
 
 from semantic_slam.errors import InputError, SemanticSlamError
-from semantic_slam.messages.topics import TYPES
+from semantic_slam.messages.topics import GLOBAL, TYPES
 
 PATIENCE_S = 60.0
 RETRY_S = 0.01
@@ -42,8 +42,8 @@ def private_name(topic: str) -> str:
 
 
 def relative_name(topic: str) -> str:
-    """The name under which other nodes of the same namespace find a topic of ours."""
-    return topic.lstrip("/")
+    """The name under which other nodes of the same namespace find a topic of ours; of some it is one for all."""
+    return topic if topic in GLOBAL else topic.lstrip("/")
 
 
 class Outlet:
@@ -107,7 +107,7 @@ def receive(
 
     ``on_incompatible`` receives the topic and the policy when a publisher's QoS can never match.
     """
-    name: str = node.resolve_topic_name(relative_name(topic) if topic != "/tf_static" else topic)
+    name: str = node.resolve_topic_name(relative_name(topic))
 
     def incompatible(event: Any) -> None:
         if on_incompatible is not None:

@@ -24,7 +24,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros import qos
-from semantic_slam.ros.transport import is_installed, ros_type
+from semantic_slam.ros.transport import is_installed, relative_name, ros_type
 from semantic_slam.view.live_run import LiveRun
 from semantic_slam.view.server import ViewServer
 
@@ -57,7 +57,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
         renamed[0] = f"{topics.BELIEF}:={belief}"
         rules = [word for rule in renamed if belief != topics.BELIEF for word in ("-r", rule)]
         super().__init__("view", namespace=namespace or None, cli_args=["--ros-args", *rules, *(words or [])[1:]])
-        self.run = LiveRun(self.resolve_topic_name(topics.BELIEF))
+        self.run = LiveRun(self.resolve_topic_name(topics.BELIEF), self.get_namespace())
         take, run = self._take, self.run
         take(topics.BELIEF, run.add_belief, newest(DEPTH))
         take(topics.MEASUREMENTS, run.add_measurements, newest(DEPTH))
@@ -93,9 +93,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
 
     def _name(self, topic: str) -> str:
         """The topic's name in the namespace of the manager; what is of the manager itself is renamed by rules."""
-        if topic in OF_THE_MANAGER or topic == topics.DIAGNOSTICS:
-            return topic
-        return topic.lstrip("/")
+        return topic if topic in OF_THE_MANAGER else relative_name(topic)
 
     def _look(self) -> None:
         """Who publishes the belief, and which of the camera's topics speaks."""

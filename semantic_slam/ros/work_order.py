@@ -119,6 +119,7 @@ class WorkOrder:
         """Round two; the answer where its keyframe is known. In the backend a repeated one is idempotent."""
         run = self._runs.get(commit.run_id)
         if run is not None and commit.keyframe < run.num_known:
+            self.dropped += self._commits.without_others(self._runs)
             return self._followed(run, commit)
         self._keep(self._commits, commit.run_id, commit.keyframe, commit)
         return []

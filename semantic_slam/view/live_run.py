@@ -33,8 +33,9 @@ from semantic_slam.view.true_path import TruePath
 class LiveRun:
     """The newest run; its ``session`` is another one as soon as another run begins, or the view anew."""
 
-    def __init__(self, topic: str = "") -> None:
-        self.health = NodeHealth()
+    def __init__(self, topic: str = "", namespace: str = "/") -> None:
+        """``topic``: the belief's, ``namespace``: that of the nodes."""
+        self.health = NodeHealth(namespace)
         self.refused: Counter[str] = Counter()  # messages that could not be used, by kind
         self.publishers = 0  # of the belief
         self.topic = topic

@@ -3,26 +3,29 @@
 import time
 from typing import Any
 
+from semantic_slam.messages.node_status import is_ours
+
 KEPT_STATUSES = 200
 SILENT_S = 5.0
 """Diagnostics come once a second; what has not spoken for so long is silent."""
 FORGOTTEN_S = 600.0
 MOST_LETTERS = 300
-OURS = "semantic_slam"
 DROPPED = "dropped: "
 
 
 class NodeHealth:
-    """The newest status of each part of each node of this suite; others' diagnostics are not looked at."""
+    """The newest status of each part of each node of one robot; others' diagnostics are not looked at."""
 
-    def __init__(self) -> None:
+    def __init__(self, namespace: str) -> None:
+        self._namespace = namespace
         self._statuses: dict[str, tuple[float, Any]] = {}  # when it came, by name
 
     def add(self, message: Any) -> None:
         """Take in a diagnostic_msgs/DiagnosticArray."""
         now_s = time.monotonic()
         for status in message.status:
-            if status.hardware_id == OURS and (status.name in self._statuses or len(self._statuses) < KEPT_STATUSES):
+            is_kept = status.name in self._statuses or len(self._statuses) < KEPT_STATUSES
+            if is_kept and is_ours(status, self._namespace):
                 self._statuses[str(status.name)] = now_s, status
         self._statuses = {name: own for name, own in self._statuses.items() if now_s - own[0] < FORGOTTEN_S}
 

@@ -219,3 +219,13 @@ def test_each_mistake_is_found_alone_with_its_remedy(tmp_path: Path, mistake: Mi
     assert [(finding.check, finding.severity) for finding in found] == [(mistake.check, mistake.severity)]
     assert all(words in found[0].line for words in mistake.words)
     assert "\n" not in found[0].line and found[0].remedy
+
+
+def test_topics_are_called_what_they_are_remapped_to() -> None:
+    names = {"/odom": "/robot1/odom", "/image": "/robot1/image", "/image/compressed": "/camera/jpeg"}
+    said = Finding(
+        Severity.ERROR, "topics", "no /image/compressed beside /odom, /my/odom and /odometry", "-r odom:=/odom"
+    )
+    told = said.renamed(names)
+    assert told.what == "no /camera/jpeg beside /robot1/odom, /my/odom and /odometry"
+    assert told.remedy == "-r odom:=/robot1/odom" and said.renamed({}) == said

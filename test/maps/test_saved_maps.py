@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -147,3 +148,9 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "other.map").write_bytes(content)
     with pytest.raises(InputError, match=r"other\.map"):
         read_map(tmp_path / "other.map")
+
+
+def test_a_pipe_that_nobody_writes_to_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(pipe := tmp_path / "pipe.map")
+    with pytest.raises(InputError, match="is no file; name an existing"):
+        read_map_prior(pipe)

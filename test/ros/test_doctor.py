@@ -205,3 +205,16 @@ def test_quality_of_service_that_cannot_match_is_found_from_both_ends() -> None:
     )  # a run starts without
     assert found[2].startswith("error: ") and "publish /tf_static TRANSIENT_LOCAL" in found[2]
     assert found[3].endswith("; remap the topic")
+
+
+def test_types_that_differ_and_nodes_that_lack_are_found_before_the_start() -> None:
+    theirs, ours = "vision_msgs/msg/Detection2DArray", "semantic_slam_msgs/msg/DetectionArray"
+    graph = Graph(
+        publishers={"/detections": [Endpoint("detector", theirs)]},
+        readers={"/detections": [Endpoint("classifier", ours)]},
+        nodes=frozenset({"classifier"}),
+    )
+    found = lines(list(graph_checks.check(graph)))
+    assert [line.split(": ")[1] for line in found] == ["types", "nodes"]
+    assert f"detector publishes {theirs} and classifier reads {ours}; remap one of them" in found[0]
+    assert "no hypothesis_manager takes its measurements; start it" in found[1]

@@ -1,5 +1,7 @@
 """Messages that nobody of a replay sends, on all its topics, end no node, change no belief, and are counted.
 
+So do requests that no service should get; they are refused.
+
 ``python -m semantic_slam_lab.fuzz --live`` does this with 2000 of them and the shipped bag.
 """
 
@@ -10,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from semantic_slam_lab.fuzz.asker import Asker
 from semantic_slam_lab.fuzz.forger import Forger, forger
-from semantic_slam_lab.fuzz.live import uncounted
+from semantic_slam_lab.fuzz.live import disturb, uncounted
 from worlds.bag_factory import write_bag, write_configuration
 from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
 from worlds.places import place_entries
@@ -28,16 +31,16 @@ TELL_AT_THE_END = ("hypothesis_manager ", "classifier ")
 """Nodes that say once more, when a replay has ended, what they have counted; the others do so every second."""
 
 
-def attack(forging: Forger, chance: np.random.Generator) -> None:
+def attack(forging: Forger, asking: Asker, chance: np.random.Generator) -> None:
     """As many as are due at the newest keyframe."""
     due = NUM_FORGED * min(forging.keyframe + 1, NUM_ATTACKED) // NUM_ATTACKED
-    while forging.num_sent < due:
-        forging.send(chance)
+    while forging.num_sent + asking.num_asked < due:
+        disturb(forging, asking, chance)
 
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_forged_messages_on_every_topic_change_nothing_and_are_counted(
+def test_forged_messages_and_requests_change_nothing_and_are_counted_or_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     domain_id = FIRST_DOMAIN + int(os.environ["ROS_DOMAIN_ID"]) % DOMAINS
@@ -49,14 +52,16 @@ def test_forged_messages_on_every_topic_change_nothing_and_are_counted(
     replay = Replay(bag, configuration, tmp_path, 1, parameters=patient)
     chance = np.random.default_rng(0)
     with forger(bag, domain_id) as forging, processes(tmp_path) as nodes:
+        asking = Asker(forging.node, tmp_path)
         for spec in replay.specs():
             nodes.start(spec, SLOW_BACKEND if spec.name == "backend_0" else ())
         while nodes.exit_code("bag_recorder") is None:
             nodes.check()
-            attack(forging, chance)
+            attack(forging, asking, chance)
             time.sleep(CHECK_S)
         nodes.wait("bag_player", TIMEOUT_S)
         missing = [line for line in uncounted(forging) if line.startswith(TELL_AT_THE_END)]
-    assert forging.num_sent == NUM_FORGED
+    assert forging.num_sent + asking.num_asked == NUM_FORGED
     assert_same(beliefs(replay.belief_bag), beliefs(tmp_path / "offline"))
     assert not missing
+    assert len(asking.refused()) > 5 and not list(asking.findings())

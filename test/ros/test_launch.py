@@ -16,7 +16,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.ros.node_set import NodeSpec, node_set
 
 ROOT = Path(__file__).parents[2]
-ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart"}
+ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart", "namespace"}
 
 
 @pytest.fixture
@@ -120,7 +120,7 @@ def test_launch_file_declares_the_arguments_of_the_interface(launch_file: dict[s
 
 def context_of(bag: Path, configuration: Path, **changes: str) -> dict[str, str]:
     values = {"backends": "1", "rate": "0.0", "record": "out/belief", "overwrite": "false"}
-    values |= {"journal": "", "resume": "false", "autostart": "true"}
+    values |= {"journal": "", "resume": "false", "autostart": "true", "namespace": ""}
     return {"bag": str(bag), "config": str(configuration), **values, **changes}
 
 
@@ -160,6 +160,13 @@ def test_launch_file_starts_the_node_set(launch_file: dict[str, Any], bag: Path,
     assert {node.name: (node.executable, node.parameters) for node in nodes} == {
         spec.name: (spec.executable, [spec.parameters]) for spec in expected.values()
     }
+
+
+def test_all_nodes_of_a_launch_are_in_its_namespace(
+    launch_file: dict[str, Any], bag: Path, configuration: Path
+) -> None:
+    nodes = launch_file["start_nodes"](context_of(bag, configuration, namespace="robot1"))
+    assert {node.namespace for node in nodes} == {"robot1"}
 
 
 class Context(dict[str, str]):

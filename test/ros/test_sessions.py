@@ -31,6 +31,8 @@ from semantic_slam.ros.transport import Outlet, receive
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 6
+MORE_FRAMES = 12
+"""More than a player that goes on sends again."""
 TIMEOUT_S = 60.0
 SENT = (topics.ODOMETRY, topics.DETECTIONS)
 
@@ -192,10 +194,11 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     assert ids[0][0] == ids[1][0] == ids[2][0] != ids[3][0]  # the same but on another map
 
 
-def test_a_second_replay_into_running_nodes_is_another_session_with_the_same_beliefs(tmp_path: Path) -> None:
+def test_another_replay_into_running_nodes_is_another_session_with_the_same_beliefs(tmp_path: Path) -> None:
+    """The second one after the first, and a third one after a reset."""
     nowhere = {"network": "nowhere.safetensors"}
     configuration = write_configuration(tmp_path / "configuration", perception=nowhere)
-    bag = write_bag(tmp_path / "bag", place_entries("ranges", NUM_FRAMES))
+    bag = write_bag(tmp_path / "bag", place_entries("ranges", MORE_FRAMES))
     specs = node_set(bag, configuration, 1, 0.0, "", has_tf2=False)
     rclpy.init()
     try:
@@ -205,16 +208,21 @@ def test_a_second_replay_into_running_nodes_is_another_session_with_the_same_bel
             receive(node, topics.BELIEF, lambda data: heard.append(keyframe_of(data)), qos.everything_from_the_start())
             for spec in specs:
                 nodes.start(spec)
-            for replay in (1, 2):
+            for replay in (1, 2, 3):
+                if replay == 3:
+                    client = node.create_client(Trigger, "hypothesis_manager/reset")
+                    future = client.call_async(Trigger.Request())
+                    rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT_S)
+                    assert future.done()
                 if replay > 1:
                     nodes.start(specs[-1])
                 give_up = time.monotonic() + TIMEOUT_S
-                while nodes.exit_code("bag_player") is None or len(heard) < replay * NUM_FRAMES:
+                while nodes.exit_code("bag_player") is None or len(heard) < replay * MORE_FRAMES:
                     rclpy.spin_once(node, timeout_sec=0.05)
                     nodes.check()
                     assert time.monotonic() < give_up, heard
             node.destroy_node()
-            assert heard == [*range(NUM_FRAMES), *range(NUM_FRAMES)]
+            assert heard == 3 * [*range(MORE_FRAMES)]
     finally:
         rclpy.try_shutdown()
 

@@ -31,6 +31,7 @@ from worlds.belief_factory import (
 
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
+from semantic_slam.messages.node_status import status_name
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.ros import qos
@@ -118,12 +119,20 @@ def page(address: str, condition: Any) -> dict[str, Any]:
         time.sleep(0.05)
 
 
+def dropped_by(node: str, **reasons: int) -> bytes:
+    """Diagnostics of a node, which has dropped so much."""
+    message = dropped_message(START, {"frames": Counter(reasons)})
+    message.status[0].name = status_name(node, "frames")
+    return serialize(message)
+
+
 def test_the_page_follows_a_run(robot: Robot, view: tuple[subprocess.Popen[str], str], tmp_path: Any) -> None:
     process, address = view
     assert page(address, lambda told: told["state"]["publishers"] == 1)["frames"] == []
     robot.wait_for_view()
     robot.send(topics.RUN_CONFIGURATION, encode(run_configuration(tmp_path, CLASSES, ("",) * len(OBJECTS))))
-    diagnostics = serialize(dropped_message(START, {"frames": Counter(late=3)}))
+    diagnostics = dropped_by("/robot/classifier", late=3)
+    robot.send(topics.DIAGNOSTICS, dropped_by("/other/classifier", lost=7))
     page(address, lambda told: robot.send(topics.DIAGNOSTICS, diagnostics) or told["dropped"])
     robot.send(topics.BELIEF, b"no message at all")
     for k in range(5, 9):  # the view came in the midst of the run
@@ -131,7 +140,7 @@ def test_the_page_follows_a_run(robot: Robot, view: tuple[subprocess.Popen[str],
     told = page(address, lambda told: len(told["frames"]) == 4 and len(told["pictures"]) == 4 and told["run"]["id"])
     assert [frame["k"] for frame in told["frames"]] == [5, 6, 7, 8] and told["state"]["missed"] == 0
     assert np.hypot(*(np.array(told["truth"][-1][:2]) - PATH[8, :2])) < 0.01
-    assert ["semantic_slam", "late", "3"] in told["dropped"]
+    assert ["robot/classifier", "late", "3"] in told["dropped"] and "other" not in str(told["dropped"])
     assert ["view", f"{topics.BELIEF}: message does not decode", "1"] in told["dropped"]
     with urllib.request.urlopen(address + told["pictures"][-1]["src"], timeout=10) as answer:
         assert answer.headers["Content-Type"] == "image/jpeg" and answer.read(2) == b"\xff\xd8"

@@ -287,12 +287,14 @@ def test_what_is_out_of_turn_or_of_a_run_that_nobody_announced_is_counted_and_ch
     far = serialize(to_message(replace(keyframe, index=1000), run_id=commit.run_id)), spoken[3][1]
     others = serialize(to_message(keyframe, run_id="nobody's")), spoken[3][1]
     order = WorkOrder(lambda: Backend(0))
-    said = [*spoken[:3], far, others, spoken[3], changed(spoken[4], keyframe=900), spoken[4]]
+    nobodys = changed(spoken[4], run_id="nobody's")
+    said = [*spoken[:3], far, others, spoken[3], changed(spoken[4], keyframe=900), nobodys, spoken[4]]
     assert answers(order, said) == expected
     assert order.dropped == {
         f"{topics.KEYFRAMES}: out of turn": 1,
         f"{topics.KEYFRAMES}: of a run that is not announced": 1,
         f"{topics.COMMITS}: out of turn": 1,
+        f"{topics.COMMITS}: of a run that is not announced": 1,
     }
 
 

@@ -39,5 +39,6 @@ SECTIONS = (
         " `…_vs_one_pass`, `…_floor`, `…_vs_planar…`, `…_time…`, `…_all_runs…`, `…_builtin`, total variations and the"
         " like; throughput for `two_backends_vs_one`; the exponent itself for `…_growth…`.",
         (("", benchmarks),),
+        "make bench",
     ),
 )

@@ -10,7 +10,9 @@ from semantic_slam_lab.documentation import (
     chapter_5,
     drawn_worlds,
     faulty_rooms,
+    kills,
     lost_robot,
+    overload,
     own_detector,
     photographs,
     real_drives,
@@ -49,6 +51,8 @@ SECTIONS = tuple(
         tables,
         real_in_space,
         drawn_worlds,
+        kills,
+        overload,
         chapter_4,
         chapter_3,
         chapter_5,
@@ -84,7 +88,7 @@ def _slug(title: str) -> str:
 
 def _section(section: Section, results: KeptResults) -> str:
     result = results.results[section.study]
-    text = [f"## {section.title}", "", section.text, "", _provenance(section.study, result), ""]
+    text = [f"## {section.title}", "", section.text, "", _provenance(section, result), ""]
     for caption, make in section.tables:
         text += [f"**{caption}**", ""] if caption else []
         text.append(make(results))
@@ -94,8 +98,9 @@ def _section(section: Section, results: KeptResults) -> str:
     return "\n".join(text)
 
 
-def _provenance(study: str, result: dict[str, Any]) -> str:
-    command = ("make bench" if study == "bench" else f"run_study {study}") + (" --quick" if result.get("quick") else "")
+def _provenance(section: Section, result: dict[str, Any]) -> str:
+    study = section.study
+    command = (section.command or f"run_study {study}") + (" --quick" if result.get("quick") else "")
     machine = result.get("machine")
     where = f"{machine['cpu']}, {machine['cores']} cores, Python {machine['python']}" if machine else "machine unknown"
     quick = " **A quick run, not the whole study.**" if result.get("quick") else ""

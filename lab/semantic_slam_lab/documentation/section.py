@@ -16,3 +16,4 @@ class Section:
     title: str
     text: str
     tables: tuple[tuple[str, TableOf], ...] = ()
+    command: str = ""  # that runs it; "": run_study

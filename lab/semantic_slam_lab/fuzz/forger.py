@@ -46,7 +46,7 @@ class Forger:
         self.owed: Counter[tuple[str, str, str]] = Counter()  # by node that is to count it, topic and kind
         self.counted: dict[str, dict[str, int]] = {}  # by node: what it has not used, by reason
         self.keyframe, self._stamp_ns = -1, 0  # of the newest belief
-        self._node = node
+        self.node = node
         self._own: set[bytes] = set()
         self._heard: dict[str, deque[bytes]] = defaultdict(lambda: deque(maxlen=REMEMBERED))
         with BagReader(bag) as reader:
@@ -84,11 +84,10 @@ class Forger:
             own = self.counted.setdefault(status.name.partition(":")[0], {})
             own.update({told.key: int(told.value) for told in status.values if told.key.startswith(COUNTS)})
 
-    def num_counted(self, node: str, topic: str) -> int:
-        """How many messages of a topic a node says that it has not used."""
+    def counted_of(self, node: str, topic: str) -> dict[str, int]:
+        """How many messages of a topic a node says that it has not used, by reason."""
         names = tuple(f"{kind}{slash}{relative_name(topic)}" for kind in COUNTS for slash in ("", "/"))
-        own = self.counted.get(node, {})
-        return sum(number for key, number in own.items() if _ends(key, names))
+        return {key: number for key, number in self.counted.get(node, {}).items() if _ends(key, names)}
 
     def send(self, chance: Generator) -> None:
         """One forged message to a topic that somebody reads."""
@@ -97,7 +96,7 @@ class Forger:
         forged = forgery(topic, list(self._heard[topic]), chance)
         if forged.kind != "again":
             self._own.add(forged.data)
-        for reader in self._node.get_subscriptions_info_by_topic(self._outlets[topic].name):
+        for reader in self.node.get_subscriptions_info_by_topic(self._outlets[topic].name):
             if reader.node_name != NAME and (reader.node_name, topic, forged.kind) not in NOTHING_TELLS:
                 self.owed[reader.node_name, topic, forged.kind] += 1
         self._outlets[topic].send(forged.data)

@@ -1,7 +1,8 @@
 """``python -m semantic_slam_lab.fuzz --live --messages 2000``: forged messages to every topic of a demo that runs.
 
-A demo is left in peace, and another one is sent messages that nobody of it sends. No node may die, the beliefs are to
-be the same, and each node is to count whatever it was sent. The last line is ``N messages, M findings``.
+A demo is left in peace, and another one is sent messages that nobody of it sends, and asked what cannot be answered.
+No node may die, the beliefs are to be the same, and each node is to count whatever it was sent and to refuse what it
+was asked. The last line is ``N messages, M findings``.
 """
 
 import argparse
@@ -13,11 +14,16 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from semantic_slam_lab.fuzz.asker import Asker
 from semantic_slam_lab.fuzz.forger import Forger, forger
-from semantic_slam_lab.kills import TOLERANCE, Demo, largest_difference, run_killing
+from semantic_slam_lab.kills.comparison import TOLERANCE, largest_difference
+from semantic_slam_lab.kills.demo import Demo
+from semantic_slam_lab.kills.trials import run_killing
 
 ATTACKED = 0.5
 """Share of the keyframes; the rest is left in peace, for what was counted has to be told before the nodes end."""
+ASKED = 0.15
+"""Share of what is sent that asks a service."""
 CHECK_S = 0.02
 
 
@@ -29,23 +35,26 @@ def run_live(arguments: argparse.Namespace) -> int:
         )
         run_killing(undisturbed, [])
         with forger(arguments.bag, int(forged.domain_id)) as forging:
+            asking = Asker(forging.node, Path(folder))
             attacked = round(ATTACKED * len(undisturbed.beliefs()))
-            deaths = attack(forging, forged, arguments.messages, attacked, arguments.seed)
+            deaths = attack(forging, asking, forged, arguments.messages, attacked, arguments.seed)
         difference = largest_difference(forged.beliefs(), undisturbed.beliefs(), besides="dropped")
-        findings = [*deaths, *uncounted(forging)]
+        findings = [*deaths, *uncounted(forging), *asking.findings()]
         if difference > TOLERANCE:
             findings.append(f"beliefs differ by {difference:.3g}")
     for (node, topic, kind), number in sorted(forging.owed.items()):
         print(f"{node}: {number} x {topic}: {kind}")
+    for service, number in sorted(asking.refused().items()):
+        print(f"{service}: refused {number} times")
     print(f"largest difference of beliefs {difference:.3g}")
     for finding in findings:
         print(finding)
-    print(f"{forging.num_sent} messages, {len(findings)} findings")
+    print(f"{forging.num_sent + asking.num_asked} messages, {len(findings)} findings")
     return int(bool(findings))
 
 
-def attack(forging: Forger, demo: Demo, count: int, num_keyframes: int, seed: int) -> list[str]:
-    """Run a demo to its end, sending forgeries, evenly over so many keyframes; a line for each node that died."""
+def attack(forging: Forger, asking: Asker, demo: Demo, count: int, num_keyframes: int, seed: int) -> list[str]:
+    """Run a demo to its end, forging and asking, evenly over so many keyframes; a line for each node that died."""
     chance, pids, deaths = np.random.default_rng(seed), dict[str, int](), list[str]()
     with demo.running():
         while demo.is_running:
@@ -54,11 +63,19 @@ def attack(forging: Forger, demo: Demo, count: int, num_keyframes: int, seed: in
                     deaths.append(f"{name} died")
                     pids[name] = pid
             due = min(count, int(count * (forging.keyframe + 1) / num_keyframes))
-            while forging.num_sent < due and demo.is_running:
-                forging.send(chance)
+            while forging.num_sent + asking.num_asked < due and demo.is_running:
+                disturb(forging, asking, chance)
             time.sleep(CHECK_S)
         demo.end()
     return deaths
+
+
+def disturb(forging: Forger, asking: Asker, chance: np.random.Generator) -> None:
+    """One message, or one question."""
+    if chance.random() < ASKED:
+        asking.ask(chance)
+    else:
+        forging.send(chance)
 
 
 def uncounted(forging: Forger) -> Iterator[str]:
@@ -67,6 +84,7 @@ def uncounted(forging: Forger) -> Iterator[str]:
     for (node, topic, _), number in forging.owed.items():
         owed[node, topic] += number
     for (node, topic), number in sorted(owed.items()):
-        counted = forging.num_counted(node, topic)
-        if counted < number:
-            yield f"{node} counts {counted} of {number} forgeries of {topic}"
+        counted = forging.counted_of(node, topic)
+        if (total := sum(counted.values())) < number:
+            told = ", ".join(f"{count} x {reason}" for reason, count in sorted(counted.items()))
+            yield f"{node} counts {total} of {number} forgeries of {topic}: {told}"

@@ -4,11 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from semantic_slam.doctor.checks.rates import usual_step_s
+from semantic_slam.doctor.checks.raw_pictures import are_lost
 from semantic_slam.doctor.finding import Finding, Severity
-from semantic_slam.doctor.input_summary import InputSummary, Stamps
+from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.messages.standard import NANOSECONDS
 
 NAME = "matching"
 SOME, MOST = 0.05, 0.5
@@ -21,8 +20,8 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         return
     for topic in (found.image, found.depth):
         pictures = summary.stamps_of(topic)
-        if topic and len(pictures) > 1:
-            faults = list(_apart(summary, topic, distances_s(seen, pictures), usual_step_s(pictures)))
+        if topic and len(pictures) > 1 and not are_lost(summary, topic):
+            faults = list(_apart(summary, topic, seen.distances_s(pictures), pictures.usual_step_s))
             yield from faults
             if faults:  # of depth they would be the same
                 return
@@ -45,11 +44,3 @@ def _apart(summary: InputSummary, topic: str, apart_s: Array, step_s: float) -> 
         f" {tolerance_s:g} s (perception.sync_tolerance_s); the nearest is {usual_s:.3g} s away",
         remedy if is_needed else "record depth with every picture; those detections are bearings alone",
     )
-
-
-def distances_s(seen: Stamps, pictures: Stamps) -> Array:
-    """(N,) from each stamp to the nearest one of the pictures."""
-    times = np.sort(pictures.header_ns)
-    at = np.clip(np.searchsorted(times, seen.header_ns), 1, len(times) - 1)
-    apart = np.minimum(np.abs(seen.header_ns - times[at - 1]), np.abs(seen.header_ns - times[at]))
-    return np.asarray(apart / NANOSECONDS)

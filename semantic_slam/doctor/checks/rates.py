@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from semantic_slam.doctor.finding import Finding, Severity
-from semantic_slam.doctor.input_summary import InputSummary, Stamps
-from semantic_slam.messages.standard import NANOSECONDS
+from semantic_slam.doctor.input_summary import InputSummary
 
 NAME = "rates"
 SLOWER = 2.0
@@ -19,7 +18,7 @@ def check(summary: InputSummary) -> Iterator[Finding]:
     odometry, seen = summary.stamps_of(summary.found.odometry), summary.stamps_of(summary.measured)
     if min(len(odometry), len(seen)) < 3:
         return
-    slow_s, fast_s = usual_step_s(odometry), usual_step_s(seen)
+    slow_s, fast_s = odometry.usual_step_s, seen.usual_step_s
     if slow_s <= SLOWER * fast_s:
         return
     length_m, turn_rad = _motion_per_sample(summary)
@@ -31,11 +30,6 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         f" samples the robot moves {length_m:.2g} m and turns {np.degrees(turn_rad):.2g} deg (median)",
         "record odometry at its full rate, at least as often as detections; motion between samples is interpolated",
     )
-
-
-def usual_step_s(stamps: Stamps) -> float:
-    """Median time from message to message [s]."""
-    return float(np.median(np.abs(np.diff(stamps.header_ns)))) / NANOSECONDS
 
 
 def _motion_per_sample(summary: InputSummary) -> tuple[float, float]:

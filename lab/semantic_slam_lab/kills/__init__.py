@@ -1,0 +1,1 @@
+"""Demos whose nodes are killed, and what comes of their beliefs."""

@@ -1,0 +1,1 @@
+"""Live nodes that are sent more than they can use."""

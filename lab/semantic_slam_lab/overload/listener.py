@@ -1,0 +1,38 @@
+"""What live nodes say while they are sent more than they can use."""
+
+import time
+
+from rclpy.node import Node
+
+from semantic_slam.messages import topics
+from semantic_slam.messages.typestore import deserialize
+from semantic_slam.ros import qos
+from semantic_slam.ros.resumption import header_stamp_ns
+from semantic_slam.ros.transport import receive
+
+FASTER = "came faster"
+
+
+class Listener:
+    """What the nodes say: the newest keyframe, how late it was, and what was dropped of what was sent."""
+
+    def __init__(self, node: Node) -> None:
+        self.keyframe, self.late_s, self.latest_s = -1, 0.0, 0.0
+        self._dropped: dict[str, int] = {}
+        receive(node, topics.BELIEF, self._note, qos.everything())
+        receive(node, topics.DIAGNOSTICS, self._count, qos.everything())
+
+    @property
+    def num_dropped(self) -> int:
+        """Detections and measurements that came faster than they could be used."""
+        return sum(self._dropped.values())
+
+    def _note(self, data: bytes) -> None:
+        self.keyframe = int(deserialize(data, topics.TYPES[topics.BELIEF]).keyframe)
+        self.late_s = time.time() - header_stamp_ns(data) / 1e9
+        self.latest_s = max(self.latest_s, self.late_s)
+
+    def _count(self, data: bytes) -> None:
+        for status in deserialize(data, topics.TYPES[topics.DIAGNOSTICS]).status:
+            told = {f"{status.name} {own.key}": int(own.value) for own in status.values if FASTER in own.key}
+            self._dropped.update(told)

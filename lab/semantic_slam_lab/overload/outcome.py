@@ -1,0 +1,112 @@
+"""What was measured of live nodes that are sent more than they can use, and what it is to show."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from semantic_slam.ros.qos import SENSOR_DEPTH
+from semantic_slam_lab.studies.result import Claim, Table
+
+SOURCE = "this project"
+GROWN = 1.1
+QUEUED = 2 * SENSOR_DEPTH
+"""Frames that may wait before classifier and manager."""
+UNTOLD_S = 2.0
+"""Diagnostics come once a second, and later on a machine that is overloaded."""
+SETTLED = 1000
+"""Keyframe from which on memory is compared."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """The state at one instant."""
+
+    seconds: float
+    sent: int
+    keyframe: int
+    late_s: float
+    dropped: int
+    resident_mb: Mapping[str, float]
+
+    @property
+    def line(self) -> str:
+        memory = "  ".join(f"{megabytes:{len(name) + 3}.1f}" for name, megabytes in self.resident_mb.items())
+        return f"{self.sent:7d}  {self.keyframe:8d}  {self.late_s:6.2f}  {self.dropped:7d}  {memory}"
+
+
+def resident_mb(pid: int) -> float:
+    """Resident memory of a process."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def claims_of(rows: Sequence[Row]) -> list[Claim]:
+    """Delay, drops and memory."""
+    taken, last = max(behind(rows)), rows[-1]
+    missing = [row.sent - (row.keyframe + 1) - row.dropped for row in rows]
+    untold = QUEUED + UNTOLD_S * last.sent / last.seconds
+    return [
+        Claim(
+            f"a belief is never later than what {QUEUED} frames take, as many as may wait before two nodes",
+            SOURCE,
+            "",
+            f"{taken:.0f} frames; {max(row.late_s for row in rows):.1f} s at most",
+            taken <= QUEUED,
+        ),
+        Claim(
+            "whatever is sent becomes a keyframe, is counted as dropped, still waits, or was sent within the last"
+            f" {UNTOLD_S:g} s",
+            SOURCE,
+            "",
+            f"{last.sent} sent, {last.keyframe + 1} keyframes, {last.dropped} dropped; at most {max(missing)} neither",
+            min(missing) >= 0 and max(missing) <= untold,
+        ),
+        *(
+            Claim(
+                f"memory of {name} does not grow by more than {GROWN - 1:.0%} from keyframe {SETTLED} on",
+                SOURCE,
+                "",
+                f"{factor:.3f} times at keyframe {last.keyframe}",
+                factor <= GROWN,
+            )
+            for name, factor in growth(rows).items()
+        ),
+    ]
+
+
+def behind(rows: Sequence[Row]) -> list[float]:
+    """How many frames are used, at the rate between two rows, in the time by which the belief is late."""
+    return [
+        later.late_s * (later.keyframe - earlier.keyframe) / (later.seconds - earlier.seconds)
+        for earlier, later in pairwise(rows)
+    ]
+
+
+def growth(rows: Sequence[Row]) -> dict[str, float]:
+    """Memory at the end, as a multiple of that at keyframe :data:`SETTLED`, by node; empty before that."""
+    settled = [row for row in rows if row.keyframe >= SETTLED]
+    if not settled:
+        return {}
+    return {name: rows[-1].resident_mb[name] / before for name, before in settled[0].resident_mb.items()}
+
+
+def table_of(rows: Sequence[Row]) -> Table:
+    """A row for each instant."""
+    columns = ("seconds", "sent", "keyframe", "late [s]", "dropped", *(f"{name} [MB]" for name in rows[0].resident_mb))
+    return Table(
+        "Over time",
+        columns,
+        tuple(
+            (
+                f"{row.seconds:.0f}",
+                str(row.sent),
+                str(row.keyframe),
+                f"{row.late_s:.1f}",
+                str(row.dropped),
+                *(f"{megabytes:.0f}" for megabytes in row.resident_mb.values()),
+            )
+            for row in rows
+        ),
+    )
