@@ -7,7 +7,8 @@ hypothesis, which tell it together: with Z_o(r) the sum over classes of the word
     P(all words) = sum_r P(r) prod_o Z_o(r),    P(c | all words) ~ P(c) sum_r w_r P(words of o | c, r),
 
 w_r ~ P(r) prod of the Z(r) of all other objects. Ratios of the first are the evidence of associations. Names tell
-nothing back to the positions.
+nothing back to the positions. Where boxes tell sizes (``SizeModel``), an object's boxes are evidence of its class as
+its words are, and besides of which object they are.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.inference.models.detector_words import DetectorWords
+from semantic_slam.inference.models.spatial.unmeasured_ranges import sizes_by_label
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.view_places import view_places
@@ -28,6 +30,7 @@ from semantic_slam.inference.states.object_views import ObjectViews, class_poste
 from semantic_slam.viewpoint.label_confusion import STEP_RAD
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
+from semantic_slam.viewpoint.size_model import SizeModel, SizeRecord
 
 LEAST_LOG_WEIGHT = -700.0
 """Nats behind the likeliest setting from which on others weigh no less: what no setting explains keeps a logarithm."""
@@ -39,18 +42,21 @@ class _Told:
 
     model: LabelModel
     record: LabelRecord
+    sizes: SizeRecord | None  # None: boxes tell no sizes
     log_evidence: Array  # (R,) sum over classes
 
     @classmethod
-    def of(cls, model: LabelModel, record: LabelRecord, log_prior: Array) -> "_Told":
+    def of(cls, model: LabelModel, record: LabelRecord, sizes: SizeRecord | None, log_prior: Array) -> "_Told":
         """What a record tells, with the (C,) log prior of the object's class."""
-        joint = record.log_likelihood + model.log_rows(log_prior)
-        return cls(model=model, record=record, log_evidence=finite_log_sum_exp(joint, axis=1))
+        known = log_prior if sizes is None else log_prior + sizes.log_likelihood
+        joint = record.log_likelihood + model.log_rows(known)
+        return cls(model=model, record=record, sizes=sizes, log_evidence=finite_log_sum_exp(joint, axis=1))
 
     @property
     def by_setting(self) -> Array:
         """(R, C) log likelihood."""
-        return self.model.by_setting(self.record)
+        words = self.model.by_setting(self.record)
+        return words if self.sizes is None else words + self.sizes.log_likelihood
 
     @cached_property
     def shares(self) -> tuple[Array, Array]:
@@ -63,15 +69,20 @@ class _Told:
 class DetectorLabels:
     """Evidence of a detector's words, with what each object was called so far as its record."""
 
-    def __init__(self, model: LabelModel) -> None:
-        self._model = model
+    def __init__(self, model: LabelModel, sizes: SizeModel | None = None) -> None:
+        self._model, self._sizes = model, sizes
         self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
         """From the label model, which the kind of class models must have."""
         assert models.labels is not None
-        return cls(models.labels)
+        new = models.configuration.new_objects
+        if new.sigma_log_view <= 0.0:
+            return cls(models.labels)
+        share = models.configuration.semantic_model.outlier_share
+        names, known = models.labels.class_names, sizes_by_label(new)
+        return cls(models.labels, SizeModel.of(names, known, new.sigma_log_size, new.sigma_log_view, share))
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the words of each candidate, and the objects' records after it."""
@@ -88,7 +99,9 @@ class DetectorLabels:
 
         return replace(SemanticEvidence.of(evidence, []), records=records)
 
-    def log_pairs(self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array) -> Array:
+    def log_pairs(
+        self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array, log_ranges: Array, variances: Array
+    ) -> Array:
         """Log evidence of words one by one, as if each were the first of its object's class: enough to rank by."""
         if step.words is None or not len(step.detections):
             return np.zeros((len(step.detections), len(log_prior)))
@@ -97,7 +110,25 @@ class DetectorLabels:
             self._spelt = step.words, np.array(spelt)
         told = self._spelt[1]  # (D, C)
         known = np.array([np.zeros(told.shape[1]) if own is None else own.log_likelihood for own in (*views, None)])
-        return np.asarray(np.log(np.exp(told) @ class_posterior(log_prior, known).T))
+        classes = class_posterior(log_prior, known)  # (M + 1, C)
+        if self._sizes is None or step.words.log_angles is None:
+            return np.asarray(np.log(np.exp(told) @ classes.T))
+        shown = step.words.log_angles[:, None] + log_ranges
+        sizes = self._log_sizes(self._sizes, shown, variances, views)
+        return np.asarray(np.log(np.einsum("dc,mc,dmc->dm", np.exp(told), classes, np.exp(sizes))))
+
+    def _log_sizes(
+        self, model: SizeModel, shown: Array, variances: Array, views: Sequence[ObjectViews | None]
+    ) -> Array:
+        """(D, M + 1, C) log densities of sizes (D, M + 1) that boxes show, as one of each object, and as one of none.
+
+        0 of those that show none.
+        """
+        told = [None if own is None else own.recent[0].sizes for own in (*views, None)]
+        known = [own or model.start() for own in told]
+        means, spreads = np.array([own.mean for own in known]), np.array([own.variance for own in known])
+        found = model.log_densities(means, spreads, shown[..., None], variances[..., None])
+        return np.where(np.isfinite(shown)[..., None], found, 0.0)
 
     def _word(self, words: DetectorWords, number: int) -> Array:
         """(C,) log probability of one word, whatever the setting."""
@@ -118,7 +149,8 @@ class DetectorLabels:
                 object_id = given.object_ids[place]
                 earlier = news[row].get(object_id, before[rows.parents[row]].get(object_id))
                 seen = int(places.directions[row, number]), int(places.log_ranges[row, number])
-                key = (id(earlier), index, place, *seen)  # hypotheses share what they have in common
+                wide = int(places.range_sigmas[row, number])
+                key = (id(earlier), index, place, *seen, wide)  # hypotheses share what they have in common
                 if key not in known:
                     view = LabelView(
                         answer=int(words.answers[index]),
@@ -127,14 +159,25 @@ class DetectorLabels:
                         log_range=STEP_RAD * float(seen[1]),
                         stretch=stretch,
                     )
-                    known[key] = self._added(earlier, view, given.log_class_prior[place])
+                    sizes = self._with_size(earlier, words, index, view.log_range, STEP_RAD * wide)
+                    known[key] = self._added(earlier, view, sizes, given.log_class_prior[place])
                 news[row][object_id] = known[key]
         return news
 
-    def _added(self, before: _Told | None, view: LabelView, log_prior: Array) -> _Told:
+    def _added(self, before: _Told | None, view: LabelView, sizes: SizeRecord | None, log_prior: Array) -> _Told:
         """What is told of one object with one word more."""
         record = self._model.start() if before is None else before.record
-        return _Told.of(self._model, self._model.after(record, view), log_prior)
+        return _Told.of(self._model, self._model.after(record, view), sizes, log_prior)
+
+    def _with_size(
+        self, before: _Told | None, words: DetectorWords, index: int, log_range: float, sigma: float
+    ) -> SizeRecord | None:
+        """What boxes tell of one object with one more, at a range; as before where that one shows no size."""
+        if self._sizes is None or words.log_angles is None:
+            return None
+        record = (before and before.sizes) or self._sizes.start()
+        shown = float(words.log_angles[index]) + log_range
+        return record if np.isnan(shown) else self._sizes.after(record, shown, sigma**2)
 
     def _of_all(self, told: dict[int, _Told]) -> Array:
         """(R,) log probability of each setting with the evidence of all words of a hypothesis."""
