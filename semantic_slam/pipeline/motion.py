@@ -20,6 +20,7 @@ from semantic_slam.pipeline.stated_covariance import increment, since_start
 NO_MOTION_VARIANCE = 1e-8
 """Square metres and radians, of a motion that is none: covariances have inverses."""
 
+
 @dataclass(frozen=True)
 class OdometryPoint:
     """Where the odometry stands at one instant."""

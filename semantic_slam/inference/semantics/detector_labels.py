@@ -24,6 +24,7 @@ from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.spatial.unmeasured_ranges import sizes_by_label
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.track_links import NO_TRACK, TrackLinks
 from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
@@ -43,14 +44,17 @@ class _Told:
     model: LabelModel
     record: LabelRecord
     sizes: SizeRecord | None  # None: boxes tell no sizes
+    track: str  # of its newest box
     log_evidence: Array  # (R,) sum over classes
 
     @classmethod
-    def of(cls, model: LabelModel, record: LabelRecord, sizes: SizeRecord | None, log_prior: Array) -> "_Told":
+    def of(
+        cls, model: LabelModel, record: LabelRecord, sizes: SizeRecord | None, track: str, log_prior: Array
+    ) -> "_Told":
         """What a record tells, with the (C,) log prior of the object's class."""
         known = log_prior if sizes is None else log_prior + sizes.log_likelihood
         joint = record.log_likelihood + model.log_rows(known)
-        return cls(model=model, record=record, sizes=sizes, log_evidence=finite_log_sum_exp(joint, axis=1))
+        return cls(model=model, record=record, sizes=sizes, track=track, log_evidence=finite_log_sum_exp(joint, axis=1))
 
     @property
     def by_setting(self) -> Array:
@@ -69,20 +73,16 @@ class _Told:
 class DetectorLabels:
     """Evidence of a detector's words, with what each object was called so far as its record."""
 
-    def __init__(self, model: LabelModel, sizes: SizeModel | None = None) -> None:
-        self._model, self._sizes = model, sizes
+    def __init__(self, model: LabelModel, sizes: SizeModel | None = None, tracks: TrackLinks | None = None) -> None:
+        self._model, self._sizes, self._tracks = model, sizes, tracks
         self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
         """From the label model, which the kind of class models must have."""
         assert models.labels is not None
-        new = models.configuration.new_objects
-        if new.sigma_log_view <= 0.0:
-            return cls(models.labels)
-        share = models.configuration.semantic_model.outlier_share
-        names, known = models.labels.class_names, sizes_by_label(new)
-        return cls(models.labels, SizeModel.of(names, known, new.sigma_log_size, new.sigma_log_view, share))
+        errors = models.configuration.open_world.track_error_share
+        return cls(models.labels, _size_model(models), TrackLinks(errors) if errors > 0.0 else None)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the words of each candidate, and the objects' records after it."""
@@ -93,11 +93,25 @@ class DetectorLabels:
         settings = of_parents[parents]  # (K, R)
         after = settings + np.array(gains).reshape(settings.shape)
         evidence = finite_log_sum_exp(after, axis=1) - finite_log_sum_exp(settings, axis=1)
+        if self._tracks is not None:
+            evidence = evidence + self._of_tracks(self._tracks, given, before)
 
         def records(rows: Sequence[int]) -> list[dict[int, ObjectViews]]:
             return [_views(before[parents[row]] | news[row], after[row]) for row in rows]
 
         return replace(SemanticEvidence.of(evidence, []), records=records)
+
+    def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, _Told]]) -> Array:
+        """(K,) log evidence of the tracks of each candidate's boxes."""
+        rows, evidence = given.candidates.assignments, np.zeros(len(given.candidates.assignments))
+        tracks = [given.step.names[index] for index in given.used.tolist()]
+        for parent, told in enumerate(before):
+            own = np.flatnonzero(rows.parents == parent)
+            table = links.log_pairs(tracks, [one.track for one in told.values()])
+            columns = {number: column for column, number in enumerate(told)}
+            by_place = np.array([columns.get(number, len(told)) for number in (*given.object_ids, -1)])
+            evidence[own] = table[np.arange(len(tracks)), by_place[rows.objects[own]]].sum(axis=1)
+        return evidence
 
     def log_pairs(
         self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array, log_ranges: Array, variances: Array
@@ -112,10 +126,15 @@ class DetectorLabels:
         known = np.array([np.zeros(told.shape[1]) if own is None else own.log_likelihood for own in (*views, None)])
         classes = class_posterior(log_prior, known)  # (M + 1, C)
         if self._sizes is None or step.words.log_angles is None:
-            return np.asarray(np.log(np.exp(told) @ classes.T))
-        shown = step.words.log_angles[:, None] + log_ranges
-        sizes = self._log_sizes(self._sizes, shown, variances, views)
-        return np.asarray(np.log(np.einsum("dc,mc,dmc->dm", np.exp(told), classes, np.exp(sizes))))
+            found = np.log(np.exp(told) @ classes.T)
+        else:
+            shown = step.words.log_angles[:, None] + log_ranges
+            sizes = self._log_sizes(self._sizes, shown, variances, views)
+            found = np.log(np.einsum("dc,mc,dmc->dm", np.exp(told), classes, np.exp(sizes)))
+        if self._tracks is not None:
+            known_tracks = [NO_TRACK if own is None else own.recent[0].track for own in views]
+            found = found + self._tracks.log_pairs(step.names, known_tracks)
+        return np.asarray(found)
 
     def _log_sizes(
         self, model: SizeModel, shown: Array, variances: Array, views: Sequence[ObjectViews | None]
@@ -160,14 +179,11 @@ class DetectorLabels:
                         stretch=stretch,
                     )
                     sizes = self._with_size(earlier, words, index, view.log_range, STEP_RAD * wide)
-                    known[key] = self._added(earlier, view, sizes, given.log_class_prior[place])
+                    told = self._model.start() if earlier is None else earlier.record, view
+                    record, track = self._model.after(*told), given.step.names[index]
+                    known[key] = _Told.of(self._model, record, sizes, track, given.log_class_prior[place])
                 news[row][object_id] = known[key]
         return news
-
-    def _added(self, before: _Told | None, view: LabelView, sizes: SizeRecord | None, log_prior: Array) -> _Told:
-        """What is told of one object with one word more."""
-        record = self._model.start() if before is None else before.record
-        return _Told.of(self._model, self._model.after(record, view), sizes, log_prior)
 
     def _with_size(
         self, before: _Told | None, words: DetectorWords, index: int, log_range: float, sigma: float
@@ -189,6 +205,16 @@ class DetectorLabels:
         nothing = np.zeros(self._model.num_settings)
         gains = [own.log_evidence - (before[n].log_evidence if n in before else nothing) for n, own in news.items()]
         return np.sum(gains, axis=0) if gains else nothing
+
+
+def _size_model(models: ClassModels) -> SizeModel | None:
+    """What sizes tell, None where they tell nothing."""
+    assert models.labels is not None
+    new, share = models.configuration.new_objects, models.configuration.semantic_model.outlier_share
+    if new.sigma_log_view <= 0.0:
+        return None
+    names, known = models.labels.class_names, sizes_by_label(new)
+    return SizeModel.of(names, known, new.sigma_log_size, new.sigma_log_view, share)
 
 
 def _told_so_far(parent: Component) -> dict[int, _Told]:
