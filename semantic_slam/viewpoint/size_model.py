@@ -19,7 +19,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 
 MEAN_OF_ANY, SIGMA_OF_ANY = float(np.log(0.25)), 1.0
-"""Of the logarithm of a size in metres, of what no size is known of: a tenth to seven tenths of a metre, mostly."""
+"""Mean and standard deviation of the logarithm of a size [m] that is not known: mostly a tenth to seven tenths."""
 LOG_2PI = float(np.log(2.0 * np.pi))
 
 
