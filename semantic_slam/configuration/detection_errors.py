@@ -44,3 +44,10 @@ class DetectionErrorsConfiguration:
     outlier_factor: float = parameter(
         25.0, "covariance of the places of those, in that of others; what repeats does not grow", minimum=1.0
     )
+    ray_tail_sigmas: float = parameter(
+        0.0,
+        "state_space: spatial, observation: points: standard deviations beyond which a detection without a range counts"
+        " the less in poses and places the farther it is off, as one of a Cauchy distribution does; associations are"
+        " weighed without that; 0: errors are Gaussian",
+        minimum=0.0,
+    )

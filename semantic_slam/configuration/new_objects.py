@@ -28,3 +28,10 @@ class NewObjectConfiguration:
     sigma_log_size: float = parameter(
         0.4, "standard deviation of the logarithm of these sizes: things of one name differ", minimum=0.01
     )
+    sigma_log_view: float = parameter(
+        0.0,
+        "state_space: spatial, boxes without depth, semantic_model.kind: detector: standard deviation of the logarithm"
+        " of the size that a box shows beside that of its object, by how it is turned and what hides it; which object a"
+        " box is of, and of what class that is, is then told by sizes, too; 0: it is not",
+        minimum=0.0,
+    )

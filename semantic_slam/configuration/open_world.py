@@ -43,6 +43,14 @@ class OpenWorldConfiguration:
         minimum=0.0,
         maximum=0.9,
     )
+    track_error_share: float = parameter(
+        0.0,
+        "semantic_model.kind: detector, many frames a second: probability that the track of an object goes on with the"
+        " box of another; tracks are the detections' track_ids, or boxes that overlap from frame to frame; 0: tracks"
+        " tell nothing",
+        minimum=0.0,
+        maximum=0.5,
+    )
     second_box_m: float = parameter(
         0.3, "standard deviation of where such a box is, to each side of the object", minimum=1e-3
     )

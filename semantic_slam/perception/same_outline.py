@@ -13,13 +13,15 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 
-def overlaps(boxes: Array) -> Array:
-    """(D, D) intersection over union of boxes (D, 4) x_min y_min x_max y_max; 0 where one is not given or empty."""
-    low = np.maximum(boxes[:, None, :2], boxes[None, :, :2])
-    high = np.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
+def overlaps(boxes: Array, others: Array) -> Array:
+    """(D, E) intersection over union of boxes (D, 4) and (E, 4), x_min y_min x_max y_max; 0 where one is not given or
+    empty.
+    """
+    low = np.maximum(boxes[:, None, :2], others[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
     shared = np.prod(np.maximum(high - low, 0.0), axis=2)
-    areas = np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0), axis=1)
-    union = areas[:, None] + areas - shared
+    areas, of_others = (np.prod(np.maximum(own[:, 2:] - own[:, :2], 0.0), axis=1) for own in (boxes, others))
+    union = areas[:, None] + of_others - shared
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.nan_to_num(shared / union))
 
@@ -33,7 +35,7 @@ def joined(measurements: SemanticMeasurements, least_overlap: float) -> Semantic
     boxes = measurements.boxes
     if len(measurements) < 2 or least_overlap >= 1.0 or not np.isfinite(boxes).any():
         return measurements
-    leaders = _leaders(measurements, overlaps(boxes) >= least_overlap)
+    leaders = _leaders(measurements, overlaps(boxes, boxes) >= least_overlap)
     kept = np.unique(leaders)
     if len(kept) == len(leaders):
         return measurements

@@ -28,6 +28,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS
+from semantic_slam.perception.box_tracks import BoxTracks
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.same_outline import joined
 from semantic_slam.perception.usable_measurements import usable
@@ -69,6 +70,7 @@ class KeyframeAssembler:
         self._configuration = configuration
         self._association = strategy_of(configuration)
         self._has_identities, self._passes_over = has_identities, passes_over
+        self._tracks = BoxTracks() if tracks_tell(configuration) else None
         self._in_space = PointsInput(configuration, self.dropped) if configuration.is_spatial else None
         self._region = sensor_region(configuration.open_world)
         self._odometry = StampedBuffer(topics.ODOMETRY, self.dropped, made_of=self._advanced)
@@ -165,7 +167,7 @@ class KeyframeAssembler:
             if not at_end and not (self._odometry_known(stamp_ns) and self._identities_known(measurements)):
                 break
             self._measurements.pop()
-            keyframe = self._keyframe(measurements)
+            keyframe = self._keyframe(measurements if self._tracks is None else self._tracks.named(measurements))
             if keyframe is not None:
                 keyframes.append(keyframe)
         return keyframes
@@ -308,6 +310,11 @@ class KeyframeAssembler:
         if object_ids is None or max(measurements.detection_ids) >= len(object_ids):
             return None
         return replace(measurements, track_ids=tuple(object_ids[index] for index in measurements.detection_ids))
+
+
+def tracks_tell(configuration: Configuration) -> bool:
+    """Whether boxes are followed from frame to frame: where tracks are evidence of which object a box is of."""
+    return configuration.open_world.track_error_share > 0.0 and configuration.association == "open"
 
 
 def _offsets_ns(odometry: OdometryConfiguration) -> list[int]:

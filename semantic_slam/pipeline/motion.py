@@ -17,6 +17,9 @@ from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.pipeline.odometry_rate import NOT_KNOWN, Rate
 from semantic_slam.pipeline.stated_covariance import increment, since_start
 
+NO_MOTION_VARIANCE = 1e-8
+"""Square metres and radians, of a motion that is none: covariances have inverses."""
+
 
 @dataclass(frozen=True)
 class OdometryPoint:
@@ -112,7 +115,12 @@ def motion_shifts(first: Array, second: Array) -> Array:
 
 
 def motion_covariance_in_space(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
-    """:func:`motion_covariance` of all six: as the odometry states, else along and about every axis alike."""
+    """:func:`motion_covariance` of all six: as the odometry states, else along and about every axis alike.
+
+    From an instant to itself nothing moves, whatever the odometry is like.
+    """
+    if second.stamp_ns == first.stamp_ns:
+        return NO_MOTION_VARIANCE * np.eye(6)
     stated = stated_motion(first, second)
     if stated is not None:
         more_place, more_turn = _missing(first, second)

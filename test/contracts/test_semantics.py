@@ -63,6 +63,16 @@ class TestDetectorLabels(DetectorLabelsContract):
     association = "open"
 
 
+class TestDetectorLabelsOfTracks(DetectorLabelsContract):
+    """Boxes of one track are of one object."""
+
+    association = "open"
+    others = {**DetectorLabelsContract.others, "open_world": {"track_error_share": 0.02}}  # noqa: RUF012
+
+    def test_tracks_tell_associations_apart(self, asked: list[tuple[Weighed, Weighed, Weighed]]) -> None:
+        assert max(np.ptp(weighed.evidence.log_weights) for weighed, _, _ in asked) > np.log(0.98 / 0.02)
+
+
 class TestDetectorLabelsOnAMap(DetectorLabelsContract):
     association = "enumerated"
 

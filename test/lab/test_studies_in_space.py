@@ -17,7 +17,7 @@ from semantic_slam.datasets.tum_rgbd.folder import read_tum_folder
 from semantic_slam.datasets.tum_rgbd.tum_rgbd_import import read_drive
 from semantic_slam.geometry import so3
 
-OFFICE = Office(seconds=4.0, edge_share=0.0, edge_px=0.0, missed=0.0, alarms_per_frame=0.0)
+OFFICE = Office(seconds=4.0, edge_share=0.0, edge_px=0.0, settled_share=0.0, missed=0.0, alarms_per_frame=0.0)
 
 
 def test_boxes_of_simulated_desks_stand_about_the_things_that_they_are_of(tmp_path: Path) -> None:

@@ -30,7 +30,8 @@ def scores_of(measurements: SemanticMeasurements, row: int) -> dict[str, float]:
 
 
 def test_overlap_is_intersection_over_union():
-    found = overlaps(np.array([THING, HALF, ELSEWHERE, NOWHERE]))
+    boxes = np.array([THING, HALF, ELSEWHERE, NOWHERE])
+    found = overlaps(boxes, boxes)
     np.testing.assert_allclose(found[:2, :2], [[1.0, 0.5], [0.5, 1.0]])
     assert not found[2:].any()
 

@@ -41,6 +41,12 @@ def test_odometry_knows_its_own_start_which_states_zeros():
     np.testing.assert_allclose(found, np.diag(SIGMAS**2), atol=1e-12)
 
 
+@pytest.mark.parametrize("covariances", [True, False])
+def test_from_an_instant_to_itself_nothing_moves(covariances):
+    row = points(covariances)[0]
+    assert np.abs(motion_covariance_in_space(row, row, OdometryConfiguration())).max() < 1e-7
+
+
 def test_motions_between_samples_add_to_the_whole():
     rows = points()
     middle = point_between(rows[3], rows[4], (rows[3].stamp_ns + rows[4].stamp_ns) // 2)

@@ -1,7 +1,8 @@
 """A hand-held camera that walks about two desks with a box detector and no depth, as a folder like TUM's fr3 office.
 
 Nothing is rendered: things are boxes, their corners are projected, and a detector reports what they span in the
-picture, with errors that stay for a while, names that are sometimes wrong, misses that last and false alarms.
+picture, the middle of which is not quite that of the thing; with errors that stay for a while, others that come back
+whenever a thing is seen from that side, names that are sometimes wrong, misses that last and false alarms.
 """
 
 from dataclasses import dataclass
@@ -55,6 +56,7 @@ class Office:
     seconds: float = 87.0
     edge_share: float = 0.04  # standard deviation of each edge of a box, of its side
     edge_px: float = 1.5  # and besides
+    settled_share: float = 0.04  # likewise, of what is wrong with an edge whenever the thing is seen from that side
     missed: float = 0.4
     confused: float = 0.15
     alarms_per_frame: float = 0.3
@@ -161,6 +163,7 @@ def _sway(times: Array, size: int, random: np.random.Generator) -> Array:
 def _detections(things: Things, stamps: Array, poses: Array, office: Office, random: np.random.Generator) -> list[str]:
     """Lines of ``detections.csv``."""
     count, rows = len(things.names), list[str]()
+    settled = random.normal(size=(3, count, 4)) / np.sqrt(2.0)
     errors, moods = np.zeros((count, 4)), random.normal(size=count)
     keep_error, keep_mood = np.exp(-1.0 / (RATE_HZ * np.array([EDGE_FIXES_S, MISS_FIXES_S])))
     threshold = ndtri(office.missed)
@@ -175,7 +178,8 @@ def _detections(things: Things, stamps: Array, poses: Array, office: Office, ran
                 called[n] = _name(things.names[n], office, random)
             size = np.tile(boxes[n, 2:] - boxes[n, :2], 2)
             sigma = np.hypot(office.edge_share * size, office.edge_px)
-            box = _clipped(boxes[n] + sigma * errors[n])
+            of_side = office.settled_share * size * (_seen_from(things.centres[n] - pose[:3]) @ settled[:, n])
+            box = _clipped(boxes[n] + sigma * errors[n] + of_side)
             found.append((box, called[n], random.uniform(0.4, 0.95), str(n)))
         for _ in range(random.poisson(office.alarms_per_frame)):
             found.append((_alarm(random), str(random.choice([*KINDS, *OTHERS])), random.uniform(0.3, 0.6), ""))
@@ -185,6 +189,12 @@ def _detections(things: Things, stamps: Array, poses: Array, office: Office, ran
             if (box[2:] - box[:2]).min() >= LEAST_SIDE_PX / 2.0:
                 rows.append(f"{stamp:.6f},{name},{score:.3f},{sides},{thing}")
     return rows
+
+
+def _seen_from(away: Array) -> Array:
+    """(3,) of what changes slowly with the side from which a thing is seen: a constant and one wave about it."""
+    side = np.arctan2(away[1], away[0])
+    return np.array([1.0, np.cos(side), np.sin(side)])
 
 
 def _boxes(things: Things, pose: Array) -> tuple[Array, Flags]:

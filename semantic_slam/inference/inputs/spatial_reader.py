@@ -1,5 +1,7 @@
 """Keyframes of semantic measurements as steps of the engine in space."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from semantic_slam.errors import InputError
@@ -10,10 +12,11 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.score_features import FeatureReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, across
 from semantic_slam.inference.models.spatial.gravity import Gravity
-from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
+from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges, log_angle
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.perception.measurement import SemanticMeasurements
 
@@ -38,20 +41,31 @@ class SpatialReader:
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError for detections that do not say where in space their object is."""
         measurements = self._features.with_features(keyframe.measurements)
+        detections = [self._detection(measurements, row) for row in range(len(measurements))]
         return Step(
             index=keyframe.index,
             stamp_ns=keyframe.stamp_ns,
             motion=self._motion(keyframe),
-            detections=[self._detection(measurements, row) for row in range(len(measurements))],
+            detections=detections,
             detection_ids=measurements.detection_ids,
             scores=measurements.scores,
             names=measurements.track_ids,
             labels=measurements.labels,
-            words=None if self._words is None else self._words.words(measurements),
+            words=None if self._words is None else self._told_words(self._words, measurements, detections),
             camera=camera_of(measurements),
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
         )
+
+    def _told_words(
+        self, reader: WordReader, measurements: SemanticMeasurements, detections: list[SpatialDetection]
+    ) -> DetectorWords:
+        """With how large boxes look, of rays alone: what has a range is told apart by that."""
+        angles = [
+            np.nan if own.has_range else log_angle(measurements.angular_sizes_rad[n])
+            for n, own in enumerate(detections)
+        ]
+        return replace(reader.words(measurements), log_angles=np.array(angles))
 
     def _motion(self, keyframe: Keyframe) -> Motion:
         """Raises InputError."""

@@ -1,4 +1,4 @@
-"""What a detector says of its detections: the word that it calls each by, and its scores for the others."""
+"""What a detector says of its detections: the word that it calls each by, its scores for others, how large it looks."""
 
 from dataclasses import dataclass
 
@@ -14,3 +14,4 @@ class DetectorWords:
 
     answers: Index  # (D,) the word that each is called by, NO_WORD where it is called nothing
     shares: Array  # (D, W) scores of all words, which sum to 1; even where nothing is told
+    log_angles: Array | None = None  # (D,) logarithms of how large their boxes look, a size per range; NaN: not told

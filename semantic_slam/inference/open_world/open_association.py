@@ -28,6 +28,7 @@ from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidenc
 from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.open_world.predictor import Predictor
+from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
 from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component
@@ -122,7 +123,8 @@ class OpenAssociation:
         near = prediction.near_ids.tolist()
         log_prior = self.registry.log_class_prior_of([*near, self.registry.first_new_id(step.index)])
         views = [prediction.component.views.get(n) for n in near]
-        return replace(pairs, log_words=semantics.log_pairs(step, views, log_prior))
+        ranges = log_ranges_of(self.problem.spaces, prediction)
+        return replace(pairs, log_words=semantics.log_pairs(step, views, log_prior, *ranges))
 
     def _at_prediction(self, prediction: Prediction) -> PairDensities:
         """Densities of the detections under each object near them, linearised at the prediction."""

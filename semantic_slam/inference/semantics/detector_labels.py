@@ -7,7 +7,8 @@ hypothesis, which tell it together: with Z_o(r) the sum over classes of the word
     P(all words) = sum_r P(r) prod_o Z_o(r),    P(c | all words) ~ P(c) sum_r w_r P(words of o | c, r),
 
 w_r ~ P(r) prod of the Z(r) of all other objects. Ratios of the first are the evidence of associations. Names tell
-nothing back to the positions.
+nothing back to the positions. Where boxes tell sizes (``SizeModel``), an object's boxes are evidence of its class as
+its words are, and besides of which object they are.
 """
 
 from collections.abc import Sequence
@@ -20,14 +21,17 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.inference.models.detector_words import DetectorWords
+from semantic_slam.inference.models.spatial.unmeasured_ranges import sizes_by_label
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.track_links import NO_TRACK, TrackLinks
 from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.viewpoint.label_confusion import STEP_RAD
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
+from semantic_slam.viewpoint.size_model import SizeModel, SizeRecord
 
 LEAST_LOG_WEIGHT = -700.0
 """Nats behind the likeliest setting from which on others weigh no less: what no setting explains keeps a logarithm."""
@@ -39,18 +43,24 @@ class _Told:
 
     model: LabelModel
     record: LabelRecord
+    sizes: SizeRecord | None  # None: boxes tell no sizes
+    track: str  # of its newest box
     log_evidence: Array  # (R,) sum over classes
 
     @classmethod
-    def of(cls, model: LabelModel, record: LabelRecord, log_prior: Array) -> "_Told":
+    def of(
+        cls, model: LabelModel, record: LabelRecord, sizes: SizeRecord | None, track: str, log_prior: Array
+    ) -> "_Told":
         """What a record tells, with the (C,) log prior of the object's class."""
-        joint = record.log_likelihood + model.log_rows(log_prior)
-        return cls(model=model, record=record, log_evidence=finite_log_sum_exp(joint, axis=1))
+        known = log_prior if sizes is None else log_prior + sizes.log_likelihood
+        joint = record.log_likelihood + model.log_rows(known)
+        return cls(model=model, record=record, sizes=sizes, track=track, log_evidence=finite_log_sum_exp(joint, axis=1))
 
     @property
     def by_setting(self) -> Array:
         """(R, C) log likelihood."""
-        return self.model.by_setting(self.record)
+        words = self.model.by_setting(self.record)
+        return words if self.sizes is None else words + self.sizes.log_likelihood
 
     @cached_property
     def shares(self) -> tuple[Array, Array]:
@@ -63,15 +73,16 @@ class _Told:
 class DetectorLabels:
     """Evidence of a detector's words, with what each object was called so far as its record."""
 
-    def __init__(self, model: LabelModel) -> None:
-        self._model = model
+    def __init__(self, model: LabelModel, sizes: SizeModel | None = None, tracks: TrackLinks | None = None) -> None:
+        self._model, self._sizes, self._tracks = model, sizes, tracks
         self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
         """From the label model, which the kind of class models must have."""
         assert models.labels is not None
-        return cls(models.labels)
+        errors = models.configuration.open_world.track_error_share
+        return cls(models.labels, _size_model(models), TrackLinks(errors) if errors > 0.0 else None)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the words of each candidate, and the objects' records after it."""
@@ -82,13 +93,29 @@ class DetectorLabels:
         settings = of_parents[parents]  # (K, R)
         after = settings + np.array(gains).reshape(settings.shape)
         evidence = finite_log_sum_exp(after, axis=1) - finite_log_sum_exp(settings, axis=1)
+        if self._tracks is not None:
+            evidence = evidence + self._of_tracks(self._tracks, given, before)
 
         def records(rows: Sequence[int]) -> list[dict[int, ObjectViews]]:
             return [_views(before[parents[row]] | news[row], after[row]) for row in rows]
 
         return replace(SemanticEvidence.of(evidence, []), records=records)
 
-    def log_pairs(self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array) -> Array:
+    def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, _Told]]) -> Array:
+        """(K,) log evidence of the tracks of each candidate's boxes."""
+        rows, evidence = given.candidates.assignments, np.zeros(len(given.candidates.assignments))
+        tracks = [given.step.names[index] for index in given.used.tolist()]
+        for parent, told in enumerate(before):
+            own = np.flatnonzero(rows.parents == parent)
+            table = links.log_pairs(tracks, [one.track for one in told.values()])
+            columns = {number: column for column, number in enumerate(told)}
+            by_place = np.array([columns.get(number, len(told)) for number in (*given.object_ids, -1)])
+            evidence[own] = table[np.arange(len(tracks)), by_place[rows.objects[own]]].sum(axis=1)
+        return evidence
+
+    def log_pairs(
+        self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array, log_ranges: Array, variances: Array
+    ) -> Array:
         """Log evidence of words one by one, as if each were the first of its object's class: enough to rank by."""
         if step.words is None or not len(step.detections):
             return np.zeros((len(step.detections), len(log_prior)))
@@ -97,7 +124,30 @@ class DetectorLabels:
             self._spelt = step.words, np.array(spelt)
         told = self._spelt[1]  # (D, C)
         known = np.array([np.zeros(told.shape[1]) if own is None else own.log_likelihood for own in (*views, None)])
-        return np.asarray(np.log(np.exp(told) @ class_posterior(log_prior, known).T))
+        classes = class_posterior(log_prior, known)  # (M + 1, C)
+        if self._sizes is None or step.words.log_angles is None:
+            found = np.log(np.exp(told) @ classes.T)
+        else:
+            shown = step.words.log_angles[:, None] + log_ranges
+            sizes = self._log_sizes(self._sizes, shown, variances, views)
+            found = np.log(np.einsum("dc,mc,dmc->dm", np.exp(told), classes, np.exp(sizes)))
+        if self._tracks is not None:
+            known_tracks = [NO_TRACK if own is None else own.recent[0].track for own in views]
+            found = found + self._tracks.log_pairs(step.names, known_tracks)
+        return np.asarray(found)
+
+    def _log_sizes(
+        self, model: SizeModel, shown: Array, variances: Array, views: Sequence[ObjectViews | None]
+    ) -> Array:
+        """(D, M + 1, C) log densities of sizes (D, M + 1) that boxes show, as one of each object, and as one of none.
+
+        0 of those that show none.
+        """
+        told = [None if own is None else own.recent[0].sizes for own in (*views, None)]
+        known = [own or model.start() for own in told]
+        means, spreads = np.array([own.mean for own in known]), np.array([own.variance for own in known])
+        found = model.log_densities(means, spreads, shown[..., None], variances[..., None])
+        return np.where(np.isfinite(shown)[..., None], found, 0.0)
 
     def _word(self, words: DetectorWords, number: int) -> Array:
         """(C,) log probability of one word, whatever the setting."""
@@ -118,7 +168,8 @@ class DetectorLabels:
                 object_id = given.object_ids[place]
                 earlier = news[row].get(object_id, before[rows.parents[row]].get(object_id))
                 seen = int(places.directions[row, number]), int(places.log_ranges[row, number])
-                key = (id(earlier), index, place, *seen)  # hypotheses share what they have in common
+                wide = int(places.range_sigmas[row, number])
+                key = (id(earlier), index, place, *seen, wide)  # hypotheses share what they have in common
                 if key not in known:
                     view = LabelView(
                         answer=int(words.answers[index]),
@@ -127,14 +178,22 @@ class DetectorLabels:
                         log_range=STEP_RAD * float(seen[1]),
                         stretch=stretch,
                     )
-                    known[key] = self._added(earlier, view, given.log_class_prior[place])
+                    sizes = self._with_size(earlier, words, index, view.log_range, STEP_RAD * wide)
+                    told = self._model.start() if earlier is None else earlier.record, view
+                    record, track = self._model.after(*told), given.step.names[index]
+                    known[key] = _Told.of(self._model, record, sizes, track, given.log_class_prior[place])
                 news[row][object_id] = known[key]
         return news
 
-    def _added(self, before: _Told | None, view: LabelView, log_prior: Array) -> _Told:
-        """What is told of one object with one word more."""
-        record = self._model.start() if before is None else before.record
-        return _Told.of(self._model, self._model.after(record, view), log_prior)
+    def _with_size(
+        self, before: _Told | None, words: DetectorWords, index: int, log_range: float, sigma: float
+    ) -> SizeRecord | None:
+        """What boxes tell of one object with one more, at a range; as before where that one shows no size."""
+        if self._sizes is None or words.log_angles is None:
+            return None
+        record = (before and before.sizes) or self._sizes.start()
+        shown = float(words.log_angles[index]) + log_range
+        return record if np.isnan(shown) else self._sizes.after(record, shown, sigma**2)
 
     def _of_all(self, told: dict[int, _Told]) -> Array:
         """(R,) log probability of each setting with the evidence of all words of a hypothesis."""
@@ -146,6 +205,16 @@ class DetectorLabels:
         nothing = np.zeros(self._model.num_settings)
         gains = [own.log_evidence - (before[n].log_evidence if n in before else nothing) for n, own in news.items()]
         return np.sum(gains, axis=0) if gains else nothing
+
+
+def _size_model(models: ClassModels) -> SizeModel | None:
+    """What sizes tell, None where they tell nothing."""
+    assert models.labels is not None
+    new, share = models.configuration.new_objects, models.configuration.semantic_model.outlier_share
+    if new.sigma_log_view <= 0.0:
+        return None
+    names, known = models.labels.class_names, sizes_by_label(new)
+    return SizeModel.of(names, known, new.sigma_log_size, new.sigma_log_view, share)
 
 
 def _told_so_far(parent: Component) -> dict[int, _Told]:

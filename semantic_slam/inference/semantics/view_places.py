@@ -5,12 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, STEP_RAD
 
 LEAST_RANGE_M = 0.05
 """Nearer views count as from there."""
+WIDEST = 2.0
+"""Standard deviation of the logarithm of a range from which on it is as good as unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +22,7 @@ class ViewPlaces:
 
     directions: Array  # (K, n) cells of the direction from object to camera, in map
     log_ranges: Array  # (K, n) of the distance in metres, in steps
+    range_sigmas: Array  # (K, n) of that logarithm, in steps; 0 in the plane, where no ranges are wide
 
 
 def view_places(given: SemanticInput) -> ViewPlaces:
@@ -27,11 +31,15 @@ def view_places(given: SemanticInput) -> ViewPlaces:
     told = [given.step.detections[index].sensor for index in given.used.tolist()]
     rows, numbers = np.nonzero(given.candidates.assignments.objects >= 0)
     robots, seen = robot[rows], objects[rows, numbers]
-    spaces = given.parents[0].spaces
+    spaces, sigmas = given.parents[0].spaces, np.zeros(objects.shape[:2], dtype=int)
     if spaces.name == "spatial":
         places = seen[:, : spaces.storage.landmark]  # rows of a stack are as wide as the wider kind
         from_here = spaces.viewpoints(robots, places, np.array(told).reshape(-1, 3)[numbers])
         bearing, away = from_here.azimuth_rad, from_here.range_m
+        spread = given.candidates.assignments.column("object_covariances")[rows, numbers]
+        own = spaces.landmark.position_rows
+        wide = largest_sigmas(spread[:, own, own]) / np.maximum(away, LEAST_RANGE_M)
+        sigmas[rows, numbers] = np.ceil(np.minimum(wide, WIDEST) / STEP_RAD).astype(int)
     else:
         sensors = np.array(told).reshape(-1, 2)
         bearing = camera_bearing(robots, np.column_stack([seen[:, :2], np.zeros(len(rows))]), sensors[numbers])
@@ -39,7 +47,7 @@ def view_places(given: SemanticInput) -> ViewPlaces:
     directions, log_ranges = np.zeros(objects.shape[:2], dtype=int), np.zeros(objects.shape[:2], dtype=int)
     directions[rows, numbers] = np.rint(bearing / STEP_RAD).astype(int) % DIRECTIONS
     log_ranges[rows, numbers] = np.rint(np.log(np.maximum(away, LEAST_RANGE_M)) / STEP_RAD).astype(int)
-    return ViewPlaces(directions=directions, log_ranges=log_ranges)
+    return ViewPlaces(directions=directions, log_ranges=log_ranges, range_sigmas=sigmas)
 
 
 def _states(given: SemanticInput) -> tuple[Array, Array]:

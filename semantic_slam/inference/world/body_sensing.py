@@ -28,7 +28,7 @@ def range_bearing(settings: SensingSettings) -> Sensing:
     axis, visibility = optical_axis(configuration.perception.extrinsics), visibility_of(configuration)
     return Sensing(
         spaces=POSES_IN_SPACE,
-        model=BodyObservation(visibility, configuration.new_objects, axis, _scores(settings)),
+        model=BodyObservation(visibility, configuration.new_objects, axis, scores=_scores(settings)),
         reader=SpatialReader(
             ConfiguredNoise(configuration.odometry, configuration.perception),
             words=WordReader(settings.labels) if settings.labels else None,

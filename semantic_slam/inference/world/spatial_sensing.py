@@ -27,7 +27,10 @@ def points(settings: SensingSettings) -> Sensing:
     return Sensing(
         spaces=POSES_AND_POINTS_IN_SPACE,
         model=SpatialObservation(
-            visibility_of(configuration), configuration.new_objects, optical_axis(configuration.perception.extrinsics)
+            visibility_of(configuration),
+            configuration.new_objects,
+            optical_axis(configuration.perception.extrinsics),
+            configuration.detection_errors.ray_tail_sigmas,
         ),
         reader=SpatialReader(
             ConfiguredNoise(configuration.odometry, configuration.perception),

@@ -189,6 +189,22 @@ class TestRoundRaysOfPoints(TestRaysOfPoints):
             assert factor.error(values) == pytest.approx(0.5 * float((part.residual**2).sum()), rel=1e-9)
 
 
+@pytest.mark.parametrize("sensor", [(0.0, 0.0, 0.0), (0.1, 0.0, 0.2)])
+def test_a_ray_pulls_as_a_gaussian_near_its_object_and_the_less_the_farther_it_is_off(
+    sensor: tuple[float, float, float],
+) -> None:
+    """By a Cauchy distribution of 2 standard deviations: that of a Gaussian at 0, half of it at 2, a tenth at 6."""
+    robust, plain = SpatialObservation(ray_tail=2.0), SpatialObservation()
+    detection = ray_alone([1.0, 0.0, 0.0], 0.01**2 * np.eye(2), sensor)
+    for sigmas, share in ((1e-3, 1.0), (2.0, 0.5), (6.0, 0.1)):
+        values, off = gtsam.Values(), sigmas * 0.01
+        values.insert(KEYS[0], gtsam.Pose3())
+        values.insert(KEYS[1], np.array(sensor) + 2.0 * np.array([np.cos(off), np.sin(off), 0.0]))
+        linear = [model.geometry_factor(detection, KEYS).linearize(values).jacobian() for model in (robust, plain)]
+        pulls = [float(np.linalg.norm(slopes.T @ off)) for slopes, off in linear]
+        assert pulls[0] / pulls[1] == pytest.approx(share, rel=1e-3)
+
+
 class TestRangeAndRayOfBodies(GeometryModelContract):
     spaces, model = POSES_IN_SPACE, BodyObservation()
     detections = TestRangeAndRayOfPoints.detections

@@ -22,7 +22,7 @@ from semantic_slam_lab.simulation.desks import Office, write_office
 
 EXISTS, NEAR_M = 0.5, 0.25
 """Existence from which on an object counts as stated, and how far from the middle of a thing it may be."""
-DETECTED, LEAST_UNDETECTED, MOST_HYPOTHESES = (0.5, 0.7, 0.9), 0.02, 8
+MOST_HYPOTHESES = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,16 +45,9 @@ class Walked:
 
 
 def configuration(seed: int) -> Configuration:
-    """The shipped one for space, for a detector that may miss much and goes on missing it, and few hypotheses.
-
-    What was not detected where the camera looked before is then a thing all the same. A box errs twice as far as usual:
-    what is wrong with it repeats from keyframe to keyframe, which no model here says.
-    """
+    """The shipped one for space, with few hypotheses."""
     own = load_configuration(configuration_file("spatial"))
-    detector = replace(own.open_world, detection_probabilities=DETECTED, least_undetected_share=LEAST_UNDETECTED)
-    perception = replace(own.perception, box_centre_share=2.0 * own.perception.box_centre_share, sigma_bearing_rad=0.02)
-    pruning = replace(own.pruning, max_hypotheses=MOST_HYPOTHESES)
-    return replace(own, seed=seed, open_world=detector, perception=perception, pruning=pruning)
+    return replace(own, seed=seed, pruning=replace(own.pruning, max_hypotheses=MOST_HYPOTHESES))
 
 
 def walked(seed: int, drift: float, office: Office) -> Walked:

@@ -24,7 +24,7 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection, S
 from semantic_slam.inference.models.spatial.gate import least_cost
 from semantic_slam.inference.models.spatial.range_prior import RangePrior
 from semantic_slam.inference.models.spatial.ray import distances, off_axis, polar, polar_slopes
-from semantic_slam.inference.models.spatial.ray_factor import ray_factor
+from semantic_slam.inference.models.spatial.ray_factor import ray_factor, with_tail
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.spatial_poses import SpatialPoses
@@ -40,6 +40,7 @@ class SpatialObservation(PointGeometry):
     visibility: PlanarVisibility = field(default_factory=PlanarVisibility)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))  # (3,) of the cone, of length 1
+    ray_tail: float = 0.0  # standard deviations beyond which a ray alone counts less; 0: none does
 
     spaces = POSES_AND_POINTS_IN_SPACE
 
@@ -121,10 +122,12 @@ class SpatialObservation(PointGeometry):
         Of the others, GTSAM's would change with where it puts the axes of that plane.
         """
         if detection.is_round and not detection.has_range and not detection.origin.any():
-            return gtsam.BearingFactor3D(*keys, detection.direction, detection.noise)
+            return gtsam.BearingFactor3D(*keys, detection.direction, with_tail(detection.noise, self.ray_tail))
         if detection.is_round and detection.has_range:
             return gtsam.BearingRangeFactor3D(*keys, detection.direction, detection.range_m, detection.noise)
-        return self._custom_factor(detection, keys) if detection.has_range else ray_factor(detection, keys)
+        return (
+            self._custom_factor(detection, keys) if detection.has_range else ray_factor(detection, keys, self.ray_tail)
+        )
 
     def _custom_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         collected = self.collect([detection])

@@ -14,7 +14,14 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.ray import polar, polar_slopes
 
 
-def ray_factor(detection: SpatialDetection, keys: tuple[int, int]) -> Any:
+def with_tail(noise: Any, sigmas: float) -> Any:
+    """A noise model whose residuals count the less the farther they are beyond ``sigmas``; 0: as it is."""
+    if sigmas <= 0.0:
+        return noise
+    return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(sigmas), noise)
+
+
+def ray_factor(detection: SpatialDetection, keys: tuple[int, int], tail: float = 0.0) -> Any:
     """Factor on a robot, a Pose3, and a point: how far it is off the ray, in both directions across, whitened."""
     whiten, origin, ray, basis = detection.whiten[1:, 1:], detection.origin, detection.ray, detection.basis
 
@@ -30,4 +37,4 @@ def ray_factor(detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         jacobians[1] = np.asfortranarray(slopes @ by_place)
         return np.asarray(whiten @ polar(seen, ray, basis)[1:])
 
-    return gtsam.CustomFactor(unit_noise(2), list(keys), error)
+    return gtsam.CustomFactor(with_tail(unit_noise(2), tail), list(keys), error)

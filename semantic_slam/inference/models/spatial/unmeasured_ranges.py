@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.configuration import Configuration
+from semantic_slam.configuration import Configuration, NewObjectConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
@@ -32,17 +32,29 @@ class UnmeasuredRanges:
             LogRange.between(region.min_range_m, region.max_range_m),
             region.min_range_m,
             region.max_range_m,
-            dict(map(_entry, new.size_by_label)),
+            sizes_by_label(new),
             new.sigma_log_size,
         )
 
     def of_detection(self, label: str, angular_size_rad: Array) -> LogRange:
         """By the label and the angles (2,) that width and height of the box fill, NaN where the border cuts them."""
-        size, angles = self.sizes_m.get(label.lower()), angular_size_rad[np.isfinite(angular_size_rad)]
-        if size is None or len(angles) < 2:
+        size, seen = self.sizes_m.get(label.lower()), log_angle(angular_size_rad)
+        if size is None or np.isnan(seen):
             return self.anywhere
-        seen = float(np.log(2.0 * np.tan(0.5 * np.minimum(angles, WIDEST_RAD))).mean())
         return LogRange(float(np.log(size)) - seen, self.sigma_log_size).within(self.least_m, self.most_m)
+
+
+def log_angle(angular_size_rad: Array) -> float:
+    """Logarithm of how large a box (2,) looks, the size of what it shows per metre of its range; NaN where it is cut.
+
+    The size is the square root of width times height.
+    """
+    return float(np.log(2.0 * np.tan(0.5 * np.minimum(angular_size_rad, WIDEST_RAD))).mean())
+
+
+def sizes_by_label(new: NewObjectConfiguration) -> dict[str, float]:
+    """Metres by the detector's labels in lower case, as configured. Raises InputError."""
+    return dict(map(_entry, new.size_by_label))
 
 
 def _entry(text: str) -> tuple[str, float]:
