@@ -39,7 +39,7 @@ SECTIONS = (
         " their size span in the picture; their edges err by 4 % of a side, which stays for half a second, by as much"
         " again that comes back whenever a thing is seen from that side, and by 1.5 pixels; four of ten looks at one"
         " find nothing for half a second, 15 % of the names are wrong for a while, and three frames in ten have a false"
-        " alarm. The configuration is `config/spatial.yaml` with eight hypotheses. Errors of the path are those at the"
+        " alarm. The configuration is `config/spatial.yaml`. Errors of the path are those at the"
         " time, from where the walk began.",
         (("Walks", lines),),
     ),

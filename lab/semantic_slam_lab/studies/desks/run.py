@@ -22,7 +22,6 @@ from semantic_slam_lab.simulation.desks import Office, write_office
 
 EXISTS, NEAR_M = 0.5, 0.25
 """Existence from which on an object counts as stated, and how far from the middle of a thing it may be."""
-MOST_HYPOTHESES = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,9 +44,8 @@ class Walked:
 
 
 def configuration(seed: int) -> Configuration:
-    """The shipped one for space, with few hypotheses."""
-    own = load_configuration(configuration_file("spatial"))
-    return replace(own, seed=seed, pruning=replace(own.pruning, max_hypotheses=MOST_HYPOTHESES))
+    """The shipped one for space."""
+    return replace(load_configuration(configuration_file("spatial")), seed=seed)
 
 
 def walked(seed: int, drift: float, office: Office) -> Walked:
