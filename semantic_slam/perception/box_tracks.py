@@ -11,12 +11,13 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.same_outline import overlaps
 
 LEAST_OVERLAP = 0.4
 """Intersection over union with the expected box, from which on a box goes on with a track."""
+NANOSECONDS = 1e9
+"""In a second."""
 LONGEST_S = 0.6
 """For how long a track waits for its next box."""
 NEW_PACE = 0.2

@@ -123,7 +123,7 @@ class OpenAssociation:
         near = prediction.near_ids.tolist()
         log_prior = self.registry.log_class_prior_of([*near, self.registry.first_new_id(step.index)])
         views = [prediction.component.views.get(n) for n in near]
-        ranges = log_ranges_of(self.problem.spaces, prediction)
+        ranges = log_ranges_of(self.problem.spaces, prediction.detections, prediction.predicted)
         return replace(pairs, log_words=semantics.log_pairs(step, views, log_prior, *ranges))
 
     def _at_prediction(self, prediction: Prediction) -> PairDensities:

@@ -1,16 +1,18 @@
 """How far the objects near a keyframe's detections are from the camera, and how well that is known."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, squared_norms
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.spatial.ray import distances
-from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.states.spaces import Spaces
 
 
-def log_ranges_of(spaces: Spaces, prediction: Prediction) -> tuple[Array, Array]:
+def log_ranges_of(spaces: Spaces, detections: Sequence[Any], predicted: PredictedBelief) -> tuple[Array, Array]:
     """(D, M + 1) logarithms of the ranges of M near objects and of what each of D detections starts; and variances."""
-    detections, predicted = prediction.detections, prediction.predicted
     size, width = spaces.layout.robot, spaces.storage.landmark
     robot, objects = predicted.mean[0, 0, : spaces.storage.robot], predicted.mean[0, 1:, :width]
     joint, own = predicted.pair_covariances()[0], slice(size, size + spaces.layout.landmark)
