@@ -11,6 +11,12 @@ class PruningConfiguration:
         150.0, "a hypothesis is kept from max weight / ratio on (Sec. 4.4)", minimum=1.0, maximum=1e300
     )
     max_hypotheses: int = parameter(60, "hypotheses kept at most", minimum=1)
+    max_poses: int = parameter(
+        0,
+        "keyframes so far times hypotheses kept, at most: a keyframe costs what all their poses do, so that fewer are"
+        " followed in a long drive, one at least; 0: as many as ever",
+        minimum=0,
+    )
     place_m: float = parameter(
         0.0,
         "hypotheses whose robots are farther apart, or that began under different noises, are of different kinds, to"

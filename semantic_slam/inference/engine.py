@@ -29,7 +29,7 @@ from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
 from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
-from semantic_slam.inference.pruning import Kinds, Pruned, prune, widened
+from semantic_slam.inference.pruning import Kinds, Pruned, affordable, prune, widened
 from semantic_slam.inference.relocation.recovery import SOON, Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.relocation.unplaced import in_map
@@ -153,7 +153,8 @@ class Engine:
 
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
         """PruneAndNormalize, over all parents at once, less while data are not explained; what goes is counted."""
-        limits = widened(self.budget.limits(), self.explanation.unexplained)
+        limits = affordable(self.budget.limits(), self.hypotheses.num_keyframes + 1)
+        limits = widened(limits, self.explanation.unexplained)
         kinds = Kinds(positions=candidates.poses[:, :3], beginnings=self.hypotheses.beginnings(candidates))
         kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits, kinds)
         self.log_evidence += kept.log_mass

@@ -35,6 +35,14 @@ def widened(limits: PruningConfiguration, unexplained: float) -> PruningConfigur
     return replace(limits, ratio=float(np.exp(min(np.log(limits.ratio) / trusted, LARGEST_LOG_RATIO))))
 
 
+def affordable(limits: PruningConfiguration, num_keyframes: int) -> PruningConfiguration:
+    """The limits after so many keyframes: fewer hypotheses where each has many poses."""
+    if limits.max_poses == 0:
+        return limits
+    most = max(1, limits.max_poses // num_keyframes)
+    return replace(limits, max_hypotheses=min(most, limits.max_hypotheses))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Kinds:
     """What K candidates differ in at large."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from semantic_slam.configuration import PruningConfiguration
-from semantic_slam.inference.pruning import Kinds, Pruned, prune, shared_out
+from semantic_slam.inference.pruning import Kinds, Pruned, affordable, prune, shared_out
 
 WEIGHTS = np.log([8.0, 4.0, 2.0, 1.0, 0.5, 1e-5])
 POSITIONS = np.array([[0.0, 0.0], [0.1, 0.0], [5.0, 0.0], [0.2, 0.0], [5.0, 0.1], [9.0, 9.0]])
@@ -55,3 +55,10 @@ def test_what_a_revision_finds_takes_the_room_of_no_other_kind() -> None:
     """Of seven rows four stay: two in turn, of which one is of the second kind, and then the heaviest."""
     assert shared_out(np.array([0, 0, 0, 0, 1, 0, 2]), 4).tolist() == [0, 1, 2, 4]
     assert shared_out(np.array([0, 0, 1]), 4).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("keyframes", "kept"), [(1, 40), (300, 40), (600, 20), (3000, 4), (50_000, 1)])
+def test_as_many_hypotheses_are_followed_as_have_so_many_poses_together(keyframes: int, kept: int) -> None:
+    limits = PruningConfiguration(max_hypotheses=40, max_poses=12_000)
+    assert affordable(limits, keyframes).max_hypotheses == kept
+    assert affordable(PruningConfiguration(max_hypotheses=40), keyframes).max_hypotheses == 40

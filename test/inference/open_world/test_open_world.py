@@ -180,6 +180,13 @@ def test_a_time_budget_marks_the_belief() -> None:
     assert all(len(belief.hypothesis_ids) == 1 for belief in beliefs[1:])
 
 
+def test_of_a_long_drive_fewer_hypotheses_are_followed() -> None:
+    room = make_room(6, seed=0, clutter=0.3, open_world={"merge_position_m": 0.0}, pruning={"max_poses": 6})
+    _, beliefs = run(room)
+    assert [len(belief.hypothesis_ids) <= 6 // number for number, belief in enumerate(beliefs, start=1)] == [True] * 6
+    assert all(belief.reproducible for belief in beliefs)
+
+
 def test_what_cannot_work_is_refused() -> None:
     with pytest.raises(InputError, match="min_range_m"):
         make_room(1, open_world={"min_range_m": 9.0})
