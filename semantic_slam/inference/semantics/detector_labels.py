@@ -146,8 +146,9 @@ class DetectorLabels:
         told = [None if own is None else own.recent[0].sizes for own in (*views, None)]
         known = [own or model.start() for own in told]
         means, spreads = np.array([own.mean for own in known]), np.array([own.variance for own in known])
-        found = model.log_densities(means, spreads, shown[..., None], variances[..., None])
-        return np.where(np.isfinite(shown)[..., None], found, 0.0)
+        is_told = np.isfinite(shown)[..., None]
+        sizes = np.where(is_told, shown[..., None], 0.0)
+        return np.where(is_told, model.log_densities(means, spreads, sizes, variances[..., None]), 0.0)
 
     def _word(self, words: DetectorWords, number: int) -> Array:
         """(C,) log probability of one word, whatever the setting."""
