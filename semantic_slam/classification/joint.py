@@ -4,9 +4,8 @@ import numpy as np
 
 from semantic_slam.classification.classifier import View
 from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock
-from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.track import NextView
-from semantic_slam.classification.windowed import Coupling, WindowedClassifier
+from semantic_slam.classification.windowed import WindowedClassifier
 from semantic_slam.geometry.arrays import Array
 
 
@@ -16,18 +15,9 @@ class JointClassifier(WindowedClassifier):
     With a ``window`` of W views each view is predicted from the W before it.
     """
 
-    def __init__(
-        self,
-        processes: ClassProcesses,
-        log_prior: Array,
-        num_tracks: int = 1,
-        *,
-        coupling: Coupling = "full",
-        window: int | None = None,
-    ) -> None:
-        super().__init__(processes, log_prior, num_tracks, coupling=coupling, window=window)
-        batch = self._views.batch[:2] if coupling == "full" else self._views.batch
-        self._scores = GrowingGaussian(batch, processes.least_variance)
+    def _begin(self) -> None:
+        batch = self._views.batch[:2] if self._coupling == "full" else self._views.batch
+        self._scores = GrowingGaussian(batch, self._processes.least_variance)
 
     def update(self, view: View) -> Array:
         next_view = self._views.next(view.locations_m)

@@ -7,9 +7,8 @@ import numpy as np
 from semantic_slam.classification.classifier import View
 from semantic_slam.classification.growing import GrowingArray
 from semantic_slam.classification.growing_gaussian import GrowingGaussian, NextBlock, floored_cholesky
-from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.track import NextView
-from semantic_slam.classification.windowed import Coupling, WindowedClassifier
+from semantic_slam.classification.windowed import WindowedClassifier
 from semantic_slam.geometry.arrays import Array
 
 
@@ -37,18 +36,9 @@ class RecursiveClassifier(WindowedClassifier):
     stays in the recursion.
     """
 
-    def __init__(
-        self,
-        processes: ClassProcesses,
-        log_prior: Array,
-        num_tracks: int = 1,
-        *,
-        coupling: Coupling = "full",
-        window: int | None = None,
-    ) -> None:
-        super().__init__(processes, log_prior, num_tracks, coupling=coupling, window=window)
-        self._noise = GrowingArray((), (processes.num_components,) * 2)  # Sigma_z of the views before
-        self._scores = GrowingGaussian(self._views.batch, processes.least_variance)
+    def _begin(self) -> None:
+        self._noise = GrowingArray((), (self._processes.num_components,) * 2)  # Sigma_z of the views before
+        self._scores = GrowingGaussian(self._views.batch, self._processes.least_variance)
 
     def update(self, view: View) -> Array:
         next_view = self._views.next(view.locations_m)

@@ -32,6 +32,7 @@ class WindowedClassifier(SequentialClassifier):
         super().__init__(log_prior, num_tracks)
         self._processes, self._coupling, self._window = processes, coupling, window
         self._views = TrackViews(processes, num_tracks)
+        self._begin()
 
     def empty(self, num_tracks: int) -> Self:
         return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
@@ -51,6 +52,10 @@ class WindowedClassifier(SequentialClassifier):
             self._views.drop_first()
             self._drop_first()
             self.dropped += 1
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Make ``_scores``, and what else there is of views, of which there are none yet."""
 
     @abstractmethod
     def _drop_first(self) -> None:

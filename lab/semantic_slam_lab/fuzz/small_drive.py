@@ -12,6 +12,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
+from semantic_slam_lab.simulation.told_places import told_places
 
 START_NS = 1_700_000_000 * NANOSECONDS
 PERIOD_NS = NANOSECONDS // 2
@@ -72,16 +73,4 @@ def _odometry(stamp_ns: int, x: float) -> OdometryEstimate:
 
 def _detections(stamp_ns: int, x: float) -> Detections:
     ahead = OBJECTS - [x, 0.0]
-    count = len(ahead)
-    return Detections(
-        stamp_ns=stamp_ns,
-        frame_id="base_link",
-        boxes=np.full((count, 4), np.nan),
-        labels=("box",) * count,
-        scores=np.full(count, 0.9),
-        track_ids=("",) * count,
-        ranges_m=np.hypot(*ahead.T),
-        bearings_rad=np.arctan2(ahead[:, 1], ahead[:, 0]),
-        elevations_rad=np.zeros(count),
-        place_covariances=np.tile(np.diag([0.01, 0.001, np.nan]), (count, 1, 1)),
-    )
+    return told_places(stamp_ns, np.hypot(*ahead.T), np.arctan2(ahead[:, 1], ahead[:, 0]), (0.01, 0.001))

@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.messages.standard import OdometryEstimate
-from semantic_slam.perception.frame import Detections
+from semantic_slam_lab.simulation.told_places import told_places
 
 RADIUS_M, SPEED_M_S = 2.0, 0.5
 NUM_OBJECTS, OBJECTS_M = 12, 4.0
@@ -27,20 +27,4 @@ def sent(at_s: float, stamp_ns: int, objects: Array, chance: np.random.Generator
     bearings = np.arctan2(ahead[:, 1], ahead[:, 0]) - heading
     bearings = np.angle(np.exp(1j * bearings)) + chance.normal(0.0, SIGMA_RAD, len(objects))
     seen = (ranges < FARTHEST_M) & (np.abs(bearings) < HALF_VIEW_RAD)
-    yield topics.DETECTIONS, encode(_detections(stamp_ns, ranges[seen], bearings[seen]))
-
-
-def _detections(stamp_ns: int, ranges_m: Array, bearings_rad: Array) -> Detections:
-    count = len(ranges_m)
-    return Detections(
-        stamp_ns=stamp_ns,
-        frame_id="base_link",
-        boxes=np.full((count, 4), np.nan),
-        labels=("box",) * count,
-        scores=np.full(count, 0.9),
-        track_ids=("",) * count,
-        ranges_m=ranges_m,
-        bearings_rad=bearings_rad,
-        elevations_rad=np.zeros(count),
-        place_covariances=np.tile(np.diag([SIGMA_M**2, SIGMA_RAD**2, np.nan]), (count, 1, 1)),
-    )
+    yield topics.DETECTIONS, encode(told_places(stamp_ns, ranges[seen], bearings[seen], (SIGMA_M**2, SIGMA_RAD**2)))
