@@ -4,6 +4,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 
+LOG_2PI = float(np.log(2.0 * np.pi))
+
 
 def finite_log_sum_exp(logs: Array, axis: int = -1) -> Array:
     """Log of the sum of exponentials along an axis whose greatest log is finite: twice as fast on short ones."""

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import LOG_2PI
 from semantic_slam.geometry.rows import take
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, even_azimuths, gram, kernel
 
-LOG_2PI = float(np.log(2.0 * np.pi))
 MAX_BATCH_NUMBERS = 4_000_000
 """Matrices of so many numbers altogether are factored at once."""
 

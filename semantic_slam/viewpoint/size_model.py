@@ -17,10 +17,10 @@ from typing import Self
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import LOG_2PI
 
 MEAN_OF_ANY, SIGMA_OF_ANY = float(np.log(0.25)), 1.0
 """Mean and standard deviation of the logarithm of a size [m] that is not known: mostly a tenth to seven tenths."""
-LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, squared_norms
+from semantic_slam.geometry.log_space import LOG_2PI
 from semantic_slam.inference.models.detection_features import DetectionFeatures
 from semantic_slam.inference.models.planar.frames import camera_in_object
-from semantic_slam.inference.models.planar_detection import LOG_2PI
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 from semantic_slam.viewpoint.model import Viewpoints

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import LOG_2PI
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.inference.models.depth_ranges import WIDEST_RAD, distance_per_depth
@@ -18,7 +19,6 @@ from semantic_slam.inference.models.noise_settings import NoiseSettings
 
 ASSUMED_RANGE_M = 3.0
 """Range [m] that a bearing alone counts with where nearness to other detections matters."""
-LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, broadcast_copy, squared_norms
+from semantic_slam.geometry.log_space import LOG_2PI
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.models.observation import Classes, Linearisation
 from semantic_slam.inference.models.repeated_rows import per_detection
@@ -17,7 +18,6 @@ LEAST_WINDOW_RAD = 0.6
 """Half the range of azimuths about a mode that is searched at least."""
 WINDOW_ANGLES, NARROW_WINDOW_ANGLES, WIDE_WINDOW_RAD = 25, 13, 1.2
 """Azimuths looked at, fewer where half the range is not wide."""
-LOG_2PI = float(np.log(2.0 * np.pi))
 
 Slopes = Callable[[Array], tuple[Array, Array]]
 """From (B, m, q) derivatives by coordinates of viewpoints to those (B, m, r) by robots and (B, m, l) by objects."""

@@ -10,10 +10,10 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.log_space import LOG_2PI
 from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 
-LOG_2PI = float(np.log(2.0 * np.pi))
 ROUND = 1e-9
 """Relative to its variances, how far the covariance of a ray may be from that of a circle, by which none counts it."""
 
