@@ -12,6 +12,7 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.open_world.open_geometry import geometry_of
 from semantic_slam.inference.open_world.spatial.births import birth_in_space
+from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 
 REGION = SpatialRegion(min_range_m=0.5, max_range_m=3.0, half_width_rad=0.7, half_height_rad=0.4, occluder_radius_m=0.1)
@@ -47,7 +48,13 @@ def test_what_stands_behind_a_detection_is_hidden_and_what_stands_beside_or_befo
     shown, variances, exact = np.array([[0.1, -0.2, 1.0]]), np.zeros((1, 2)), np.zeros((3, 3, 3))
     seen = np.array([1.8 * shown[0], 0.7 * shown[0], [0.5, -0.4, 2.0]])
     np.testing.assert_allclose(REGION.not_occluded(seen, exact, shown, variances), [0.0, 1.0, 1.0], atol=1e-9)
-    np.testing.assert_array_equal(REGION.hides(seen, np.repeat(shown[None], 3, axis=0)), [True, False, False])
+    ahead = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    at, hiding = REGION.camera.in_body(seen), REGION.camera.in_body(shown)
+    numbers, times, ranges = looks(REGION, ahead, at, hiding)
+    np.testing.assert_array_equal(numbers, [1, 2])
+    np.testing.assert_array_equal(times, [0, 0])
+    np.testing.assert_allclose(ranges, np.linalg.norm(seen[1:], axis=1))
+    np.testing.assert_array_equal(looks(REGION, ahead, at, np.zeros((0, 3)))[0], [0, 1, 2])
 
 
 def test_objects_follow_a_robot_as_their_slopes_say() -> None:

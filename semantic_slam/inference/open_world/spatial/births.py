@@ -11,13 +11,14 @@ import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import so3
-from semantic_slam.geometry.arrays import Array, Index, squared_norms
+from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.open_world.births import WIDTH, Birth
 from semantic_slam.inference.open_world.detection_probability import share_after_looks
 from semantic_slam.inference.open_world.existence import birth
 from semantic_slam.inference.open_world.expected_births import HIDES, LEAST_IN_SIGHT
+from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -105,7 +106,7 @@ def undetected_share_in_space(
     Those are the robot's poses so far, from which nothing was detected there. What is behind the objects ``hiding``
     (N, 3) was not looked at.
     """
-    numbers, times, ranges = _looks(region, trail, points, hiding)
+    numbers, times, ranges = looks(region, trail, points, hiding)
     shares = rates.sensors[0].fall_off(ranges)
     return share_after_looks(rates, numbers, times, shares, (len(points), len(trail)))
 
@@ -119,20 +120,6 @@ def shown_by(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> t
     points = np.array([own.range_m * own.ray for own in ranged]).reshape(-1, 3)
     variances = [(own.covariance[0, 0], 0.5 * np.trace(own.covariance[1:, 1:])) for own in ranged]
     return region.camera.seen(points), np.array(variances).reshape(-1, 2)
-
-
-def _looks(region: SpatialRegion, trail: Array, points: Array, hiding: Array) -> tuple[Index, Index, Array]:
-    """(L,) which points the robot's poses have in the region, from where, at what range; by points, and then poses."""
-    cameras = region.camera.on(trail)
-    away = points[:, None] - cameras[:, :3]
-    squared = squared_norms(away)
-    numbers, times = np.nonzero((squared > region.min_range_m**2) & (squared < region.max_range_m**2))
-    inside = region.holds(so3.rotated(so3.inverse(cameras[:, 3:])[times], away[numbers, times]))
-    numbers, times = numbers[inside], times[inside]
-    if region.occluder_radius_m > 0.0 and len(hiding):
-        open_to = ~region.hides(away[numbers, times], hiding - cameras[times, None, :3])
-        numbers, times = numbers[open_to], times[open_to]
-    return numbers, times, np.sqrt(squared[numbers, times])
 
 
 def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> Array:

@@ -79,8 +79,13 @@ class SpatialRegion:
         """(...,) whether points (..., 3) of the optical frame lie inside."""
         squared = squared_norms(seen)
         inside = (squared > self.min_range_m**2) & (squared < self.max_range_m**2)
-        inside &= np.abs(np.arctan2(seen[..., 0], seen[..., 2])) <= self.half_width_rad
-        return np.asarray(inside & (np.abs(np.arctan2(seen[..., 1], seen[..., 2])) <= self.half_height_rad))
+        return np.asarray(inside & self.shows(seen[..., 0], seen[..., 1], seen[..., 2]))
+
+    def shows(self, right: Array, down: Array, ahead: Array) -> Flags:
+        """(...,) whether points lie within the image's edges, whatever their distance."""
+        aside = np.abs(right) * np.cos(self.half_width_rad) <= ahead * np.sin(self.half_width_rad)
+        across = np.abs(down) * np.cos(self.half_height_rad) <= ahead * np.sin(self.half_height_rad)
+        return np.asarray(aside & across)
 
     def not_occluded(self, seen: Array, covariance: Array, shown: Array, variances: Array) -> Array:
         """(...,) probability that nothing stands in front of ``seen`` (..., 3), with (..., 3, 3), in the optical frame.
@@ -101,15 +106,6 @@ class SpatialRegion:
         apart = np.sqrt(along + variances[:, 0]) + LEAST_SIGMA
         behind = ndtr((distance - ranges - 2.0 * self.occluder_radius_m) / apart)
         return np.asarray((1.0 - aside * behind).prod(axis=-1))
-
-    def hides(self, seen: Array, hiding: Array) -> Flags:
-        """(Q,) whether one of N objects (Q, N, 3) stands before a point (Q, 3), all seen from the camera."""
-        distance, reach = np.sqrt(squared_norms(seen)), np.sqrt(squared_norms(hiding))
-        unit = seen / np.maximum(distance, LEAST_DISTANCE_M)[:, None]
-        along = (hiding * unit[:, None]).sum(axis=-1)
-        aside = np.sqrt(np.maximum(reach**2 - along**2, 0.0)) < self.occluder_radius_m
-        behind = (along > 0.0) & (distance[:, None] > reach + 2.0 * self.occluder_radius_m)
-        return np.asarray((aside & behind).any(axis=1))
 
     def shells(self, count: int) -> Array:
         """(count,) distances amid shells of equal volume."""
