@@ -35,6 +35,7 @@ from semantic_slam.perception.usable_measurements import usable
 from semantic_slam.pipeline.level import level_at
 from semantic_slam.pipeline.motion import (
     OdometryPoint,
+    driven_between,
     motion_covariance,
     motion_covariance_in_space,
     motion_shifts,
@@ -80,7 +81,7 @@ class KeyframeAssembler:
         self._rates = RateMeter()
         self._last_keyframe: OdometryPoint | None = None  # before the first keyframe: the first odometry sample
         self._last_poses: Array | None = None  # (G, 7) odometry there at all offsets of its clock, where estimated
-        self._last_chosen: OdometryPoint | None = None  # there, by the stamps of the odometry as they came
+        self._last_driven: tuple[float, float] | None = None  # until there, by the stamps of the odometry as they came
         self._expected_ns = round(configuration.odometry.clock_offset_s * NANOSECONDS)
         self._offsets_ns = _offsets_ns(configuration.odometry)
         self._instants_ns = [0, -self._expected_ns, *self._offsets_ns]  # at which odometry is asked for, about a stamp
@@ -192,18 +193,16 @@ class KeyframeAssembler:
 
     def _keyframe(self, measurements: SemanticMeasurements) -> Keyframe | None:
         """The next keyframe; None when the policy passes the measurement over, or, counted, when it cannot be used."""
-        point = self._point(measurements.stamp_ns)
-        if point is None:
+        if not self._is_odometry_near(measurements.stamp_ns):
             self.dropped[f"{topics.MEASUREMENTS}: no {topics.ODOMETRY} at their stamp"] += 1
             return None
         if self.is_paused:
             self.dropped[f"{topics.MEASUREMENTS}: came while the robot was paused"] += 1
             return None
-        assert self._last_keyframe is not None
-        measurements = self._inside(measurements)
-        as_stamped = self._standing(measurements.stamp_ns - self._expected_ns)
-        if not self._is_chosen(measurements, as_stamped):
+        driven = self._driven(measurements.stamp_ns - self._expected_ns)
+        if not self._is_chosen(measurements, driven):
             return None
+        measurements = self._inside(measurements)
         if self._passes_over(measurements):
             self.dropped[f"{topics.MEASUREMENTS}: no label named so far"] += 1
             return None
@@ -211,33 +210,39 @@ class KeyframeAssembler:
         if named is None:
             self.dropped[f"{topics.MEASUREMENTS}: no {topics.GROUND_TRUTH_ASSOCIATIONS} of their stamp"] += 1
             return None
+        point, last = self._point(measurements.stamp_ns), self._last_keyframe
+        assert last is not None
         covariance = motion_covariance if self._in_space is None else motion_covariance_in_space
         keyframe = Keyframe(
             index=self._next_index,
             stamp_ns=measurements.stamp_ns,
-            odometry=between(self._last_keyframe.pose, point.pose),
-            odometry_covariance=covariance(self._last_keyframe, point, self._configuration.odometry),
+            odometry=between(last.pose, point.pose),
+            odometry_covariance=covariance(last, point, self._configuration.odometry),
             measurements=named,
-            odometry_slopes=motion_slopes(self._last_keyframe, point),
+            odometry_slopes=motion_slopes(last, point),
             odometry_shifts=self._shifts(point),
             level=self._level(point),
         )
         self._next_index += 1
-        self._last_keyframe, self._last_chosen = point, as_stamped
+        self._last_keyframe, self._last_driven = point, driven
         return keyframe
 
-    def _point(self, stamp_ns: int) -> OdometryPoint | None:
-        """Odometry at an instant; the first sample stands for all before it, the last for a short while after it."""
+    def _is_odometry_near(self, stamp_ns: int) -> bool:
+        """Whether there is odometry at an instant, or so little before it that it still stands for the robot's pose."""
         earlier, later = self._around(stamp_ns)
-        if earlier is None:
-            return later
         oldest, _ = self._around(stamp_ns + min(self._instants_ns))
-        if oldest is not None:
+        if earlier is not None and oldest is not None:
             self._odometry.forget_before(oldest.stamp_ns)
         if later is not None:
-            return point_between(earlier, later, stamp_ns)
-        is_fresh = stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
-        return earlier.standing_until(stamp_ns) if is_fresh else None
+            return True
+        return earlier is not None and stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
+
+    def _point(self, stamp_ns: int) -> OdometryPoint:
+        """Odometry at an instant; the first sample stands for all before it, the last for a short while after it."""
+        earlier, later = self._around(stamp_ns)
+        if earlier is not None and later is None:
+            return earlier.standing_until(stamp_ns)
+        return self._standing(stamp_ns)
 
     def _around(self, stamp_ns: int) -> tuple[OdometryPoint | None, OdometryPoint | None]:
         """The odometry before an instant, and at it or after it."""
@@ -276,16 +281,21 @@ class KeyframeAssembler:
         assert end is not None
         return end
 
-    def _is_chosen(self, measurements: SemanticMeasurements, point: OdometryPoint) -> bool:
+    def _driven(self, stamp_ns: int) -> tuple[float, float]:
+        """Length of the path [m] and sum of all turns [rad] until an instant, as :meth:`_standing` has them."""
+        earlier, later = self._around(stamp_ns)
+        if earlier is not None and later is not None:
+            return driven_between(earlier, later, stamp_ns)
+        end = earlier or later
+        assert end is not None
+        return end.travelled_m, end.turned_rad
+
+    def _is_chosen(self, measurements: SemanticMeasurements, driven: tuple[float, float]) -> bool:
         """Whatever is expected of the odometry's clock, the same frames are chosen."""
-        policy, last = self._configuration.keyframes, self._last_chosen
+        policy, last = self._configuration.keyframes, self._last_driven
         if policy.policy == "every_detection":
             return len(measurements) > 0 or self._association.counts_misses
-        return (
-            last is None
-            or point.travelled_m - last.travelled_m >= policy.distance_m
-            or point.turned_rad - last.turned_rad >= policy.angle_rad
-        )
+        return last is None or driven[0] - last[0] >= policy.distance_m or driven[1] - last[1] >= policy.angle_rad
 
     def _inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """In an open world without detections from outside its region, where births are not told from known objects."""

@@ -73,13 +73,21 @@ def point_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) ->
     return OdometryPoint(
         stamp_ns,
         pose,
-        (1.0 - share) * first.travelled_m + share * second.travelled_m,
-        (1.0 - share) * first.turned_rad + share * second.turned_rad,
+        *driven_between(first, second, stamp_ns),
         first.slopes_at(pose),
         first.rate,
         sigma_m,
         sigma_rad,
         stated_between(first, second, pose, share),
+    )
+
+
+def driven_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) -> tuple[float, float]:
+    """Length of the path [m] and sum of all turns [rad] at an instant between two neighbours."""
+    share = (stamp_ns - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
+    return (
+        (1.0 - share) * first.travelled_m + share * second.travelled_m,
+        (1.0 - share) * first.turned_rad + share * second.turned_rad,
     )
 
 

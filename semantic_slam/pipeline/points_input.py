@@ -7,9 +7,8 @@ from collections import Counter
 import numpy as np
 
 from semantic_slam.configuration import Configuration
-from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M
-from semantic_slam.inference.inputs.spatial_reader import camera_of, point_of_row, ray_of_row
+from semantic_slam.inference.inputs.spatial_reader import camera_of, points_of, rays_of
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.messages import topics
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -25,7 +24,7 @@ class PointsInput:
 
     def usable(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """Without detections of which nobody knows where in space they are."""
-        points, rays = _points(measurements), _rays(measurements)
+        (points, _), (rays, _) = points_of(measurements), rays_of(measurements)
         distances = np.linalg.norm(points, axis=1)
         is_ray = np.isnan(points).any(axis=1) & np.isfinite(rays).all(axis=1)
         told = SpatialPoints(points, measurements.point_covariances)
@@ -49,21 +48,11 @@ class PointsInput:
 
     def inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """Without detections from outside the camera's region; a ray alone is held against the image."""
-        camera, points = camera_of(measurements), _points(measurements)
-        within = measurements.sensor_position + self._region.shells(1) * _rays(measurements)
+        camera, (points, _), (rays, _) = camera_of(measurements), points_of(measurements), rays_of(measurements)
+        within = measurements.sensor_position + self._region.shells(1) * rays
         placed = np.where(np.isnan(points).any(axis=1, keepdims=True), within, points)
         outside = ~self._region.reaching(camera).holds(camera.seen(placed))
         if not outside.any():
             return measurements
         self._dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
         return measurements.take(np.flatnonzero(~outside))
-
-
-def _points(measurements: SemanticMeasurements) -> Array:
-    """(D, 3) in the body frame, NaN where nothing tells them."""
-    return np.array([point_of_row(measurements, row)[0] for row in range(len(measurements))]).reshape(-1, 3)
-
-
-def _rays(measurements: SemanticMeasurements) -> Array:
-    """(D, 3) directions along the body's axes, NaN where nothing tells them."""
-    return np.array([ray_of_row(measurements, row)[0] for row in range(len(measurements))]).reshape(-1, 3)

@@ -41,7 +41,13 @@ class SpatialReader:
     def step(self, keyframe: Keyframe) -> Step:
         """Raises InputError for detections that do not say where in space their object is."""
         measurements = self._features.with_features(keyframe.measurements)
-        detections = [self._detection(measurements, row) for row in range(len(measurements))]
+        places, rays = zip(*points_of(measurements), strict=True), zip(*rays_of(measurements), strict=True)
+        detections = [
+            self._at_point(measurements, row, *place)
+            if np.isfinite(place[0]).all()
+            else self._along_ray(measurements, row, *ray)
+            for row, (place, ray) in enumerate(zip(places, rays, strict=True))
+        ]
         return Step(
             index=keyframe.index,
             stamp_ns=keyframe.stamp_ns,
@@ -78,11 +84,8 @@ class SpatialReader:
         covariance = self._noise.of_motion_in_space(control, told)[se3.TO_MESSAGE][:, se3.TO_MESSAGE]
         return Motion(control, covariance, gravity=Gravity.of(keyframe.level))
 
-    def _detection(self, measurements: SemanticMeasurements, row: int) -> SpatialDetection:
+    def _at_point(self, measurements: SemanticMeasurements, row: int, point: Array, slopes: Array) -> SpatialDetection:
         """Raises InputError."""
-        point, slopes = point_of_row(measurements, row)
-        if not np.isfinite(point).all():
-            return self._along_ray(measurements, row)
         distance = float(np.linalg.norm(point))
         if not distance >= LEAST_DISTANCE_M:
             raise InputError(
@@ -104,9 +107,8 @@ class SpatialReader:
             feature_covariance=measurements.feature_covariances[row],
         )
 
-    def _along_ray(self, measurements: SemanticMeasurements, row: int) -> SpatialDetection:
+    def _along_ray(self, measurements: SemanticMeasurements, row: int, ray: Array, slopes: Array) -> SpatialDetection:
         """Raises InputError."""
-        ray, slopes = ray_of_row(measurements, row)
         if not np.isfinite(ray).all():
             raise InputError(f"{_which(measurements, row)} has neither range nor bearing; leave it out")
         covariance, told = self._noise.of_detection_in_space(0.0), measurements.place_covariances[row, 1:, 1:]
@@ -151,18 +153,19 @@ def _which(measurements: SemanticMeasurements, row: int) -> str:
     return f"detection {measurements.detection_ids[row]} at {measurements.stamp_ns} ns"
 
 
-def ray_of_row(measurements: SemanticMeasurements, row: int) -> tuple[Array, Array]:
-    """(3,) direction along the body's axes from bearing and elevation, NaN where nothing tells it, and (3, 3) slopes.
+def rays_of(measurements: SemanticMeasurements) -> tuple[Array, Array]:
+    """(D, 3) directions along the body's axes from bearing and elevation, NaN where nothing tells them.
 
-    These are of its point at length 1 by range in the plane, bearing and elevation.
+    And (D, 3, 3) slopes of points at length 1 along them by range in the plane, bearing and elevation.
     """
-    down = measurements.elevations_rad[row]
-    return point_of_place(np.array([np.cos(down), measurements.bearings_rad[row], down]))
+    down = measurements.elevations_rad
+    return point_of_place(np.stack([np.cos(down), measurements.bearings_rad, down], axis=1))
 
 
-def point_of_row(measurements: SemanticMeasurements, row: int) -> tuple[Array, Array]:
-    """(3,) a detection in the body frame, NaN where nothing tells that, and its (3, 3) slopes by what is told of it."""
-    if np.isfinite(measurements.points[row]).all():
-        return measurements.points[row], np.eye(3)
-    told = measurements.ranges_m[row], measurements.bearings_rad[row], measurements.elevations_rad[row]
-    return point_of_place(np.array(told))
+def points_of(measurements: SemanticMeasurements) -> tuple[Array, Array]:
+    """(D, 3) detections in the body frame, NaN where nothing tells that, and (D, 3, 3) slopes by what is told."""
+    told = measurements.ranges_m, measurements.bearings_rad, measurements.elevations_rad
+    points, slopes = point_of_place(np.stack(told, axis=1))
+    as_points = np.isfinite(measurements.points).all(axis=1)
+    points[as_points], slopes[as_points] = measurements.points[as_points], np.eye(3)
+    return points, slopes
