@@ -24,20 +24,19 @@ def looks(region: SpatialRegion, trail: Array, points: Array, hiding: Array) -> 
     numbers, times = np.nonzero(near & region.shows(right, down, ahead))
     ranges = np.sqrt(squared[numbers, times])
     if region.occluder_radius_m > 0.0 and len(hiding):
-        rays = [own[numbers, times] / ranges for own in away]
+        rays = np.stack([own[numbers, times] for own in away], axis=1) / ranges[:, None]
         free = ~_hidden(region.occluder_radius_m, rays, ranges, cameras[:, :3], times, hiding)
         numbers, times, ranges = numbers[free], times[free], ranges[free]
     return numbers, times, ranges
 
 
-def _hidden(radius_m: float, rays: list[Array], ranges: Array, cameras: Array, times: Index, hiding: Array) -> Flags:
-    """(L,) whether one of N balls about ``hiding`` (N, 3) stands before what is at ``ranges`` (L,) along ``rays``.
+def _hidden(radius_m: float, rays: Array, ranges: Array, cameras: Array, times: Index, hiding: Array) -> Flags:
+    """(L,) whether one of N balls about ``hiding`` (N, 3) stands before what is at ``ranges`` (L,) along ``rays`` (L, 3).
 
     Seen from the places ``cameras`` (T, 3) at ``times`` (L,).
     """
-    towards = hiding - cameras[:, None]
-    squared = squared_norms(towards)
-    along = _dot([ray[:, None] for ray in rays], [towards[times, :, axis] for axis in range(3)])
+    squared = squared_norms(hiding - cameras[:, None])
+    along = (rays @ hiding.T) - np.vecdot(rays, cameras[times])[:, None]
     aside = squared[times] - along * along < radius_m**2
     behind = ranges[:, None] > (np.sqrt(squared) + 2.0 * radius_m)[times]
     return np.asarray((aside & behind & (along > 0.0)).any(axis=1))
