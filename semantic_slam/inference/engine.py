@@ -89,7 +89,9 @@ class Engine:
         self.genuine = GenuineObjects(self.problem.open_world, self.problem.detection_errors)
         association = self.association(self.problem, self.registry)
         self.steps: list[Step] = []  # so far, where histories are replayed
-        self.revision = Revision(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
+        anew = self.registry if self.problem.spaces.name == "spatial" else None
+        replay = Replay(self.problem, association, self.steps, anew)
+        self.revision = Revision(self.problem.revision, replay, self.registry)
         self.relocation = Relocation(
             self.problem.revision, Replay(self.problem, association, self.steps), self.registry
         )

@@ -46,7 +46,6 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
     if not association.tracks_objects:
         yield configuration.odometry.sigma_level_rad > 0.0, "set odometry.sigma_level_rad: 0, or association: open"
         return
-    yield revision.every_keyframes > 0, "set revision.every_keyframes: 0"
     yield revision.lost_every_keyframes > 0, "set revision.lost_every_keyframes: 0"
     yield revision.carried_probability > 0.0, "set revision.carried_probability: 0"
     yield errors.correlated_share > 0.0, "set detection_errors.correlated_share: 0"

@@ -32,7 +32,7 @@ from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
 from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.errors import UnknownObjectsError
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -117,13 +117,15 @@ class OpenAssociation:
 
     def _with_words(self, step: Step, prediction: Prediction, pairs: PairDensities) -> PairDensities:
         """The pairs with what a detector's words tell of each, where rays alone leave many of them."""
-        semantics = self.problem.semantics
+        spaces, semantics, predicted = self.problem.spaces, self.problem.semantics, prediction.predicted
         if prediction.anchors is None or step.words is None or not isinstance(semantics, RanksPairs):
             return pairs
         near = prediction.near_ids.tolist()
         log_prior = self.registry.log_class_prior_of([*near, self.registry.first_new_id(step.index)])
         views = [prediction.component.views.get(n) for n in near]
-        ranges = log_ranges_of(self.problem.spaces, prediction.detections, prediction.predicted)
+        robot, objects = predicted.mean[0, 0, : spaces.storage.robot], predicted.mean[0, 1:, : spaces.storage.landmark]
+        around = predicted.pair_covariances()[0][:, spaces.layout.robot :, spaces.layout.robot :]
+        ranges = log_ranges_of(spaces, prediction.detections, robot, objects, around)
         return replace(pairs, log_words=semantics.log_pairs(step, views, log_prior, *ranges))
 
     def _at_prediction(self, prediction: Prediction) -> PairDensities:
@@ -229,6 +231,7 @@ class OpenAssociation:
             ids = prediction.movers.movers.ids.tolist()
             place |= {(n, True): column for column, n in enumerate(ids, start=len(place))}
         named = [(n, own == MOVES) for n, own in zip(path.association, path.class_assignment, strict=True)]
-        if not place.keys() >= set(named):
-            raise LostComponentError("a lineage names an object that its hypothesis does not know")
+        unknown = [n for n, is_moving in named if (n, is_moving) not in place]
+        if unknown:
+            raise UnknownObjectsError(unknown)
         return np.array([place[own] for own in named], dtype=int).reshape(1, -1)

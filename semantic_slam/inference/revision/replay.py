@@ -1,6 +1,6 @@
 """Histories replayed from the prior: what each weighs, log P(history, Z_1:k), and the component it leads to."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,11 +9,12 @@ from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.smoothing.errors import LostComponentError, UnknownObjectsError
 from semantic_slam.inference.smoothing.growth import certain
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.world.carried import NOWHERE
+from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
 CHECKPOINT = 10
@@ -55,6 +56,7 @@ class Replay:
     problem: Problem
     association: AssociationStrategy
     steps: list[Step] = field(default_factory=list)  # so far
+    registry: ObjectRegistry | None = None  # what a history names and has given up begins anew by it; None: impossible
     _kept: dict[int, Progress] = field(default_factory=dict)  # of the history that was replayed first in the last round
     _beside: dict[int, Progress] = field(default_factory=dict)  # of the others: one may be followed from now on
 
@@ -112,7 +114,13 @@ class Replay:
         """
         for step in self.steps[own.at : own.at + count]:
             named = own.lineage[own.at] if own.at < len(own.lineage) else None
-            own = self._next(own, step, named, in_place=in_place)
+            try:
+                own = self._next(own, step, named, in_place=in_place)
+            except UnknownObjectsError as fault:
+                if self.registry is None:
+                    raise
+                own = begun_anew(own, fault.object_ids, self.registry.first_new_id(own.at))
+                own = self._next(own, step, own.lineage[own.at], in_place=in_place)
         return own
 
     def before(self, lineage: Lineage, keyframe: int) -> Progress | None:
@@ -171,6 +179,16 @@ class Replay:
         for step, taken in zip(self.steps, lineage, strict=False):
             numbers.append(next_id(numbers[-1], step.stamp_ns, taken))
         return numbers
+
+
+def begun_anew(own: Progress, object_ids: Collection[int], first_new_id: int) -> Progress:
+    """A history in which objects that it names next begin by the detection that names them, and were others before."""
+    born = {n: first_new_id + number for number, n in enumerate(own.lineage[own.at].association)}
+    anew = {n: born[n] for n in object_ids}
+    rest = (
+        replace(step, association=tuple(anew.get(n, n) for n in step.association)) for step in own.lineage[own.at :]
+    )
+    return replace(own, lineage=(*own.lineage[: own.at], *rest))
 
 
 def stays(at: int, now: int) -> bool:

@@ -1,5 +1,5 @@
 """Association revised afterwards: histories in which two objects of a live one are the same, in which one moves, or in
-which the robot took one object for another when it came back.
+which the robot took one object for another when it came back; in space those in which an object is none.
 
 A revised history is replayed from the prior, and so is the one that it comes from: it enters with the ratio of their
 P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before.
@@ -21,6 +21,7 @@ from semantic_slam.inference.open_world.mover_proposals import (
     with_standing,
 )
 from semantic_slam.inference.pruning import Kinds, shared_out
+from semantic_slam.inference.revision.dissolving import Dissolving
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
 from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.revision.returns import Returns
@@ -44,6 +45,7 @@ class Revision:
         self.settings, self._replay = settings, replay
         self._tried, self._stood = (Tried(AGAIN * settings.every_keyframes) for _ in range(2))
         self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
+        self._dissolving = Dissolving(settings.proposals, replay, registry)
 
     @property
     def is_on(self) -> bool:
@@ -69,8 +71,11 @@ class Revision:
         were merged into it; a revised one stands for as many, so that it weighs by its ratio to the best one's own.
         """
         best = next(iter(live.values()))
-        lineages = self._proposals(best.lineage, ids, objects) + self._with_movers(best.lineage)
-        lineages += self._splits(best.lineage, ratio)
+        if self._replay.problem.spaces.name == "spatial":
+            lineages = self._without_objects(best.lineage)
+        else:
+            lineages = self._proposals(best.lineage, ids, objects) + self._with_movers(best.lineage)
+            lineages += self._splits(best.lineage, ratio)
         if not lineages:
             return {}
         followed, *others = self._replay.log_joints([best.lineage, *lineages])
@@ -123,6 +128,12 @@ class Revision:
         """Histories in which a return was of another object."""
         (followed,) = self._replay.log_joints([lineage]) if self.settings.splits else (None,)
         return self._returns.histories(followed, ratio) if followed is not None else []
+
+    def _without_objects(self, lineage: Lineage) -> list[Lineage]:
+        """A likelier history in which objects are none; without any where there is none."""
+        (followed,) = self._replay.log_joints([lineage])
+        found = None if followed is None else self._dissolving.history(followed)
+        return [] if found is None else [found]
 
     def _with_movers(self, lineage: Lineage) -> list[Lineage]:
         """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""

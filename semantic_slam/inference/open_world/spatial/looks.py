@@ -31,9 +31,9 @@ def looks(region: SpatialRegion, trail: Array, points: Array, hiding: Array) -> 
 
 
 def _hidden(radius_m: float, rays: Array, ranges: Array, cameras: Array, times: Index, hiding: Array) -> Flags:
-    """(L,) whether one of N balls about ``hiding`` (N, 3) stands before what is at ``ranges`` (L,) along ``rays`` (L, 3).
+    """(L,) whether one of N balls about ``hiding`` (N, 3) stands before what is seen at ``times`` (L,).
 
-    Seen from the places ``cameras`` (T, 3) at ``times`` (L,).
+    From ``cameras`` (T, 3), at ``ranges`` (L,) along ``rays`` (L, 3).
     """
     squared = squared_norms(hiding - cameras[:, None])
     along = (rays @ hiding.T) - np.vecdot(rays, cameras[times])[:, None]

@@ -1,0 +1,85 @@
+"""Objects of a history in space that are none: their detections were of others, and one by one taken for one thing.
+
+Such an object goes on to exist for good, for two detections of it are two, and costs a miss whenever the camera looks
+where it should be. Once that outweighs what its detections weigh less as ones of others, the history without it is
+worth a replay.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Index
+from semantic_slam.inference.revision.hindsight import Hindsight
+from semantic_slam.inference.revision.replay import Lineage
+
+Owners = Sequence[Index]
+"""T of (D,): which of N objects each detection is of; N: of none of them."""
+
+
+@dataclass(frozen=True)
+class Dissolved:
+    """An object that may be none."""
+
+    row: int  # among those of the history
+    gain: float  # nats that the history roughly gains without it
+    owners: Owners  # without it
+
+
+def dissolved(view: Hindsight) -> list[Dissolved]:
+    """Objects without which their history gains, those first without which it gains most."""
+    found = [_without(view, view.owners, row) for row in range(len(view.ids))]
+    return sorted((own for own in found if own.gain > 0.0), key=lambda own: -own.gain)
+
+
+def without_all(view: Hindsight, chosen: Sequence[Dissolved]) -> Owners:
+    """All detections of some objects as ones of others than these."""
+    owners: Owners = view.owners
+    rows = [own.row for own in chosen]
+    for row in rows:
+        owners = _without(view, owners, row, rows).owners
+    return owners
+
+
+def _without(view: Hindsight, owners: Owners, row: int, others: Collection[int] = ()) -> Dissolved:
+    """Each detection of an object as one of the likeliest other, but for ``others``, that its frame shows no second of.
+
+    Or as one of none. Gone with the object are its misses, and one of each object that was missed in its place.
+    """
+    found, times = [own.copy() for own in owners], np.array([(own == row).any() for own in owners])
+    gain = -view.log_missed * float((view.in_view[row] & ~times).sum())
+    for keyframe in np.flatnonzero(times).tolist():
+        own = found[keyframe]
+        number = int(np.flatnonzero(own == row)[0])
+        weights = view.log_weights[keyframe][number]
+        may = weights.copy()
+        may[[*own.tolist(), *others]] = -np.inf
+        may[-1] = weights[-1]
+        best = own[number] = int(np.argmax(may))
+        gain += float(may[best] - weights[row if times[:keyframe].any() else -1])  # the first one began the object
+        if best < len(view.ids) and view.in_view[best, keyframe]:
+            gain -= view.log_missed
+    return Dissolved(row, gain, found)
+
+
+def lineage_of(view: Hindsight, owners: Owners) -> Lineage:
+    """The history in which detections are of ``owners``: objects are named by the first one that is of them."""
+    names = {number: number for number in (-1, *view.problem.map_ids)}
+    return tuple(
+        replace(step, association=tuple(_named(view, keyframe, step.association, owners[keyframe], names)))
+        for keyframe, step in enumerate(view.lineage)
+    )
+
+
+def _named(view: Hindsight, keyframe: int, before: Sequence[int], owners: Index, names: dict[int, int]) -> list[int]:
+    """(D,) names of the objects of a frame's detections; what begins here is put down among ``names``."""
+    born, ids = view.registry.first_new_id(keyframe), view.ids.tolist()
+    changed = owners != view.owners[keyframe]
+    found = []
+    for number, (own, is_changed) in enumerate(zip(owners.tolist(), changed.tolist(), strict=True)):
+        if is_changed and own == len(ids):
+            found.append(born + number)
+        else:
+            found.append(names.setdefault(ids[own] if is_changed else before[number], born + number))
+    return found

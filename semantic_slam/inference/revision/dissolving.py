@@ -1,0 +1,52 @@
+"""Histories in which objects of a live one are none, the first that is likelier, and which of them were tried."""
+
+from collections.abc import Sequence
+
+from semantic_slam.inference.revision.dissolved import Dissolved, dissolved, lineage_of, without_all
+from semantic_slam.inference.revision.hindsight import Hindsight
+from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.world.objects import ObjectRegistry
+
+MORE = 2.0
+"""Times that as many nats must speak against an object as when it was tried, for it to be tried again."""
+LEAST_GAIN = 20.0
+"""Nats that are to be gained roughly for a replay: what rough weights overestimate."""
+
+
+class Dissolving:
+    """Looks for likelier histories without objects that may be none."""
+
+    def __init__(self, most: int, replay: Replay, registry: ObjectRegistry) -> None:
+        """With at most so many replays in one look."""
+        self._most, self._replay, self._registry = most, replay, registry
+        self._tried: dict[int, float] = {}  # object -> what was to be gained without it
+
+    def history(self, followed: Revised) -> Lineage | None:
+        """Without all objects that may be none, or else without one of them; None where no history is likelier."""
+        view = Hindsight(
+            problem=self._replay.problem,
+            registry=self._registry,
+            steps=self._replay.steps,
+            lineage=followed.lineage,
+            component=followed.component,
+        )
+        chosen = [own for own in dissolved(view) if own.gain > LEAST_GAIN]
+        news = [own for own in chosen if self._is_news(view, own)]
+        if not news:
+            return None
+        self._tried |= {int(view.ids[own.row]): own.gain for own in chosen}
+        found = [lineage_of(view, own.owners) for own in news]
+        if len(chosen) > 1:
+            found.insert(0, lineage_of(view, without_all(view, chosen)))
+        return self._first_likelier(followed, found[: self._most])
+
+    def _first_likelier(self, followed: Revised, lineages: Sequence[Lineage]) -> Lineage | None:
+        for lineage in lineages:
+            _, own = self._replay.log_joints([followed.lineage, lineage])
+            if own is not None and own.log_joint > followed.log_joint:
+                return own.lineage
+        return None
+
+    def _is_news(self, view: Hindsight, own: Dissolved) -> bool:
+        before = self._tried.get(int(view.ids[own.row]))
+        return before is None or own.gain > MORE * before
