@@ -1,0 +1,121 @@
+"""Objects in space that are none: a history without them is found, and weighs what it weighs when it is followed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from semantic_slam import Configuration, Detection, Engine, Keyframe
+from semantic_slam.geometry import se3, so3
+from semantic_slam.inference.revision.dissolved import dissolved, lineage_of
+from semantic_slam.inference.revision.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight import Hindsight
+from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+
+ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+POINTS = np.array([[2.0, 0.0, 0.3], [2.2, 0.35, 0.25], [2.5, -0.4, 0.0], [1.8, 0.7, -0.3]])
+RAY_SIGMA, NUM_KEYFRAMES = 0.01, 40
+
+
+def walk(engine: Engine) -> None:
+    """Sideways past a few points, to which there are rays alone, and back."""
+    random, x = np.random.default_rng(2), ORIGIN
+    for k in range(NUM_KEYFRAMES):
+        motion = se3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.05 if k < NUM_KEYFRAMES // 2 else -0.05, 0.0]))
+        x, detections = se3.compose(x, motion), []
+        for point in POINTS:
+            away = so3.rotated(so3.inverse(x[3:]), point - x[:3])
+            ray = away / np.linalg.norm(away) + RAY_SIGMA * random.normal(size=3)
+            detections.append(Detection.along(ray, ray_covariance=RAY_SIGMA**2 * np.eye(3)))
+        engine.process(Keyframe.spatial(k, motion=motion, motion_covariance=1e-6 * np.eye(6), detections=detections))
+
+
+def engine_of(every_keyframes: int) -> Engine:
+    return Engine(
+        Configuration.of(
+            state_space="spatial",
+            observation="points",
+            association="open",
+            semantic_model={"kind": "none"},
+            open_world={"birth_density": 0.3, "clutter_per_frame": 0.01, "detection_probability": 0.9},
+            revision={"every_keyframes": every_keyframes},
+        ),
+        initial_pose=ORIGIN,
+        initial_covariance=1e-6 * np.eye(6),
+    )
+
+
+@pytest.fixture(scope="module")
+def walked() -> tuple[Engine, Replay, Revised]:
+    """Whose likeliest history has every point right."""
+    engine = engine_of(10**6)
+    walk(engine)
+    association = engine.association(engine.problem, engine.registry)
+    replay = Replay(engine.problem, association, engine.steps, engine.registry)
+    (own,) = replay.log_joints([next(iter(engine.live.values())).lineage])
+    assert own is not None
+    assert all(step.association == (0, 1, 2, 3) for step in own.lineage)
+    return engine, replay, own
+
+
+def with_one_that_is_none(engine: Engine, lineage: Lineage) -> Lineage:
+    """The first sighting of one point, and one of its neighbour's, taken for one thing."""
+    anew = engine.registry.first_new_id(1)
+    steps = [replace(step, association=(anew, *step.association[1:])) for step in lineage]
+    steps[0] = lineage[0]
+    steps[2] = replace(steps[2], association=(anew, 0, *lineage[2].association[2:]))
+    return tuple(steps)
+
+
+def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tuple[Engine, Replay, Revised]) -> None:
+    engine, replay, right = walked
+    wrong = with_one_that_is_none(engine, right.lineage)
+    _, followed = replay.log_joints([right.lineage, wrong])
+    assert followed is not None and followed.log_joint < right.log_joint - 20.0
+    found = Dissolving(4, replay, engine.registry).history(followed)
+    assert found == right.lineage
+
+
+def test_objects_that_are_some_are_left_alone(walked: tuple[Engine, Replay, Revised]) -> None:
+    engine, replay, right = walked
+    view = Hindsight(
+        problem=engine.problem,
+        registry=engine.registry,
+        steps=engine.steps,
+        lineage=right.lineage,
+        component=right.component,
+    )
+    assert dissolved(view) == []
+    assert Dissolving(4, replay, engine.registry).history(right) is None
+    assert lineage_of(view, view.owners) == right.lineage
+
+
+def test_what_was_tried_is_not_tried_again(walked: tuple[Engine, Replay, Revised]) -> None:
+    engine, replay, right = walked
+    _, followed = replay.log_joints([right.lineage, with_one_that_is_none(engine, right.lineage)])
+    dissolving = Dissolving(4, replay, engine.registry)
+    assert dissolving.history(followed) is not None
+    assert dissolving.history(followed) is None
+
+
+def test_an_object_that_was_given_up_begins_anew(walked: tuple[Engine, Replay, Revised]) -> None:
+    """Seen once, and then not for long: what a history names next under its number is another one."""
+    engine, replay, right = walked
+    late = NUM_KEYFRAMES - 5
+    born = [engine.registry.first_new_id(k) for k in range(NUM_KEYFRAMES)]
+    steps = [replace(step, association=(born[1], *step.association[1:])) for step in right.lineage]
+    steps[0] = right.lineage[0]
+    for k in range(late, NUM_KEYFRAMES):
+        steps[k] = replace(steps[k], association=(0, *steps[k].association[1:]))
+    strict = Replay(engine.problem, replay.association, engine.steps)
+    assert strict.log_joints([right.lineage, tuple(steps)])[1] is None
+    own = replay.log_joints([right.lineage, tuple(steps)])[1]
+    assert own is not None
+    assert {step.association[0] for step in own.lineage[late:]} == {born[late]}
+
+
+def test_a_run_that_looks_back_is_the_one_that_has_all_right() -> None:
+    engine = engine_of(10)
+    walk(engine)
+    best = next(iter(engine.live.values()))
+    assert all(step.association == (0, 1, 2, 3) for step in best.lineage)
