@@ -8,7 +8,10 @@ from semantic_slam.configuration.parameter import parameter
 @dataclass(frozen=True)
 class RevisionConfiguration:
     every_keyframes: int = parameter(
-        0, "association: open: keyframes from one look for objects that are one to the next; 0: never", minimum=0
+        0,
+        "association: open: keyframes from one look for objects that are one, in space for those that are none, to the"
+        " next; 0: never",
+        minimum=0,
     )
     lost_every_keyframes: int = parameter(
         0,
@@ -28,11 +31,14 @@ class RevisionConfiguration:
     )
     proposals: int = parameter(
         4,
-        "revised histories of each kind that are weighed in one look: objects that are one, that move, that stand",
+        "revised histories of each kind that are weighed in one look: objects that are one, that move, that stand, in"
+        " space that are none",
         minimum=1,
     )
     splits: int = parameter(
-        4, "returns to an object, likeliest first, that one look takes to have been to another one; 0: none", minimum=0
+        4,
+        "returns to an object, likeliest first, that one look takes to have been to another one, in the plane; 0: none",
+        minimum=0,
     )
     horizon: int = parameter(
         600, "keyframes up to which histories are revised: each revised one is replayed from the start", minimum=1

@@ -9,8 +9,8 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 
 MORE = 2.0
 """Times that as many nats must speak against an object as when it was tried, for it to be tried again."""
-LEAST_GAIN = 20.0
-"""Nats that are to be gained roughly for a replay: what rough weights overestimate."""
+LEAST_GAIN = 5.0
+"""Nats that are to be gained roughly for a replay."""
 
 
 class Dissolving:
