@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam_lab.simulation.inertial import Imu, SmoothPath, imu_messages
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, TableTops
 from semantic_slam_lab.studies.tables.run import configuration
-from worlds.bag_factory import Entry, write_bag
+from worlds.bag_factory import Entry, static_transform, write_bag
 
 from semantic_slam.configuration import Configuration, from_dict, to_dict
 from semantic_slam.geometry import se3
@@ -58,17 +58,20 @@ def table_entries(room: TableTops, period_ns: int = SECOND_NS) -> list[Entry]:
 
 
 def with_imu(room: TableTops, imu: Imu, random: np.random.Generator) -> list[Entry]:
-    """:func:`table_entries`, slow enough for a hand, with topic imu and odometry that is told between keyframes."""
+    """:func:`table_entries`, slow enough for a hand, with topic imu and odometry that is told between keyframes.
+
+    The transform of the sensor is on /tf_static; where map begins nothing says.
+    """
     count = len(room.keyframes)
     times = SLOW_S * np.arange(1, count + 1)
     path = SmoothPath(times, room.truth)
-    messages = imu_messages(path, imu, (times[0] - 0.5, times[-1] + 0.1), random)
-    entries = table_entries(room, round(SLOW_S * SECOND_NS))
-    entries += [Entry(topic, message, stamp) for stamp, topic, message in messages]
-    odometry = dict(_odometry_between(room, path, times))
-    entries = [entry for entry in entries if entry.topic != topics.ODOMETRY] + [
-        Entry(topics.ODOMETRY, to_message(_odometry(stamp, "odom", pose)), stamp) for stamp, pose in odometry.items()
-    ]
+    first = round(times[0] * SECOND_NS)
+    entries = [Entry(topics.TF_STATIC, static_transform(first, imu.frame_id, imu.T_body_imu), first)]
+    entries += [entry for entry in table_entries(room, round(SLOW_S * SECOND_NS)) if entry.topic != topics.ODOMETRY]
+    for stamp, topic, message in imu_messages(path, imu, (times[0] - 0.5, times[-1] + 0.1), random):
+        entries.append(Entry(topic, message, stamp))
+    for stamp, pose in _odometry_between(room, path, times):
+        entries.append(Entry(topics.ODOMETRY, to_message(_odometry(stamp, "odom", pose)), stamp))
     return sorted(entries, key=lambda entry: entry.stamp_ns)
 
 
