@@ -91,7 +91,7 @@ def tilts(bags: list[Path], rooms: list[TableTops]) -> list[Tilt]:
 def test_roll_and_pitch_do_not_drift(rooms: list[TableTops], flown: dict[str, list[Path]], sensor: str) -> None:
     """From a start at which the camera looks down by some twenty degrees, which nobody tells but the sensor."""
     felt, unfelt = tilts(flown[sensor], rooms), tilts(flown["none"], rooms)
-    assert max(tilt.error_rad for tilt in felt) < 0.02
+    assert max(tilt.error_rad for tilt in felt) < 0.03
     assert all(tilt.error_rad < 3.0 * tilt.sigma_rad for tilt in felt)
     assert max(tilt.sigma_rad for tilt in felt) < 0.6 * min(tilt.sigma_rad for tilt in unfelt)
 
@@ -101,7 +101,7 @@ def test_a_report_of_such_a_bag_is_level(rooms: list[TableTops], flown: dict[str
     assert call(tmp_path, "semantic_slam.cli.bag_to_report", *words).returncode == 0
     *_, last = (tmp_path / "out" / "trajectory.tum").read_text().splitlines()
     turn = np.array(last.split()[4:], dtype=np.float64)
-    assert so3.matrix(turn)[2] @ so3.matrix(rooms[0].truth[-1, 3:])[2] > np.cos(0.02)
+    assert so3.matrix(turn)[2] @ so3.matrix(rooms[0].truth[-1, 3:])[2] > np.cos(0.03)
 
 
 def test_keyframes_of_a_recorded_run_are_as_level_as_its_own(
