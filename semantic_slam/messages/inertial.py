@@ -15,6 +15,7 @@ from semantic_slam.messages.sensor import plain_frame
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class
 
+GRAVITY_M_S2 = 9.81
 NOT_TOLD = -1.0
 UNTOUCHED = np.array([0.0, 0.0, 0.0, 1.0])
 """Orientation of a message in which nobody has filled one in; with a covariance of zeros."""

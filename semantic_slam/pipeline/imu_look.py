@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import ImuConfiguration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.messages.inertial import ImuReading
+from semantic_slam.messages.inertial import GRAVITY_M_S2, ImuReading
 from semantic_slam.pipeline.imu_window import ImuWindow
 
-GRAVITY_M_S2 = 9.81
+LEAST_VARIANCE = 1e-6
+"""[rad^2]: no sensor is mounted better than to a milliradian, whatever it states."""
 MOST_AT_START_M_S2 = 3.0
 """By how much what is shown at the first keyframe may differ from gravity, which makes its look rough."""
 
@@ -43,7 +44,7 @@ def look_of(
     for stamp_ns, reading in reversed(readings):
         if reading.up is not None:
             stated = reading.variance if np.isfinite(reading.variance) else settings.sigma_level_rad**2
-            return ImuLook(window.carried(stamp_ns, reading.up), stated)
+            return ImuLook(window.carried(stamp_ns, reading.up), max(stated, LEAST_VARIANCE))
     shown = [(stamp_ns, reading.acceleration) for stamp_ns, reading in readings if reading.acceleration is not None]
     if not shown:
         raise NoLookError("no message within imu.window_s before a keyframe")

@@ -11,10 +11,10 @@ from semantic_slam.datasets.drives.drive import Message
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
-from semantic_slam.messages.inertial import imu_message
+from semantic_slam.messages.inertial import GRAVITY_M_S2, imu_message
 from semantic_slam.messages.standard import NANOSECONDS
 
-GRAVITY = np.array([0.0, 0.0, 9.81])
+GRAVITY = np.array([0.0, 0.0, GRAVITY_M_S2])
 """What holds a body at rest [m/s^2], in map."""
 STEP_S = 1e-3
 """Between positions whose second difference is an acceleration."""

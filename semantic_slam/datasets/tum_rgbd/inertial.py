@@ -16,11 +16,12 @@ from semantic_slam.datasets.space.path import SpatialPath
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages.inertial import GRAVITY_M_S2
 
 COLUMNS = ("t", "ax", "ay", "az", "wx", "wy", "wz")
 REMEDY = f"lines of '{' '.join(COLUMNS)}' are expected"
-GRAVITY, MOST_OFF = 9.81, 1.5
-"""m/s^2, and by how much the mean may differ from it."""
+MOST_OFF_M_S2 = 1.5
+"""By how much the mean may differ from gravity."""
 
 
 BEFORE_NS = 2_000_000_000
@@ -75,9 +76,9 @@ def up_at_start(file: Path, path: SpatialPath, seconds: float = np.inf) -> Array
     start = so3.rotated(so3.inverse(path.poses[0, 3:]), so3.rotated(path.poses[nearest, 3:], in_body))
     mean = start.mean(axis=0)
     length = float(np.linalg.norm(mean))
-    if abs(length - GRAVITY) > MOST_OFF:
+    if abs(length - GRAVITY_M_S2) > MOST_OFF_M_S2:
         raise InputError(
-            f"{file}: accelerations come to {length:.2f} m/s^2 on average, not {GRAVITY}; give them along the axes of"
+            f"{file}: accelerations come to {length:.2f} m/s^2 on average, not {GRAVITY_M_S2}; give them along the axes of"
             " the optical frame, or remove the file"
         )
     return np.asarray(mean / length)

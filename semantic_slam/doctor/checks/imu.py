@@ -9,8 +9,8 @@ from semantic_slam.doctor.input_summary import ImuRecord, InputSummary
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
+from semantic_slam.messages.inertial import GRAVITY_M_S2
 from semantic_slam.messages.sensor import sensor_pose
-from semantic_slam.pipeline.imu_look import GRAVITY_M_S2
 from semantic_slam.pipeline.imu_use import NAME as TOPIC
 from semantic_slam.pipeline.imu_use import TYPE, unused_because
 
