@@ -78,7 +78,7 @@ def up_at_start(file: Path, path: SpatialPath, seconds: float = np.inf) -> Array
     length = float(np.linalg.norm(mean))
     if abs(length - GRAVITY_M_S2) > MOST_OFF_M_S2:
         raise InputError(
-            f"{file}: accelerations come to {length:.2f} m/s^2 on average, not {GRAVITY_M_S2}; give them along the axes of"
-            " the optical frame, or remove the file"
+            f"{file}: accelerations come to {length:.2f} m/s^2 on average, not {GRAVITY_M_S2}; give them along the axes"
+            " of the optical frame, or remove the file"
         )
     return np.asarray(mean / length)
