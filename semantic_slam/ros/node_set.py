@@ -113,7 +113,7 @@ def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[
 def _imu_parameters(
     reader: BagReader, found: InputTopics, configuration: Configuration, *, has_tf2: bool
 ) -> dict[str, Any]:
-    """Those that have the manager listen to topic imu; none where the bag has none or the run no use for it."""
+    """The parameters that have the manager listen to topic imu, where the bag has it and the run a use for it."""
     first = next(iter(reader.messages([found.imu])), None) if found.imu else None
     if first is None or unused_because(configuration):
         return {}

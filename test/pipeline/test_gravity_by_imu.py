@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
 from semantic_slam.messages import topics
+from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.inertial import imu_message
 from semantic_slam.messages.sensor import TransformTree
-from semantic_slam.messages.standard import NANOSECONDS, PoseEstimate
+from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate, PoseEstimate
 from semantic_slam.pipeline.gravity_by_imu import GravityByImu, ImuSource
 from semantic_slam.pipeline.imu_use import left_out, unused_because
+from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.motion import start
 from semantic_slam.pipeline.odometry_path import OdometryPath
 from semantic_slam.pipeline.start import start_of
@@ -44,6 +47,19 @@ def settings(**imu: object) -> Configuration:
     )
 
 
+def at(time_s: float) -> int:
+    """Stamp [ns] of a time [s]."""
+    return round(time_s * NANOSECONDS) + 10 * NANOSECONDS
+
+
+def shown_messages(motion: Motion, times: np.ndarray, scale: float = 1.0, frame: str = "imu_link") -> list[Any]:
+    """What an accelerometer without errors shows."""
+    before, now, after = (se3.compose(motion(times + step), T_BODY_IMU) for step in (-1e-3, 0.0, 1e-3))
+    own = (before[:, :3] - 2.0 * now[:, :3] + after[:, :3]) / 1e-6
+    shown = scale * so3.rotated(so3.inverse(now[:, 3:]), own + GRAVITY)
+    return [imu_message(at(time_s), frame, told) for time_s, told in zip(times, shown, strict=True)]
+
+
 class Body:
     """One that moves, its odometry at 20 Hz and its sensor at 100 Hz, 2 s before its first keyframe until its last."""
 
@@ -53,19 +69,13 @@ class Body:
 
     def listen(self, until_s: float, since_s: float = -2.0, scale: float = 1.0, frame: str = "imu_link") -> None:
         times = np.arange(since_s, until_s + 1e-9, 0.01)
-        before, now, after = (se3.compose(self.motion(times + step), T_BODY_IMU) for step in (-1e-3, 0.0, 1e-3))
-        own = (before[:, :3] - 2.0 * now[:, :3] + after[:, :3]) / 1e-6
-        shown = scale * so3.rotated(so3.inverse(now[:, 3:]), own + GRAVITY)
-        for time_s, acceleration in zip(times, shown, strict=True):
-            self.gravity.add(imu_message(round(time_s * NANOSECONDS) + 10**10, frame, acceleration))
+        for message in shown_messages(self.motion, times, scale, frame):
+            self.gravity.add(message)
 
     def look(self, time_s: float) -> np.ndarray | None:
         times = np.arange(-2.0, time_s + 1e-9, 0.05)
-        points = [
-            start(OdometrySample(round(own * NANOSECONDS) + 10**10, pose))
-            for own, pose in zip(times, self.motion(times), strict=True)
-        ]
-        return self.gravity.level_at(round(time_s * NANOSECONDS) + 10**10, OdometryPath.of(points))
+        points = [start(OdometrySample(at(own), pose)) for own, pose in zip(times, self.motion(times), strict=True)]
+        return self.gravity.level_at(at(time_s), OdometryPath.of(points))
 
     def up(self, time_s: float) -> np.ndarray:
         return so3.matrix(self.motion(np.array([time_s]))[0, 3:])[2]
@@ -100,7 +110,7 @@ def test_an_orientation_counts_before_accelerations_and_as_sure_as_it_states() -
     body = Body(carried(turn_rad_s=0.5))
     for time_s in (-0.02, -0.01):
         turn = se3.compose(body.motion(np.array([time_s])), T_BODY_IMU)[0, 3:]
-        message = imu_message(round(time_s * NANOSECONDS) + 10**10, "imu_link", np.zeros(3), turn, 0.003**2)
+        message = imu_message(at(time_s), "imu_link", np.zeros(3), turn, 0.003**2)
         body.gravity.add(message)
     np.testing.assert_allclose(body.look(0.0), np.append(body.up(0.0), 0.003**2), atol=1e-9)
 
@@ -155,7 +165,7 @@ def test_looks_within_the_time_in_which_errors_repeat_count_as_one() -> None:
 
 def test_messages_are_waited_for_and_live_one_that_is_silent_is_not() -> None:
     patient, live = Body(carried()), Body(carried(), waits=False)
-    now, later = 10**10, 10**10 + 3 * NANOSECONDS
+    now, later = at(0.0), at(3.0)
     for body in (patient, live):
         body.listen(-0.5)
         assert not body.gravity.is_known(now, now)
@@ -163,6 +173,43 @@ def test_messages_are_waited_for_and_live_one_that_is_silent_is_not() -> None:
     assert live.gravity.is_known(now, later)
     patient.listen(0.0, since_s=-0.49)
     assert patient.gravity.is_known(now, now)
+
+
+def told_messages(motion: Motion) -> list[list[Any]]:
+    """Odometry, topic imu and frames without a detection of three seconds; the sensor's clock steps back once."""
+    times = np.arange(-1.5, 1.5, 0.05)
+    odometry = [
+        OdometryEstimate(at(time_s), "odom", "base_link", pose, np.zeros((6, 6)))
+        for time_s, pose in zip(times, motion(times), strict=True)
+    ]
+    readings = shown_messages(motion, np.arange(-1.5, 1.5, 0.01))
+    readings.insert(100, imu_message(at(-1.4), "imu_link", GRAVITY))
+    frames = [Keyframe.spatial(0, stamp_ns=at(time_s)).measurements for time_s in (0.0, 0.5, 1.0)]
+    return [list(map(to_message, odometry)), readings, frames]
+
+
+def assembled(arrival: list[tuple[int, Any]]) -> tuple[list[Keyframe], Counter[str]]:
+    assembler = KeyframeAssembler(settings(), imu=ImuSource(tree()))
+    adders = (assembler.add_odometry, assembler.add_imu, assembler.add_measurements)
+    keyframes = []
+    for stream, item in arrival:
+        adders[stream](item)
+        keyframes += assembler.take()
+    return [*keyframes, *assembler.flush()], assembler.dropped
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_keyframes_do_not_depend_on_the_order_of_arrival(seed: int) -> None:
+    streams = told_messages(carried(acceleration=0.3, turn_rad_s=0.5))
+    expected, _ = assembled([(n, item) for n, stream in enumerate(streams) for item in stream])
+    order = np.random.default_rng(seed).permutation(np.repeat(np.arange(3), [len(stream) for stream in streams]))
+    rest = [iter(stream) for stream in streams]
+    found, dropped = assembled([(n, next(rest[n])) for n in order.tolist()])
+    assert dropped == {"imu: time goes backwards": 1}
+    assert len(found) == len(expected) == 3
+    for one, other in zip(found, expected, strict=True):
+        assert one.level is not None
+        np.testing.assert_array_equal(one.level, other.level)
 
 
 def test_extrinsics_that_are_none_are_refused_by_name() -> None:
