@@ -21,6 +21,8 @@ UNTOUCHED = np.array([0.0, 0.0, 0.0, 1.0])
 """Orientation of a message in which nobody has filled one in; with a covariance of zeros."""
 NEARLY = 0.1
 """How far the length of a quaternion may be from 1."""
+MOST_M_S2, MOST_VARIANCE = 1e3, 1e3
+"""No robot is shaken more; and who states more [rad^2] knows nothing."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ def imu_reading(message: Any) -> ImuReading:
     frame_id = plain_frame(message.header.frame_id)
     turn, covariance = _quaternion(message), np.asarray(message.orientation_covariance, dtype=np.float64)
     is_told = covariance[0] != NOT_TOLD and not (np.array_equal(turn, UNTOUCHED) and not covariance.any())
-    if is_told and abs(np.linalg.norm(turn) - 1.0) <= NEARLY:
+    if is_told and (np.abs(turn) < 2.0).all() and abs(np.linalg.norm(turn) - 1.0) <= NEARLY:
         return ImuReading(frame_id, so3.matrix(so3.normalised(turn))[2], _variance(covariance.reshape(3, 3)))
     acceleration = shown_acceleration(message)
     fault = "orientation that is no rotation" if is_told else ""
@@ -53,7 +55,7 @@ def shown_acceleration(message: Any) -> Array | None:
     told = message.linear_acceleration
     acceleration = np.array([told.x, told.y, told.z], dtype=np.float64)
     is_told = message.linear_acceleration_covariance[0] != NOT_TOLD
-    return acceleration if is_told and np.isfinite(acceleration).all() and acceleration.any() else None
+    return acceleration if is_told and (np.abs(acceleration) <= MOST_M_S2).all() and acceleration.any() else None
 
 
 def _quaternion(message: Any) -> Array:
@@ -63,10 +65,10 @@ def _quaternion(message: Any) -> Array:
 
 def _variance(covariance: Array) -> float:
     """The larger one of roll and pitch, about the world's axes; NaN where it is none: zeros are of who knows none."""
-    tilt = 0.5 * (covariance + covariance.T)[:2, :2]
-    if not np.isfinite(tilt).all():
+    if not np.isfinite(covariance[:2, :2]).all():
         return np.nan
-    least, most = np.linalg.eigvalsh(tilt)
+    tilt = np.clip(covariance[:2, :2], -MOST_VARIANCE, MOST_VARIANCE)
+    least, most = np.linalg.eigvalsh(0.5 * (tilt + tilt.T))
     return float(most) if least > 0.0 else np.nan
 
 

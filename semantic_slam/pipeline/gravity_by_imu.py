@@ -1,10 +1,11 @@
 """Which way is up at keyframes, by topic imu.
 
-A run begins level by the look of its first keyframe (``start_of``). Later looks would contradict another start: without
-the first one there is none.
+A run begins as tilted as the look of its first keyframe has it (``start_of``). Later looks would contradict another
+start: without the first one there is none. So a run does not begin just before its sensor is heard.
 """
 
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,8 @@ from semantic_slam.pipeline.stamped_buffer import StampedBuffer
 
 SILENT_NS = 2 * NANOSECONDS
 """A topic that lags behind odometry by more is silent."""
+START_NS = 5 * NANOSECONDS
+"""So long, by stamps, a run does not begin for want of the first message, and live of the transform to its frame."""
 LONGEST_NAME = 80
 """Characters of somebody else's frame id that a reason repeats."""
 
@@ -51,6 +54,7 @@ class GravityByImu:
         self._readings: StampedBuffer[ImuReading] = StampedBuffer(topics.IMU, dropped)
         self._last_look_ns: int | None = None
         self._has_begun = False
+        self._wanted_ns: int | None = None  # the first keyframe that there might have been
         self.window_ns = round(configuration.imu.window_s * NANOSECONDS)
 
     def add(self, message: Any) -> None:
@@ -64,11 +68,23 @@ class GravityByImu:
         """Whether no more readings will come up to an instant, or none are waited for."""
         if self._readings.has_reached(stamp_ns):
             return True
-        return not self._source.waits and newest_odometry_ns - stamp_ns > SILENT_NS
+        patience_ns = SILENT_NS if self._has_begun else START_NS
+        return not self._source.waits and newest_odometry_ns - stamp_ns > patience_ns
 
     def is_silent(self, newest_odometry_ns: int) -> bool:
         """Whether the topic lags far behind odometry."""
         return not self._readings.has_reached(newest_odometry_ns - SILENT_NS)
+
+    def begins_later(self, stamp_ns: int) -> bool:
+        """Whether a run should not begin at this instant yet, for soon the sensor tells how it is tilted."""
+        if self._has_begun or not len(self._readings):
+            return False
+        self._wanted_ns = stamp_ns if self._wanted_ns is None else self._wanted_ns
+        first_ns, reading = self._readings.first()
+        if first_ns > stamp_ns:
+            return first_ns - self._wanted_ns <= START_NS
+        may_come = not self._source.waits and stamp_ns - self._wanted_ns <= START_NS
+        return may_come and not self._is_placed(reading.frame_id)
 
     def release(self) -> None:
         """No more will come."""
@@ -104,6 +120,13 @@ class GravityByImu:
         readings = [item for item in found if item[1].frame_id == frame_id]
         window = ImuWindow(stamp_ns, self.window_ns, self._pose_of(frame_id), path)
         return look_of(readings, window, self._settings, is_first=is_first)
+
+    def _is_placed(self, frame_id: str) -> bool:
+        """Whether its pose in the body is known."""
+        with suppress(InputError):
+            self._pose(frame_id)
+            return True
+        return False
 
     def _pose_of(self, frame_id: str) -> Array:
         """(7,) T_body_imu. Raises NoLookError."""

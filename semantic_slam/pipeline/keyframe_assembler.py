@@ -243,6 +243,9 @@ class KeyframeAssembler:
         as_stamped = self._standing(measurements.stamp_ns - self._expected_ns)
         if not self._is_chosen(measurements, as_stamped):
             return None
+        if self._imu is not None and self._imu.begins_later(measurements.stamp_ns):
+            self.dropped[f"{topics.MEASUREMENTS}: just before {topics.IMU} is heard, with which the run begins"] += 1
+            return None
         if self._passes_over(measurements):
             self.dropped[f"{topics.MEASUREMENTS}: no label named so far"] += 1
             return None

@@ -67,7 +67,7 @@ def examine_running_system(
         *unread,
         *_unheard(look, kinds),
         *_read_preamble(look, summary.preamble),
-        *_unread_imu(summary, parameters),
+        *unread_imu(summary, parameters),
     ]
     Summariser(summary, deserialize).take(look.messages)
     faults += _left_out(look, summary)
@@ -133,7 +133,7 @@ def with_nodes_to_come(graph: Graph) -> Graph:
     return replace(graph, readers={**graph.readers, **readers})
 
 
-def _unread_imu(summary: InputSummary, parameters: Mapping[str, Any]) -> Iterator[Finding]:
+def unread_imu(summary: InputSummary, parameters: Mapping[str, Any]) -> Iterator[Finding]:
     """Topic imu where the manager was not told that there is one."""
     if summary.found.imu and parameters.get("has_imu") is False and not unused_because(summary.configuration):
         what = f"{summary.found.imu} is published and {MANAGER} does not listen to it"

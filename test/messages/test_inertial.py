@@ -66,7 +66,11 @@ def test_an_orientation_that_is_no_rotation_is_counted_and_accelerations_count(t
     assert reading.fault == "orientation that is no rotation"
 
 
-@pytest.mark.parametrize("told", [(0.0, 0.0, 0.0), (np.nan, 0.0, 9.8), (np.inf, 0.0, 0.0)])
+def test_who_states_more_than_can_be_knows_nothing() -> None:
+    assert imu_reading(stated(orientation_covariance=1e308 * np.eye(3).ravel())).variance >= 1e3
+
+
+@pytest.mark.parametrize("told", [(0.0, 0.0, 0.0), (np.nan, 0.0, 9.8), (np.inf, 0.0, 0.0), (1e308, 0.0, 1e308)])
 def test_accelerations_that_are_none_leave_nothing(told: tuple[float, ...]) -> None:
     message = imu_message(1, "imu_link", AT_REST)
     message.linear_acceleration = acceleration(*told)

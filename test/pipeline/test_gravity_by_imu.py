@@ -165,7 +165,7 @@ def test_looks_within_the_time_in_which_errors_repeat_count_as_one() -> None:
 
 def test_messages_are_waited_for_and_live_one_that_is_silent_is_not() -> None:
     patient, live = Body(carried()), Body(carried(), waits=False)
-    now, later = at(0.0), at(3.0)
+    now, later = at(0.0), at(6.0)
     for body in (patient, live):
         body.listen(-0.5)
         assert not body.gravity.is_known(now, now)
@@ -210,6 +210,22 @@ def test_keyframes_do_not_depend_on_the_order_of_arrival(seed: int) -> None:
     for one, other in zip(found, expected, strict=True):
         assert one.level is not None
         np.testing.assert_array_equal(one.level, other.level)
+
+
+def test_a_run_does_not_begin_just_before_its_sensor_is_heard() -> None:
+    """Nor, live, before the transform to its frame has come; but it does not wait for long."""
+    motion = carried()
+    odometry, readings, frames = told_messages(motion)
+    late = odometry, readings[-80:], frames
+    found, dropped = assembled([(n, item) for n, stream in enumerate(late) for item in stream])
+    assert [keyframe.stamp_ns for keyframe in found] == [at(1.0)] and found[0].level is not None
+    assert dropped["/classifier/measurements: just before imu is heard, with which the run begins"] == 2
+    never, _ = assembled([(n, item) for n, stream in enumerate((odometry, [], frames)) for item in stream])
+    assert len(never) == 3 and never[0].level is None
+    live = Body(motion, waits=False)
+    live.listen(6.0, frame="lidar")
+    assert live.gravity.begins_later(at(0.0)) and live.gravity.begins_later(at(5.0))
+    assert not live.gravity.begins_later(at(5.5))
 
 
 def test_extrinsics_that_are_none_are_refused_by_name() -> None:
