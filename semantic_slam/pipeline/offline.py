@@ -33,6 +33,7 @@ from semantic_slam.pipeline.detector_labels import are_asked_for, known_to_fit, 
 from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.gravity_by_imu import ImuSource
+from semantic_slam.pipeline.imu_use import NAME as IMU
 from semantic_slam.pipeline.imu_use import left_out, unused_because
 from semantic_slam.pipeline.inference_stage import InferenceStage
 from semantic_slam.pipeline.input_topics import COPIED, InputTopics, find_topics
@@ -151,7 +152,7 @@ class OfflineRun:
             has_identities=bool(found.identities),
             imu=ImuSource(preamble.transforms) if self._imu else None,
         )
-        self._copied = {*COPIED} if self._imu else {*COPIED} - {found.imu}
+        self._copied = {*COPIED} if self._imu else {*COPIED} - {IMU}
         self._classifier = build_classifier(configuration) if found.has_images else None
         self._places = PlacesAssembler(configuration, self._camera_pose)
         self._undecodable: Counter[str] = Counter()

@@ -249,6 +249,11 @@ def test_where_it_is_not_used_one_line_says_why(changes: dict[str, object], reas
     assert left_out(own, {}) == ""
 
 
+def test_one_of_another_type_is_named_where_it_would_be_used() -> None:
+    told = left_out(Configuration.of(**SPACE), {"/imu": "my_msgs/msg/Imu"})
+    assert told.startswith("/imu is my_msgs/msg/Imu, not sensor_msgs/msg/Imu, and is not used; import_dataset bag")
+
+
 def test_a_run_begins_as_tilted_as_its_first_look_has_it() -> None:
     """At the place and heading that the configuration says; before the look nothing is known of the tilt."""
     motion = np.append([0.1, 0.0, 0.0], so3.exp(np.array([0.0, 0.1, 0.0])))
