@@ -23,7 +23,7 @@ class ImuConfiguration:
         maximum=10.0,
     )
     most_acceleration_m_s2: float = parameter(
-        0.5,
+        1.0,
         "keyframes at which the robot accelerates by more, by its odometry, or what is left of the mean differs by more"
         " from gravity, have none by accelerations",
         minimum=0.0,

@@ -130,7 +130,7 @@ def test_a_start_without_odometry_before_it_is_told_roughly() -> None:
     body = Body(carried())
     body.listen(0.0, since_s=-0.1)
     first = body.look(0.0)
-    assert first is not None and np.sqrt(first[3]) == pytest.approx(np.hypot(SIGMA, 0.5 / 9.81), rel=0.01)
+    assert first is not None and np.sqrt(first[3]) == pytest.approx(np.hypot(SIGMA, 1.0 / 9.81), rel=0.01)
 
 
 def test_what_tells_nothing_is_left_out_with_its_reason() -> None:
