@@ -11,6 +11,7 @@ from semantic_slam.configuration.configuration import Configuration
 from semantic_slam.configuration.detection_errors import DetectionErrorsConfiguration
 from semantic_slam.configuration.dictionary import from_dict, to_dict
 from semantic_slam.configuration.history import HistoryConfiguration
+from semantic_slam.configuration.imu import ImuConfiguration
 from semantic_slam.configuration.initial_pose import InitialPoseConfiguration
 from semantic_slam.configuration.keyframes import KeyframeConfiguration
 from semantic_slam.configuration.moving import MovingConfiguration
@@ -30,6 +31,7 @@ __all__ = [
     "Configuration",
     "DetectionErrorsConfiguration",
     "HistoryConfiguration",
+    "ImuConfiguration",
     "InitialPoseConfiguration",
     "KeyframeConfiguration",
     "MovingConfiguration",

@@ -6,6 +6,7 @@ from typing import Any
 from semantic_slam.configuration.closed_world import ClosedWorldConfiguration
 from semantic_slam.configuration.detection_errors import DetectionErrorsConfiguration
 from semantic_slam.configuration.history import HistoryConfiguration
+from semantic_slam.configuration.imu import ImuConfiguration
 from semantic_slam.configuration.initial_pose import InitialPoseConfiguration
 from semantic_slam.configuration.keyframes import KeyframeConfiguration
 from semantic_slam.configuration.moving import MovingConfiguration
@@ -61,6 +62,7 @@ class Configuration:
     initial_pose: InitialPoseConfiguration = field(default_factory=InitialPoseConfiguration)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
     odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)
+    imu: ImuConfiguration = field(default_factory=ImuConfiguration)
     keyframes: KeyframeConfiguration = field(default_factory=KeyframeConfiguration)
     perception: PerceptionConfiguration = field(default_factory=PerceptionConfiguration)
 

@@ -121,6 +121,8 @@ class Converter:
         is_tf = selection.odometry.type_name == topics.TYPES[topics.TF]
         handlers[selection.odometry.name] = self._odometry_from_tf if is_tf else self._copy_to(topics.ODOMETRY)
         handlers[selection.detections.name] = self._detections
+        if selection.imu is not None:
+            handlers[selection.imu.name] = self._copy_to(topics.IMU)
         if selection.camera_info is not None:
             handlers[selection.camera_info.name] = self._copy_to(topics.CAMERA_INFO)
         if selection.image is not None:

@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--depth", metavar="TOPIC", help=f"depth registered to the image; '{NONE}': bearing only")
     group.add_argument("--camera-info", metavar="TOPIC", help="intrinsics of the image")
     group.add_argument("--odom", metavar="TOPIC", help="nav_msgs/Odometry, or /tf for the transform odom -> base_link")
+    group.add_argument("--imu", metavar="TOPIC", help=f"inertial sensor, for runs in space; '{NONE}': do without")
     group.add_argument("--odom-frame", default="odom", metavar="FRAME", help="with TF: odometry frame (default: odom)")
     group.add_argument("--base-frame", default="base_link", metavar="FRAME", help="with TF: body (default: base_link)")
 
@@ -39,7 +40,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, bag: Path) -> InputError | None:
     """Write the bag and say what was used and what was dropped; returns the source's damage. Raises InputError."""
     labels = read_label_map(arguments.labels) if arguments.labels else LabelMap()
-    wanted = Wanted(arguments.detections, arguments.image, arguments.depth, arguments.camera_info, arguments.odom)
+    wanted = Wanted(
+        arguments.detections,
+        arguments.image,
+        arguments.depth,
+        arguments.camera_info,
+        arguments.odom,
+        arguments.imu,
+    )
     with BagReader(arguments.source) as reader:
         reader.check_definitions()
         selection = find_topics(reader, wanted)
@@ -86,7 +94,8 @@ def describe(selection: Selection) -> str:
     depth = selection.depth or "none: bearing only"
     pictures = f"image {selection.image}, depth {depth}" if selection.image else "no image: places alone"
     camera_info = f", camera_info {selection.camera_info}" if selection.camera_info else ""
-    return f"detections {selection.detections}, {pictures}{camera_info}, odometry {selection.odometry}"
+    imu = f", imu {selection.imu}" if selection.imu else ""
+    return f"detections {selection.detections}, {pictures}{camera_info}, odometry {selection.odometry}{imu}"
 
 
 def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:

@@ -34,6 +34,7 @@ class Wanted:
     depth: str | None = None
     camera_info: str | None = None
     odometry: str | None = None
+    imu: str | None = None
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Selection:
     depth: Topic | None  # None: bearing only
     camera_info: Topic | None  # None: detections are no boxes
     odometry: Topic  # nav_msgs/Odometry, or /tf
+    imu: Topic | None = None  # None: none, or none of several is named
 
 
 def select_topics(
@@ -53,14 +55,14 @@ def select_topics(
     """The topics to import from the bag ``origin``; ``is_depth`` looks into an image topic. Raises InputError."""
     finder = _Finder(origin, tuple(topic for topic in available if not topic.name.startswith("/ground_truth/")))
     detections = finder.one("detections", wanted.detections, tuple(READERS))
-    odometry = _odometry(finder, wanted.odometry)
+    odometry, imu = _odometry(finder, wanted.odometry), _imu(finder, wanted.imu)
     if detections.type_name in IN_THE_SENSOR:
-        return Selection(detections, None, None, None, odometry)
+        return Selection(detections, None, None, None, odometry, imu)
     colour, depths = finder.images(is_depth)
     image = finder.at_most_one("image", wanted.image, IMAGE_TYPES, colour)
     depth = None if image is None else finder.at_most_one("depth", wanted.depth, IMAGE_TYPES, depths)
     camera_info = _camera_info(finder, wanted.camera_info, image, is_needed=detections.type_name != OURS)
-    return Selection(detections, image, depth, camera_info, odometry)
+    return Selection(detections, image, depth, camera_info, odometry, imu)
 
 
 def _camera_info(finder: "_Finder", wanted: str | None, image: Topic | None, *, is_needed: bool) -> Topic | None:
@@ -78,6 +80,13 @@ def _odometry(finder: "_Finder", wanted: str | None) -> Topic:
         topic for topic in finder.of_type(types[1:]) if topic.name != topics.TF_STATIC
     ]
     return finder.one("odom", wanted, types, candidates)
+
+
+def _imu(finder: "_Finder", wanted: str | None) -> Topic | None:
+    """The one that is named, else the only one: a run does without, so that several are no reason to ask."""
+    types = (topics.TYPES[topics.IMU],)
+    found = finder.of_type(types)
+    return None if wanted is None and len(found) > 1 else finder.at_most_one("imu", wanted, types, found)
 
 
 @dataclass(frozen=True)

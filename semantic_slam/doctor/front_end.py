@@ -17,6 +17,7 @@ from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.range_bearing import range_and_bearing
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.input_topics import InputTopics
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.places_assembler import PlacesAssembler
@@ -41,7 +42,11 @@ class FrontEnd:
         fixed = preamble.transforms if found.transforms else None
         self._frames = FrameAssembler(configuration, has_depth=bool(found.depth), fixed_transforms=fixed)
         self._places = PlacesAssembler(configuration, self._camera_pose)
-        self._assembler = KeyframeAssembler(configuration, has_identities=bool(found.identities))
+        self._assembler = KeyframeAssembler(
+            configuration,
+            has_identities=bool(found.identities),
+            imu=ImuSource(preamble.transforms) if found.imu else None,
+        )
         sensor = partial(range_and_bearing, configuration=settings)
         self._measurer = Classifier(None, settings, seed=0, range_bearing_sensor=sensor)
         self._wants_identities = strategy_of(configuration).wants_identities
@@ -65,6 +70,8 @@ class FrontEnd:
         try:
             if topic == found.odometry:
                 self._assembler.add_odometry(message)
+            elif topic == found.imu:
+                self._assembler.add_imu(message)
             elif topic == found.camera_info:
                 (self._frames if found.has_images else self._places).add_camera_info(message)
             elif topic == found.image:

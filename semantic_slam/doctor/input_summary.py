@@ -70,6 +70,15 @@ class PictureRecord:
 
 
 @dataclass(kw_only=True)
+class ImuRecord:
+    """What an inertial sensor says, along its own axes."""
+
+    frame_id: str = ""  # of the newest message; "": none was looked at
+    ups: list[Array] = field(default_factory=list)  # (3,) by orientations that are stated
+    accelerations: list[Array] = field(default_factory=list)  # (3,) [m/s^2]
+
+
+@dataclass(kw_only=True)
 class InputSummary:
     """An input as the checks see it. Topics have absolute names."""
 
@@ -85,6 +94,7 @@ class InputSummary:
     detections: DetectionRecord = field(default_factory=DetectionRecord)
     images: PictureRecord = field(default_factory=PictureRecord)
     depths: PictureRecord = field(default_factory=PictureRecord)
+    imu: ImuRecord = field(default_factory=ImuRecord)
     picture_bytes: dict[str, int] = field(default_factory=dict)  # of the newest picture of each topic, as sent
     camera: CameraModel | None = None
     camera_poses: list[Array] = field(default_factory=list)  # (7,) T_base_camera of frames

@@ -10,17 +10,19 @@ import numpy as np
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.doctor.front_end import FrontEnd
-from semantic_slam.doctor.input_summary import DetectionRecord, InputSummary, PictureRecord, Stamps
+from semantic_slam.doctor.input_summary import DetectionRecord, ImuRecord, InputSummary, PictureRecord, Stamps
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.images import decode_depth, size_of
+from semantic_slam.messages.inertial import imu_reading, shown_acceleration
 from semantic_slam.messages.sensor import plain_frame
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose, pose_vector
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.detector_labels import labels_of
+from semantic_slam.pipeline.imu_use import unused_because
 
 MOST_PICTURES = 5
 MOST_ODOMETRY = 1000
@@ -118,6 +120,8 @@ class Summariser:
             self._num_measured += 1
             with suppress(InputError):  # which the front end counts
                 self._rows.add(from_message(content))
+        elif topic == found.imu:
+            _look_at_imu(summary.imu, content)
         elif topic == found.image:
             _look_at_picture(summary.images, content)
         elif topic == found.depth:
@@ -141,7 +145,8 @@ def wanted_topics(summary: InputSummary) -> list[str]:
     """Topics of an input that a run reads."""
     found = summary.found
     identities = found.identities if not summary.found.measurements else ""
-    names = (found.odometry, summary.measured, found.image, found.camera_info, found.depth, identities)
+    imu = "" if unused_because(summary.configuration) else found.imu
+    names = (found.odometry, summary.measured, found.image, found.camera_info, found.depth, identities, imu)
     return [topic for topic in (*names, found.transforms) if topic]
 
 
@@ -149,6 +154,15 @@ def serialised_stamp_ns(cdr: bytes) -> int:
     """Stamp of a serialised message that begins with a header."""
     seconds, nanoseconds = (LITTLE if cdr[1] else BIG).unpack_from(cdr, ENCODING)
     return int(seconds) * NANOSECONDS + int(nanoseconds)
+
+
+def _look_at_imu(record: ImuRecord, message: Any) -> None:
+    reading, acceleration = imu_reading(message), shown_acceleration(message)
+    record.frame_id = reading.frame_id
+    if reading.up is not None:
+        record.ups.append(reading.up)
+    if acceleration is not None:
+        record.accelerations.append(acceleration)
 
 
 def _look_at_picture(record: PictureRecord, message: Any) -> bool:

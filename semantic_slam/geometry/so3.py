@@ -90,6 +90,14 @@ def rotated(q: Array, vector: Array) -> Array:
     return np.asarray(vector + q[..., 3:] * twice + cross(axis, twice))
 
 
+def upright(up: Array) -> Array:
+    """(4,) turn of a body that sees up in a direction (3,): it rolls and pitches without a yaw."""
+    x, y, z = up
+    roll, pitch = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
+    about_y, about_x = exp(np.array([[0.0, pitch, 0.0], [roll, 0.0, 0.0]]))
+    return normalised(product(about_y, about_x))
+
+
 def exp(vector: Array) -> Array:
     """(..., 4) unit quaternions of rotation vectors."""
     half = 0.5 * np.sqrt(squared_norms(vector)) + NO_ZERO

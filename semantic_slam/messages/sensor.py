@@ -105,11 +105,17 @@ def plain_frame(frame_id: str) -> str:
     return frame_id.lstrip("/")
 
 
-def sensor_pose(extrinsics: tuple[float, ...], base_frame: str, tree: TransformTree, optical_frame: str) -> Array:
-    """(7,) T_base_camera: the configured extrinsics if there are any, else from the tree. Raises InputError."""
+def sensor_pose(
+    extrinsics: tuple[float, ...],
+    base_frame: str,
+    tree: TransformTree,
+    frame_id: str,
+    parameter: str = "perception.extrinsics",
+) -> Array:
+    """(7,) T_base_sensor: the configured extrinsics if there are any, else from the tree. Raises InputError."""
     if not extrinsics:
-        return tree.lookup(base_frame, optical_frame)
+        return tree.lookup(base_frame, frame_id)
     pose = np.array(extrinsics, dtype=np.float64)
     if pose.shape != (7,) or not np.isfinite(pose).all() or not np.linalg.norm(pose[3:]) > 0.0:
-        raise InputError("perception.extrinsics must be 7 numbers: x y z of the camera and its quaternion qx qy qz qw")
+        raise InputError(f"{parameter} must be 7 numbers: x y z of the sensor and its quaternion qx qy qz qw")
     return pose

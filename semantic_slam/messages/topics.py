@@ -7,6 +7,7 @@ DEPTH = "depth"
 DEPTH_COMPRESSED = "depth/compressed"
 CAMERA_INFO = "camera_info"
 ODOMETRY = "odom"
+IMU = "imu"
 INITIAL_POSE = "initialpose"
 TF = "/tf"
 TF_STATIC = "/tf_static"
@@ -39,6 +40,7 @@ TYPES = {
     DEPTH_COMPRESSED: "sensor_msgs/msg/CompressedImage",
     CAMERA_INFO: "sensor_msgs/msg/CameraInfo",
     ODOMETRY: "nav_msgs/msg/Odometry",
+    IMU: "sensor_msgs/msg/Imu",
     INITIAL_POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
     TF: "tf2_msgs/msg/TFMessage",
     TF_STATIC: "tf2_msgs/msg/TFMessage",
@@ -67,6 +69,7 @@ LATCHED = frozenset({TF_STATIC, RUN_CONFIGURATION, GROUND_TRUTH_OBJECTS, INITIAL
 """Topics whose last message a late subscriber still receives (TRANSIENT_LOCAL)."""
 KEPT_INPUTS = (
     ODOMETRY,
+    IMU,
     INITIAL_POSE,
     TF_STATIC,
     GROUND_TRUTH_ODOMETRY,

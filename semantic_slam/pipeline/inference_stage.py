@@ -4,7 +4,7 @@ from collections import Counter
 
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
-from semantic_slam.inference.building import initial_pose_of, make_run_configuration
+from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool
@@ -13,6 +13,7 @@ from semantic_slam.messages import topics
 from semantic_slam.pipeline.detector_labels import with_labels
 from semantic_slam.pipeline.preamble import Preamble
 from semantic_slam.pipeline.provenance import revision
+from semantic_slam.pipeline.start import start_of
 
 
 class InferenceStage:
@@ -38,9 +39,7 @@ class InferenceStage:
         writer.write(topics.BELIEF, self._manager.process(keyframe), keyframe.stamp_ns)
 
     def _start(self, first: Keyframe, writer: BagWriter) -> Engine:
-        pose, covariance = initial_pose_of(self._configuration)
-        if self._estimate is not None:
-            pose, covariance = self._estimate.pose, self._estimate.covariance
+        pose, covariance = start_of(self._configuration, self._estimate, first)
         run = make_run_configuration(
             with_labels(self._configuration, first.measurements, self._prior, self._labels),
             self._prior,

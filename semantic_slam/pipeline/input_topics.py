@@ -11,8 +11,8 @@ from semantic_slam.messages.topics import TYPES
 
 COPIED = tuple(absolute(topic) for topic in topics.KEPT_INPUTS)
 """Topics that a belief bag takes over from its input."""
-BY_NAME = {absolute(topic): kind for topic, kind in TYPES.items()}
-"""Types by the topics' absolute names."""
+BY_NAME = {absolute(topic): kind for topic, kind in TYPES.items() if topic != topics.IMU}
+"""Types by the topics' absolute names, but for what most runs do without: no other type of that stops them."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class InputTopics:
     depth: str
     identities: str
     transforms: str = ""
+    imu: str = ""
 
     @property
     def has_images(self) -> bool:
@@ -72,6 +73,7 @@ def offered(available: Mapping[str, str]) -> InputTopics:
         depth=names[topics.DEPTH_COMPRESSED] or names[topics.DEPTH],
         identities=names[topics.GROUND_TRUTH_ASSOCIATIONS],
         transforms=names[topics.TF],
+        imu=names[topics.IMU],
     )
 
 

@@ -32,6 +32,8 @@ from semantic_slam.perception.box_tracks import BoxTracks
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.same_outline import joined
 from semantic_slam.perception.usable_measurements import usable
+from semantic_slam.pipeline.gravity_by_imu import GravityByImu, ImuSource
+from semantic_slam.pipeline.imu_use import unused_because
 from semantic_slam.pipeline.level import level_at
 from semantic_slam.pipeline.motion import (
     OdometryPoint,
@@ -43,6 +45,7 @@ from semantic_slam.pipeline.motion import (
     point_between,
     start,
 )
+from semantic_slam.pipeline.odometry_path import OdometryPath
 from semantic_slam.pipeline.odometry_rate import RateMeter
 from semantic_slam.pipeline.points_input import PointsInput
 from semantic_slam.pipeline.stamped_buffer import StampedBuffer
@@ -62,10 +65,12 @@ class KeyframeAssembler:
         configuration: Configuration,
         has_identities: bool = False,
         passes_over: Callable[[SemanticMeasurements], bool] = lambda _: False,
+        imu: ImuSource | None = None,
     ) -> None:
         """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`.
 
-        ``passes_over``: whether measurements are to make no keyframe, which is counted.
+        ``passes_over``: whether measurements are to make no keyframe, which is counted. ``imu``: one that
+        :meth:`add_imu` is told of, where the configuration has a use for it; None: there is none.
         """
         self.dropped: Counter[str] = Counter()
         self._configuration = configuration
@@ -85,6 +90,11 @@ class KeyframeAssembler:
         self._expected_ns = round(configuration.odometry.clock_offset_s * NANOSECONDS)
         self._offsets_ns = _offsets_ns(configuration.odometry)
         self._instants_ns = [0, -self._expected_ns, *self._offsets_ns]  # at which odometry is asked for, about a stamp
+        self._imu = (
+            GravityByImu(configuration, imu, self.dropped) if imu and not unused_because(configuration) else None
+        )
+        if self._imu is not None:
+            self._instants_ns.append(-self._imu.window_ns)
         self._next_index = 0
         self.is_paused = False  # no keyframe is made; the motion meanwhile is in the odometry of the next one
         self.first_pose: Array | None = None  # (7,) T_odom_body where the motion of the first keyframe starts
@@ -105,6 +115,11 @@ class KeyframeAssembler:
         stamp_ns = sample.stamp_ns - self._expected_ns
         stated = None if self._in_space is None else sample.covariance
         self._odometry.add(stamp_ns, replace(sample, stamp_ns=stamp_ns, covariance=stated))
+
+    def add_imu(self, message: Any) -> None:
+        """sensor_msgs/Imu; nothing where the configuration has no use for it."""
+        if self._imu is not None:
+            self._imu.add(message)
 
     def _advanced(self, sample: OdometrySample) -> OdometryPoint:
         """The point at the next sample; the first one is where the first keyframe's motion starts."""
@@ -136,9 +151,16 @@ class KeyframeAssembler:
     def num_waiting(self) -> int:
         """Measurements for which odometry or identities are still to come, those apart that a held stamp keeps back.
 
-        A lossless replay that waited for them would keep back the very message that judges the held one.
+        A lossless replay that waited for them would keep back the very message that judges the held one; nor is an IMU
+        waited for that has fallen silent.
         """
-        return 0 if self._odometry.is_holding or self._identities.is_holding else len(self._measurements)
+        is_held = self._odometry.is_holding or self._identities.is_holding or self._is_imu_silent
+        return 0 if is_held else len(self._measurements)
+
+    @property
+    def _is_imu_silent(self) -> bool:
+        newest_ns = self._odometry.last_stamp_ns
+        return self._imu is not None and newest_ns is not None and self._imu.is_silent(newest_ns)
 
     @property
     def is_over(self) -> bool:
@@ -150,6 +172,8 @@ class KeyframeAssembler:
         self._odometry.go_on_from(former._odometry)
         self._measurements.go_on_from(former._measurements)
         self._identities.go_on_from(former._identities)
+        if self._imu is not None and former._imu is not None:
+            self._imu.go_on_from(former._imu)
 
     def take(self) -> list[Keyframe]:
         """Keyframes that are complete by now, in the order of their stamps. Raises InputError when ids are missing."""
@@ -159,23 +183,38 @@ class KeyframeAssembler:
         """All that is left, once no more messages will come; the last odometry stands for a short while."""
         for buffer in (self._odometry, self._measurements, self._identities):
             buffer.release()
+        if self._imu is not None:
+            self._imu.release()
         return self._keyframes(at_end=True)
 
     def _keyframes(self, at_end: bool) -> list[Keyframe]:
         keyframes = []
         while len(self._measurements):
             stamp_ns, measurements = self._measurements.first()
-            if not at_end and not (self._odometry_known(stamp_ns) and self._identities_known(measurements)):
+            if not at_end and not self._is_all_known(measurements):
                 break
             self._measurements.pop()
             keyframe = self._keyframe(measurements if self._tracks is None else self._tracks.named(measurements))
             if keyframe is not None:
                 keyframes.append(keyframe)
+            if self._imu is not None:
+                self._imu.forget_before(stamp_ns)
         return keyframes
+
+    def _is_all_known(self, measurements: SemanticMeasurements) -> bool:
+        """Whether no more messages will follow that a keyframe of these measurements depends on."""
+        stamp_ns = measurements.stamp_ns
+        return (
+            self._odometry_known(stamp_ns) and self._identities_known(measurements) and self._is_gravity_known(stamp_ns)
+        )
 
     def _odometry_known(self, stamp_ns: int) -> bool:
         """Whether no more odometry will follow that the motion to this stamp depends on."""
         return self._odometry.has_reached(stamp_ns + max(self._instants_ns))
+
+    def _is_gravity_known(self, stamp_ns: int) -> bool:
+        newest_ns = self._odometry.last_stamp_ns
+        return self._imu is None or (newest_ns is not None and self._imu.is_known(stamp_ns, newest_ns))
 
     def _identities_known(self, measurements: SemanticMeasurements) -> bool:
         return not self._needs_identities(measurements) or self._identities.has_reached(measurements.stamp_ns)
@@ -201,6 +240,9 @@ class KeyframeAssembler:
             return None
         driven = self._driven(measurements.stamp_ns - self._expected_ns)
         if not self._is_chosen(measurements, driven):
+            return None
+        if self._imu is not None and self._imu.begins_later(measurements.stamp_ns):
+            self.dropped[f"{topics.MEASUREMENTS}: just before {topics.IMU} is heard, with which the run begins"] += 1
             return None
         measurements = self._inside(measurements)
         if self._passes_over(measurements):
@@ -254,9 +296,12 @@ class KeyframeAssembler:
         return earlier, None
 
     def _level(self, point: OdometryPoint) -> Array | None:
-        """Which way odometry has up at a keyframe in space, where it knows."""
+        """Which way is up at a keyframe in space, where an IMU or odometry knows."""
         if self._in_space is None:
             return None
+        if self._imu is not None:
+            earlier = [each for stamp_ns, each in self._odometry if stamp_ns < point.stamp_ns]
+            return self._imu.level_at(point.stamp_ns, OdometryPath.of([*earlier, point]))
         before = self._last_keyframe if self._next_index else None
         return level_at(point, before, self._configuration.odometry)
 

@@ -10,13 +10,18 @@ from semantic_slam.pipeline.motion import OdometryPoint
 
 
 def level_at(point: OdometryPoint, before: OdometryPoint | None, settings: OdometryConfiguration) -> Array | None:
-    """(4,) as of ``Keyframe.level``, at a keyframe and after the one ``before``; None where nothing tells it.
-
-    Errors of one mount and one filter repeat: n looks within ``level_repeats_s`` have n times the variance, so that
-    together they count as one. That is an approximation: a lasting error averages out, over many times that time.
-    """
+    """(4,) as of ``Keyframe.level``, at a keyframe and after the one ``before``; None where nothing tells it."""
     if settings.sigma_level_rad <= 0.0 or point.sigma_rad > 0.0:  # the odometry was missing
         return None
     elapsed_s = np.inf if before is None else (point.stamp_ns - before.stamp_ns) / NANOSECONDS
-    looks = max(settings.level_repeats_s / max(elapsed_s, 1.0 / NANOSECONDS), 1.0)
-    return np.append(so3.matrix(point.pose[3:])[2], looks * settings.sigma_level_rad**2)
+    variance = repeated(settings.sigma_level_rad**2, elapsed_s, settings.level_repeats_s)
+    return np.append(so3.matrix(point.pose[3:])[2], variance)
+
+
+def repeated(variance: float, elapsed_s: float, repeats_s: float) -> float:
+    """Variance of a look so long after the one before it.
+
+    Errors of one mount and one filter repeat: n looks within ``repeats_s`` have n times the variance, so that together
+    they count as one. That is an approximation: a lasting error averages out, over many times that time.
+    """
+    return max(repeats_s / max(elapsed_s, 1.0 / NANOSECONDS), 1.0) * variance

@@ -32,6 +32,9 @@ from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.pipeline.detector_labels import are_asked_for, known_to_fit, labels_in
 from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.pipeline.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.gravity_by_imu import ImuSource
+from semantic_slam.pipeline.imu_use import NAME as IMU
+from semantic_slam.pipeline.imu_use import left_out, unused_because
 from semantic_slam.pipeline.inference_stage import InferenceStage
 from semantic_slam.pipeline.input_topics import COPIED, InputTopics, find_topics
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
@@ -73,6 +76,8 @@ def run_bag(
         reader.check_definitions()
         if found.has_places_alone:
             print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell")
+        if told := left_out(configuration, reader.topics):
+            print(f"{bag}: {told}")
         preamble = read_preamble(reader)
         if are_asked_for(configuration):
             preamble.labels = labels_in(reader, found.measurements or found.detections)
@@ -141,7 +146,13 @@ class OfflineRun:
             has_depth=bool(found.depth),
             fixed_transforms=preamble.transforms if found.transforms else None,
         )
-        self._keyframes = KeyframeAssembler(configuration, has_identities=bool(found.identities))
+        self._imu = "" if unused_because(configuration) else found.imu
+        self._keyframes = KeyframeAssembler(
+            configuration,
+            has_identities=bool(found.identities),
+            imu=ImuSource(preamble.transforms) if self._imu else None,
+        )
+        self._copied = {*COPIED} if self._imu else {*COPIED} - {IMU}
         self._classifier = build_classifier(configuration) if found.has_images else None
         self._places = PlacesAssembler(configuration, self._camera_pose)
         self._undecodable: Counter[str] = Counter()
@@ -151,6 +162,8 @@ class OfflineRun:
     def _make_handlers(self, configuration: Configuration) -> dict[str, Callable[[Any], None]]:
         found = self._found
         handlers: dict[str, Callable[[Any], None]] = {found.odometry: self._keyframes.add_odometry}
+        if self._imu:
+            handlers[self._imu] = self._keyframes.add_imu
         if found.has_images:
             handlers |= {
                 found.image: self._frames.add_image,
@@ -174,7 +187,7 @@ class OfflineRun:
     @property
     def wanted(self) -> set[str]:
         """Topics to be read."""
-        return {*self._handlers, *COPIED}
+        return {*self._handlers, *self._copied}
 
     @property
     def is_done(self) -> bool:
@@ -199,7 +212,7 @@ class OfflineRun:
     def take(self, message: RawMessage, decode: Callable[[bytes, str], Any]) -> None:
         """One message of the bag. Raises InputError when the run cannot go on."""
         self._last_stamp_ns = message.stamp_ns
-        if message.topic in COPIED:
+        if message.topic in self._copied:
             self._writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns)
         if message.topic not in self._handlers:
             return

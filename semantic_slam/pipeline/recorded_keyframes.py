@@ -1,6 +1,8 @@
 """The keyframes of a recorded run: made again from the measurements and the odometry in its belief bag."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
@@ -8,26 +10,30 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
+from semantic_slam.pipeline.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.preamble import read_preamble
 
 
 def recorded_keyframes(bag: Path, configuration: Configuration, count: int) -> list[Keyframe]:
     """The first ``count`` keyframes, or as many as a damaged bag still tells. Raises InputError."""
-    odometry, measurements, identities = (
-        absolute(topic) for topic in (topics.ODOMETRY, topics.MEASUREMENTS, topics.GROUND_TRUTH_ASSOCIATIONS)
-    )
+    identities, imu = absolute(topics.GROUND_TRUTH_ASSOCIATIONS), absolute(topics.IMU)
     found: list[Keyframe] = []
     with BagReader(bag) as reader:
-        assembler = KeyframeAssembler(configuration, has_identities=identities in reader.topics)
+        assembler = KeyframeAssembler(
+            configuration,
+            has_identities=identities in reader.topics,
+            imu=ImuSource(read_preamble(reader).transforms) if imu in reader.topics else None,
+        )
+        handlers: dict[str, Callable[[Any], None]] = {
+            absolute(topics.ODOMETRY): assembler.add_odometry,
+            imu: assembler.add_imu,
+            topics.MEASUREMENTS: lambda content: assembler.add_measurements(from_message(content)),
+            identities: lambda content: assembler.add_identities(from_message(content)),
+        }
         try:
-            for message in reader.messages([odometry, measurements, identities]):
-                content = reader.decode(message.cdr, message.type_name)
-                if message.topic == odometry:
-                    assembler.add_odometry(content)
-                elif message.topic == measurements:
-                    assembler.add_measurements(from_message(content))
-                else:
-                    assembler.add_identities(from_message(content))
+            for message in reader.messages(handlers):
+                handlers[message.topic](reader.decode(message.cdr, message.type_name))
                 found += assembler.take()
         except TruncatedBagError:
             pass  # beliefs end there, too

@@ -7,7 +7,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
+from semantic_slam.inference.building import make_run_configuration, problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool, RunConfiguration
@@ -15,8 +15,10 @@ from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.pipeline.detector_labels import with_labels
 from semantic_slam.pipeline.first_word import FirstWord
+from semantic_slam.pipeline.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.provenance import revision
+from semantic_slam.pipeline.start import start_of
 
 SOMETHING = ("object",)
 """What detections may be labelled before any has come."""
@@ -33,8 +35,12 @@ class Session:
         *,
         number: int = 0,
         initial_pose: PoseEstimate | None = None,
+        imu: ImuSource | None = None,
     ) -> None:
-        """Unless another one comes before the first keyframe, it begins at ``initial_pose``, None: as configured."""
+        """Unless another one comes before the first keyframe, it begins at ``initial_pose``, None: as configured.
+
+        ``imu``: one that its assembler is told of; None: there is none.
+        """
         self.number, self.map_prior = number, map_prior
         self.num_keyframes = 0
         self._configuration, self._source = configuration, source
@@ -43,7 +49,9 @@ class Session:
             configuration,
             has_identities=strategy_of(configuration).wants_identities,
             passes_over=self._first_word.passes_over,
+            imu=imu,
         )
+        self._imu = imu
         self._initial_pose, self._is_told_pose = initial_pose, False
         self._next_pose: PoseEstimate | None = None
         self._first: Keyframe | None = None
@@ -92,7 +100,7 @@ class Session:
     def follower(self, map_prior: MapPrior | None) -> "Session":
         """The next run, with nothing of this one but where it was told to begin."""
         pose, number = self._next_pose, self.number + 1
-        return Session(self._configuration, map_prior, self._source, number=number, initial_pose=pose)
+        return Session(self._configuration, map_prior, self._source, number=number, initial_pose=pose, imu=self._imu)
 
     def check(self, map_prior: MapPrior) -> None:
         """Raises InputError for a map that no run can be on whose detections are like those of this one.
@@ -105,9 +113,7 @@ class Session:
         problem_of(self._run(first, map_prior, labels))
 
     def _run(self, first: Keyframe, map_prior: MapPrior | None, labels: Iterable[str]) -> RunConfiguration:
-        pose, covariance = initial_pose_of(self._configuration)
-        if self._initial_pose is not None:
-            pose, covariance = self._initial_pose.pose, self._initial_pose.covariance
+        pose, covariance = start_of(self._configuration, self._initial_pose, first)
         return make_run_configuration(
             with_labels(self._configuration, first.measurements, map_prior, labels),
             map_prior,

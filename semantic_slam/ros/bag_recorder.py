@@ -5,6 +5,7 @@ Another session of the manager is another bag: BAG_2, BAG_3 and so on.
 Parameters:
   bag        folder of the belief bag
   overwrite  true: an old bag is replaced once the new one is whole (default false)
+  has_imu    record topic imu, too (default false)
   resume     true: go on with a bag whose recorder was killed (default false)
   lossless   true in a replay by bag_player at rate 0 (default false)
 """
@@ -56,6 +57,7 @@ class BagRecorder(PipelineNode):
         path = declare_fixed(self, "bag", "")
         overwrite = declare_fixed(self, "overwrite", False)
         resume = declare_fixed(self, "resume", False)
+        has_imu = declare_fixed(self, "has_imu", False)
         refuse_undeclared(self)
         if not path:
             raise InputError("bag_recorder: parameter bag is empty; name the bag to write")
@@ -77,7 +79,8 @@ class BagRecorder(PipelineNode):
             self._record(topic, qos.result(self.lossless), waits=False)
         self._record(topics.DIAGNOSTICS, qos.everything(), ends=False, waits=False)
         for topic in topics.KEPT_INPUTS:
-            self._record(topic, qos.sensor_input(topic, self.lossless))
+            if topic != topics.IMU or has_imu:
+                self._record(topic, qos.sensor_input(topic, self.lossless))
         self.listen(topics.MANAGER_PROGRESS, self._manager_progress, qos.latched_by_any(), waits=False)
         self.create_timer(FLUSH_S, self._queue_flush, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

@@ -27,6 +27,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.topics import LATCHED, TYPES
 from semantic_slam.messages.typestore import deserialize
+from semantic_slam.pipeline.imu_use import unused_because
 from semantic_slam.pipeline.input_topics import offered
 from semantic_slam.pipeline.preamble import Preamble, checked_initial_pose
 from semantic_slam.ros.observation import MOST_BYTES, READ_HERE, Observer, observer
@@ -62,7 +63,12 @@ def examine_running_system(
         preamble=Preamble(),
         is_live=True,
     )
-    faults = [*unread, *_unheard(look, kinds), *_read_preamble(look, summary.preamble)]
+    faults = [
+        *unread,
+        *_unheard(look, kinds),
+        *_read_preamble(look, summary.preamble),
+        *unread_imu(summary, parameters),
+    ]
     Summariser(summary, deserialize).take(look.messages)
     faults += _left_out(look, summary)
     found = [*graph_checks.check(with_nodes_to_come(graph)), *faults, *examine(summary)]
@@ -127,6 +133,13 @@ def with_nodes_to_come(graph: Graph) -> Graph:
     return replace(graph, readers={**graph.readers, **readers})
 
 
+def unread_imu(summary: InputSummary, parameters: Mapping[str, Any]) -> Iterator[Finding]:
+    """Topic imu where the manager was not told that there is one."""
+    if summary.found.imu and parameters.get("has_imu") is False and not unused_because(summary.configuration):
+        what = f"{summary.found.imu} is published and {MANAGER} does not listen to it"
+        yield warning("topics", what, f"start {MANAGER} with -p has_imu:=true")
+
+
 def _is_foreign(topic: str, kind: str) -> bool:
     """Whether the classifier reads detections of another package."""
     return topic == absolute(topics.DETECTIONS) and kind in READERS
@@ -151,7 +164,7 @@ def _parameters(look: Observer) -> dict[str, Any]:
     """Dotted names and values of the configuration of the running nodes; what concerns sensing, the classifier's."""
     names = [name for name, _, _ in leaves()]
     sensing = [name for name in names if name.startswith("perception.")]
-    return {**_asked(look, MANAGER, [*names, "map_prior"]), **_asked(look, CLASSIFIER, sensing)}
+    return {**_asked(look, MANAGER, [*names, "map_prior", "has_imu"]), **_asked(look, CLASSIFIER, sensing)}
 
 
 def _asked(look: Observer, node: str, names: Sequence[str]) -> dict[str, Any]:

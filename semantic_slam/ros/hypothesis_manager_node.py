@@ -15,6 +15,7 @@ Services (semantic_slam_msgs/srv):
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
   backend_timeout_s  a backend silent for so long is given up (default 60)
+  has_imu            in space, wait for topic imu, which tells roll and pitch (default false)
   map_prior          FILE.map or objects.json with the objects known before (default none)
   source_bag         bag being replayed, for the record (default none)
   journal            folder in which the run is kept on disk, so that this node goes on where it stood when it is
@@ -39,8 +40,11 @@ from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
+from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.frame_count import FrameCount
+from semantic_slam.pipeline.gravity_by_imu import ImuSource
+from semantic_slam.pipeline.imu_use import unused_because
 from semantic_slam.pipeline.journal import Record
 from semantic_slam.pipeline.journal_of_run import open_journal
 from semantic_slam.pipeline.journaled_pool import JournaledPool
@@ -59,7 +63,7 @@ from semantic_slam.ros.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.repeats import Repeats
 from semantic_slam.ros.ros_pool import RosPool
 from semantic_slam.ros.session_services import SessionServices
-from semantic_slam.ros.transport import Outlet, private_name
+from semantic_slam.ros.transport import Outlet, is_installed, private_name
 
 END = "end"
 """The journal's record of a replay's end: what comes after it is another session."""
@@ -78,6 +82,8 @@ class HypothesisManagerNode(PipelineNode):
             raise InputError(f"parameter backends is {num_backends}; at least one backend is needed")
         timeout_s = declare_fixed(self, "backend_timeout_s", 60.0)
         self._pool = RosPool(self, range(num_backends), timeout_s)
+        self._transforms = TransformTree()
+        self._imu = self._imu_source() if declare_fixed(self, "has_imu", False) else None
         self._map_prior = _map_prior(declare_fixed(self, "map_prior", ""))
         source_bag = declare_fixed(self, "source_bag", "")
         journal = declare_fixed(self, "journal", "")
@@ -86,7 +92,7 @@ class HypothesisManagerNode(PipelineNode):
         self._source = _source(source_bag)
         self._journal = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
         self._pool_of_run = JournaledPool(self._pool, self._journal)
-        self._session = Session(self._configuration, self._map_prior, self._source)
+        self._session = Session(self._configuration, self._map_prior, self._source, imu=self._imu)
         self._is_paused = False
         self._frames = FrameCount(is_gapless=self.lossless)
         self.repeated = self._pool.repeated
@@ -114,9 +120,21 @@ class HypothesisManagerNode(PipelineNode):
     def _wants_identities(self) -> bool:
         return strategy_of(self._configuration).wants_identities
 
+    def _imu_source(self) -> ImuSource | None:
+        """Topic imu, where the configuration has a use for it."""
+        reason = unused_because(self._configuration)
+        if reason:
+            self.get_logger().warning(f"parameter has_imu: topic {topics.IMU} is not used: {reason}")
+            return None
+        return ImuSource(self._transforms, waits=self.lossless)
+
     def _listen(self) -> None:
         # In this order: of messages that are there at once, the executor takes those of the earlier subscription first.
         self._input(topics.INITIAL_POSE, self._set_initial_pose, required=False)
+        if self._imu is not None:
+            if is_installed(topics.TYPES[topics.TF_STATIC]):
+                self._input(topics.TF_STATIC, self._transforms.add, required=False)
+            self._input(topics.IMU, lambda message: self._session.assembler.add_imu(message))
         self._input(topics.ODOMETRY, lambda message: self._session.assembler.add_odometry(message))
         if self._wants_identities:
             identities = topics.GROUND_TRUTH_ASSOCIATIONS

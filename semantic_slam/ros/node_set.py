@@ -1,5 +1,6 @@
 """Which nodes a replay consists of, with which parameters: the launch file and the demo both start these."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.outputs import LEAVE_OF_NODES, check_bag_output
+from semantic_slam.pipeline.imu_use import unused_because
 from semantic_slam.pipeline.input_topics import InputTopics, find_topics
 from semantic_slam.pipeline.preamble import map_prior_path, read_preamble
 from semantic_slam.ros.parameters import changed_parameters
@@ -69,6 +71,7 @@ def node_set(
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
         extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
+        imu = _imu_parameters(reader, found, configuration, has_tf2=has_tf2)
     waiting: dict[str, Any] = {} if autostart else {"autostart": False}
     common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | waiting
     configured = common | changed_parameters(configuration)
@@ -78,6 +81,7 @@ def node_set(
         "source_bag": str(bag),
         "journal": journal,
         "resume": resume,
+        **imu,
     }
     restarts = {"resume": True} if journal else None
     nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager, again=restarts)]
@@ -89,6 +93,7 @@ def node_set(
         nodes.append(NodeSpec("classifier_node", "classifier", parameters, followers=followers))
     if record:
         recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
+        recorder |= {"has_imu": True} if imu else {}
         nodes.append(NodeSpec("bag_recorder", "bag_recorder", recorder, again={"resume": True}))
     player = {"bag": str(bag), "rate": rate, "resume": resume} | waiting
     return [*nodes, NodeSpec("bag_player", "bag_player", player, again={"resume": True})]
@@ -103,6 +108,22 @@ def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[
         "depth_compressed": found.depth == absolute(topics.DEPTH_COMPRESSED),
     }
     return parameters | ({"perception.extrinsics": extrinsics} if extrinsics else {})
+
+
+def _imu_parameters(
+    reader: BagReader, found: InputTopics, configuration: Configuration, *, has_tf2: bool
+) -> dict[str, Any]:
+    """The parameters that have the manager listen to topic imu, where the bag has it and the run a use for it."""
+    first = next(iter(reader.messages([found.imu])), None) if found.imu else None
+    if first is None or unused_because(configuration):
+        return {}
+    if has_tf2 or configuration.imu.extrinsics:
+        return {"has_imu": True}
+    frame_id, tree = reader.decode(first.cdr, first.type_name).header.frame_id, read_preamble(reader).transforms
+    with suppress(InputError):  # which the run counts
+        pose = sensor_pose((), configuration.perception.base_frame, tree, frame_id)
+        return {"has_imu": True, "imu.extrinsics": pose.tolist()}
+    return {"has_imu": True}
 
 
 def _extrinsics(reader: BagReader, found: InputTopics, configuration: Configuration) -> list[float]:

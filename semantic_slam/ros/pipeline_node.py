@@ -36,7 +36,7 @@ QUIET_TICKS = 3
 LOOK_S = 0.2
 """How often a publisher is looked for."""
 FAST_DEPTH = 5000
-"""Odometry and transforms, which cost next to nothing, and whose gaps make motions uncertain."""
+"""Odometry, transforms and inertial sensors, which cost next to nothing, and whose gaps make motions uncertain."""
 SAY_AGAIN_S = 10.0
 """What goes on being wrong is said on the console once in so long."""
 
@@ -46,13 +46,14 @@ STREAMS = frozenset(
         *PICTURES,
         topics.DETECTIONS,
         topics.ODOMETRY,
+        topics.IMU,
         topics.TF,
         topics.GROUND_TRUTH_ODOMETRY,
         topics.GROUND_TRUTH_ASSOCIATIONS,
     }
 )
 """Inputs that go on coming: live, a node that is not active lets them pass, and counts them. All else waits for it."""
-FAST = frozenset({topics.ODOMETRY, topics.TF, topics.GROUND_TRUTH_ODOMETRY})
+FAST = frozenset({topics.ODOMETRY, topics.IMU, topics.TF, topics.GROUND_TRUTH_ODOMETRY})
 MOST_BEHIND = {topic: FAST_DEPTH if topic in FAST else SENSOR_DEPTH for topic in (*STREAMS, topics.MEASUREMENTS)}
 """Live, so many messages of a topic wait at most for a node that is slower than they come; the oldest go, counted."""
 BEHIND = "came faster than it could be used"

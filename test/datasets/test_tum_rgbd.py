@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from worlds.image_folder import hand_held
+from worlds.imported import read_bag
 from worlds.tum_folder import stamp_s, write_tum_folder
 
 from semantic_slam.bag.reader import BagReader
@@ -17,6 +18,7 @@ from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.geometry import se3, so3
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.inertial import imu_reading
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.shipped import CONFIGURATIONS
 
@@ -157,6 +159,9 @@ def test_an_inertial_sensor_levels_the_map_where_the_world_of_the_poses_leans(tm
     (folder / "imu.txt").write_text("\n".join(rows) + "\n")
     bag = imported(folder, tmp_path, "--drift", "0")
     np.testing.assert_allclose(messages(bag, topics.GROUND_TRUTH_OBJECTS)[0].poses[:, :3], in_map(), atol=1e-5)
+    shown, (start,) = read_bag(bag)["/imu"], messages(bag, topics.INITIAL_POSE)
+    assert len(shown) == len(rows) and start.covariance[3, 3] == start.covariance[4, 4] == 0.02**2
+    assert imu_reading(shown[0]).acceleration.tolist() == [float(word) for word in rows[0].split()[1:4]]
     (folder / "imu.txt").write_text("\n".join(row.replace("-", "") for row in rows) + "\n")
     with pytest.raises(InputError, match="along the axes of the optical frame"):
         imported(folder, tmp_path, "--drift", "0")

@@ -9,11 +9,13 @@ import pytest
 from worlds.user_bag_factory import FOCAL, HEIGHT, SECOND, WIDTH, Seen, UserBag, picture, write_drive
 
 from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.writer import BagWriter
 from semantic_slam.cli import import_dataset
 from semantic_slam.datasets.image_formats import to_millimetres
 from semantic_slam.datasets.label_map import read_label_map
 from semantic_slam.errors import InputError
 from semantic_slam.messages.codec import CODECS, from_message
+from semantic_slam.messages.inertial import imu_message
 from semantic_slam.messages.typestore import message_class
 
 OUR_TYPES = {codec.type_name for codec in CODECS.values()}
@@ -241,6 +243,22 @@ def test_two_detectors_need_a_choice(tmp_path, monkeypatch):
         run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag")
     run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag", "--detections", "tracker/boxes")
     assert read_bag(tmp_path / "bag")["/detections"][0].labels == ("dog",)
+
+
+def test_the_only_inertial_sensor_is_taken_and_of_several_the_one_that_is_named(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", frames=2)
+    for name, sensors in (("one", ["/camera/imu"]), ("two", ["/camera/imu", "/base/imu"])):
+        with BagWriter(tmp_path / name) as bag:
+            for number, topic in enumerate(sensors):
+                bag.write(topic, imu_message(SECOND, "imu_link", np.array([0.0, number, 9.81])), SECOND)
+        merge(tmp_path / f"with_{name}", source, tmp_path / name)
+    run_command(monkeypatch, tmp_path / "with_one", "--out", tmp_path / "bag_one")
+    assert len(read_bag(tmp_path / "bag_one")["/imu"]) == 1
+    assert "imu /camera/imu (sensor_msgs/msg/Imu)" in capsys.readouterr().out
+    run_command(monkeypatch, tmp_path / "with_two", "--out", tmp_path / "bag_two")
+    assert "/imu" not in read_bag(tmp_path / "bag_two") and "/base/imu 1" in capsys.readouterr().out
+    run_command(monkeypatch, tmp_path / "with_two", "--out", tmp_path / "bag_base", "--imu", "/base/imu")
+    assert read_bag(tmp_path / "bag_base")["/imu"][0].linear_acceleration.y == 1.0
 
 
 def test_images_that_do_not_decode_are_counted(tmp_path, monkeypatch, capsys):

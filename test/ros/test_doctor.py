@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +19,17 @@ from worlds.installed import ROOT
 from worlds.node_runs import processes
 
 from semantic_slam.bag.names import absolute
+from semantic_slam.configuration import from_dict
 from semantic_slam.doctor.checks import graph as graph_checks
 from semantic_slam.doctor.finding import Finding
 from semantic_slam.doctor.graph import Endpoint, Graph, Said
+from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import NANOSECONDS, time_message
 from semantic_slam.messages.typestore import serialize
+from semantic_slam.pipeline.input_topics import offered
+from semantic_slam.pipeline.preamble import Preamble
 from semantic_slam.ros import examination, observation, qos
 from semantic_slam.ros.node_set import NodeSpec
 from semantic_slam.ros.transport import ros_type
@@ -205,6 +210,19 @@ def test_quality_of_service_that_cannot_match_is_found_from_both_ends() -> None:
     )  # a run starts without
     assert found[2].startswith("error: ") and "publish /tf_static TRANSIENT_LOCAL" in found[2]
     assert found[3].endswith("; remap the topic")
+
+
+def test_a_manager_that_was_not_told_of_the_inertial_sensor_is_named() -> None:
+    space = from_dict({"state_space": "spatial", "observation": "points", "association": "open"})
+    types = {"/imu": topics.TYPES[topics.IMU]}
+    summary = InputSummary(
+        configuration=space, prior=None, types=types, counts={}, found=offered(types), preamble=Preamble()
+    )
+    (found,) = examination.unread_imu(summary, {"has_imu": False})
+    assert "/imu is published and hypothesis_manager does not listen to it; start" in found.line
+    assert "-p has_imu:=true" in found.remedy
+    assert list(examination.unread_imu(summary, {"has_imu": True})) == []
+    assert list(examination.unread_imu(replace(summary, configuration=from_dict({})), {"has_imu": False})) == []
 
 
 def test_types_that_differ_and_nodes_that_lack_are_found_before_the_start() -> None:

@@ -45,7 +45,7 @@ def frame_stamp(k: int) -> int:
 def input_entries(num_frames: int = 6, with_depth: bool = True) -> list[Entry]:
     """The whole bag in the order of its stamps."""
     entries = [
-        Entry(topics.TF_STATIC, _static_transform(), START),
+        Entry(topics.TF_STATIC, static_transform(START, OPTICAL, T_BASE_CAMERA), START),
         Entry(topics.GROUND_TRUTH_OBJECTS, _true_objects(), START),
     ]
     entries.append(Entry(topics.ODOMETRY, to_message(odometry(START - PERIOD, -SPEED_M)), START - PERIOD))
@@ -187,14 +187,14 @@ def _true_objects() -> Any:
     return to_message(GroundTruthObjects(START, ("1", "2"), ("crate", "chest"), poses))
 
 
-def _static_transform() -> Any:
-    x, y, z, qx, qy, qz, qw = (float(value) for value in T_BASE_CAMERA)
+def static_transform(stamp: int, frame: str, T_base_frame: np.ndarray) -> Any:
+    x, y, z, qx, qy, qz, qw = (float(value) for value in T_base_frame)
     transform = message_class("geometry_msgs/msg/Transform")(
         translation=message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z),
         rotation=message_class("geometry_msgs/msg/Quaternion")(x=qx, y=qy, z=qz, w=qw),
     )
     stamped = message_class("geometry_msgs/msg/TransformStamped")(
-        header=header_message(START, "base_link"), child_frame_id=OPTICAL, transform=transform
+        header=header_message(stamp, "base_link"), child_frame_id=frame, transform=transform
     )
     return message_class("tf2_msgs/msg/TFMessage")(transforms=[stamped])
 

@@ -5,18 +5,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semantic_slam.datasets.drives.drive import UNKNOWN, Message, Written, detected, write_messages
-from semantic_slam.datasets.frames import BODY_FRAME
+from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
 from semantic_slam.datasets.space.path import SpatialPath
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthObjects
+from semantic_slam.messages.inertial import imu_message
 from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
 
 START_COVARIANCE = 1e-6 * np.eye(6)
 """Covariance of the pose at the start, which is where map is by definition: a millimetre, and a milliradian."""
+FELT_TILT_RAD = 0.02
+"""Standard deviation of roll and pitch there by accelerations, which the run is told, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +30,14 @@ class PlacedObjects:
     object_ids: tuple[str, ...]  # (O,)
     class_names: tuple[str, ...]  # (O,)
     positions: Array  # (O, 3) in map, metres
+
+
+@dataclass(frozen=True)
+class Accelerations:
+    """What an accelerometer shows along the axes of the camera's optical frame; N readings at stamps that grow."""
+
+    stamps_ns: NDArray[np.int64]  # (N,)
+    values: Array  # (N, 3) [m/s^2], upwards at rest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +50,7 @@ class SpatialDrive:
     associations: list[tuple[str, ...]] | None = None  # (F,) of (D,) true ids, "" for none; None: not known
     truth: SpatialPath | None = None
     objects: PlacedObjects | None = None
+    accelerations: Accelerations | None = None
 
 
 def write_spatial_drive(
@@ -52,6 +65,8 @@ def write_spatial_drive(
     end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else None
     streams = [iter([_start(drive)]), _poses(drive.odometry, topics.ODOMETRY, "odom"), iter(others)]
     streams.append(detected(frames, drive.associations))
+    if drive.accelerations is not None:
+        streams.append(_shown(drive.accelerations))
     if drive.truth is not None:
         streams.append(_poses(drive.truth, topics.GROUND_TRUTH_ODOMETRY, "map"))
     if drive.objects is not None:
@@ -61,8 +76,15 @@ def write_spatial_drive(
 
 
 def _start(drive: SpatialDrive) -> Message:
-    stamp_ns = int(drive.odometry.stamps_ns[0])
-    return stamp_ns, topics.INITIAL_POSE, PoseEstimate(stamp_ns, "map", drive.start, START_COVARIANCE)
+    stamp_ns, covariance = int(drive.odometry.stamps_ns[0]), START_COVARIANCE.copy()
+    if drive.accelerations is not None:
+        covariance[[3, 4], [3, 4]] = FELT_TILT_RAD**2
+    return stamp_ns, topics.INITIAL_POSE, PoseEstimate(stamp_ns, "map", drive.start, covariance)
+
+
+def _shown(told: Accelerations) -> Iterator[Message]:
+    for stamp_ns, acceleration in zip(told.stamps_ns.tolist(), told.values, strict=True):
+        yield stamp_ns, topics.IMU, imu_message(stamp_ns, CAMERA_FRAME, acceleration)
 
 
 def _poses(path: SpatialPath, topic: str, frame_id: str) -> Iterator[Message]:

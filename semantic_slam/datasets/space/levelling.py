@@ -11,10 +11,7 @@ OPTICAL = np.array([0.0, 0.0, 0.0, -0.5, 0.5, -0.5, 0.5])
 
 def level_start(up: Array) -> Array:
     """(7,) pose in map of a body at its origin that sees the (3,) direction up; it rolls and pitches without a yaw."""
-    x, y, z = up
-    roll, pitch = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
-    about_y, about_x = so3.exp(np.array([[0.0, pitch, 0.0], [roll, 0.0, 0.0]]))
-    return np.concatenate([np.zeros(3), so3.normalised(so3.product(about_y, about_x))])
+    return np.concatenate([np.zeros(3), so3.upright(up)])
 
 
 def map_of_start(start: Array, up: Array) -> Array:

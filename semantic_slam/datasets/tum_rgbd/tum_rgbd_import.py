@@ -15,8 +15,9 @@ from semantic_slam.datasets.space.journey import drive_by_odometry, odometry_of
 from semantic_slam.datasets.space.mount import mounted
 from semantic_slam.datasets.tum_rgbd.boxes import read_placed_objects
 from semantic_slam.datasets.tum_rgbd.folder import ODOMETRY, TRUTH, TumFolder, read_tum_folder
-from semantic_slam.datasets.tum_rgbd.inertial import up_of
+from semantic_slam.datasets.tum_rgbd.inertial import accelerations_of, up_of
 from semantic_slam.datasets.tum_rgbd.sightings import DETECTIONS, found_boxes, pictures_at, with_places
+from semantic_slam.messages import topics
 
 OBJECTS, INERTIAL = "objects.csv", "imu.txt"
 
@@ -48,7 +49,7 @@ def run(arguments: argparse.Namespace, bag: Path) -> None:
 
 def _up(folder: TumFolder) -> str:
     if found_or_none(folder.path, INERTIAL) is not None:
-        return f"by {INERTIAL}"
+        return f"by {INERTIAL}, which is topic {topics.IMU}, too"
     return f"the z axis of {ODOMETRY if folder.truth is None else TRUTH}"
 
 
@@ -66,6 +67,7 @@ def read_drive(
         drive_by_odometry(odometry, folder.truth, up=up, objects=objects),
         frames=[with_places(folder, told) for told in frames[:max_keyframes]],
         associations=None if associations is None else associations[:max_keyframes],
+        accelerations=None if readings is None else accelerations_of(readings, odometry),
     )
 
 

@@ -13,7 +13,7 @@ SOME, MOST = 0.1, 0.9
 SAID_ELSEWHERE = (
     "time goes backwards", "leaps ahead", "set back", "stamp repeats", "of their stamp", "at their stamp",
     "none of the detections' stamp", "half of it lies", "size ", "frame id", "of frame", "unknown label", "box ",
-    "no static transforms", "/tf from", "same outline",
+    "no static transforms", "/tf from", "same outline", "imu: not used", "come to gravity",
 )  # fmt: skip
 REMEDIES = {
     "no camera_info": "publish camera_info, or name it: semantic_slam import bag --camera-info",
@@ -22,6 +22,10 @@ REMEDIES = {
     "not finite": "correct its publisher",
     NO_PLACE: "give boxes with a camera_info and its transform, or positions, or ranges and bearings",
     BAD_RANGE: "give ranges in metres, above zero, and NaN for none",
+    "orientation that is no rotation": "say -1 in orientation_covariance[0] where there is none (REP 145)",
+    "nor accelerations": "publish what the accelerometer shows, or an orientation (REP 145)",
+    "imu.window_s before": "record imu and odom at their full rates, from the start to the end of the drive",
+    "robot accelerates": "gravity is felt where the robot moves steadily; publish an orientation to have it everywhere",
     BAD_COVARIANCE: "give variances above zero, or NaN where they are not known",
 }
 

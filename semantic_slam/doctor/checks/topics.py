@@ -7,6 +7,8 @@ from semantic_slam.doctor.finding import Finding, error, warning
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.messages import topics
 from semantic_slam.messages.topics import TYPES
+from semantic_slam.pipeline.imu_use import NAME as TOPIC
+from semantic_slam.pipeline.imu_use import TYPE, unused_because
 from semantic_slam.pipeline.input_topics import lacking, mistyped
 
 NAME = "topics"
@@ -23,13 +25,16 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         if absolute(topic) not in wrong:
             yield error(NAME, f"no topic {topic} ({TYPES[topic]}){_alike(summary, topic)}", _renamed(summary, topic))
     yield from _silent(summary)
+    if TOPIC not in summary.types and not unused_because(summary.configuration):
+        yield from _imu_elsewhere(summary)
     if not summary.found.image:
         yield from _pictures_elsewhere(summary)
 
 
 def _silent(summary: InputSummary) -> Iterator[Finding]:
     found = summary.found
-    for topic in (found.odometry, summary.measured, found.camera_info, found.image, found.depth):
+    imu = "" if unused_because(summary.configuration) else found.imu
+    for topic in (found.odometry, summary.measured, found.camera_info, found.image, found.depth, imu):
         if topic and not summary.counts.get(topic, 0):
             yield error(
                 NAME,
@@ -44,6 +49,12 @@ def _pictures_elsewhere(summary: InputSummary) -> Iterator[Finding]:
     if alike and not summary.found.measurements:
         what = f"{', '.join(alike[:3])}: pictures that nobody reads; detections are used without"
         yield warning(NAME, what, _renamed(summary, topics.IMAGE))
+
+
+def _imu_elsewhere(summary: InputSummary) -> Iterator[Finding]:
+    if alike := _of_type(summary, TYPE):
+        what = f"{', '.join(alike[:3])}: inertial sensors that nobody reads; roll and pitch go by odometry alone"
+        yield warning(NAME, what, _renamed(summary, topics.IMU))
 
 
 def _alike(summary: InputSummary, topic: str) -> str:

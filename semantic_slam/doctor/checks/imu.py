@@ -1,0 +1,91 @@
+"""Gravity by topic imu: another type, no transform, and accelerations or orientations that have up elsewhere."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from semantic_slam.doctor.finding import Finding, error, warning
+from semantic_slam.doctor.input_summary import ImuRecord, InputSummary
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import rotation_matrix
+from semantic_slam.messages.inertial import GRAVITY_M_S2
+from semantic_slam.messages.sensor import sensor_pose
+from semantic_slam.pipeline.imu_use import NAME as TOPIC
+from semantic_slam.pipeline.imu_use import TYPE, unused_because
+
+NAME = "imu"
+MOST_OFF_M_S2 = 1.5
+"""By how much the mean of a whole recording may differ from gravity."""
+LEAST_M_S2 = 3.0
+"""Below it nothing of gravity is left."""
+DISAGREE_RAD = np.radians(20.0)
+"""Between up by orientations and by accelerations, whose means are of steady motion."""
+ON_ITS_SIDE_RAD, UPSIDE_DOWN_RAD = np.radians(60.0), np.radians(120.0)
+"""Between up and the body's z axis."""
+AXES = ("x", "y", "z", "-x", "-y", "-z")
+SHOWS = "a level sensor shows +9.81 m/s^2 along its axis that points up (REP 145)"
+MOUNT = "give its pose in the body by /tf_static or imu.extrinsics"
+
+
+def check(summary: InputSummary) -> Iterator[Finding]:
+    if unused_because(summary.configuration):
+        return
+    kind = summary.types.get(TOPIC, TYPE)
+    if kind != TYPE:
+        yield error(
+            NAME, f"{TOPIC} is {kind}, not {TYPE}", "remap another topic to it, or have import bag --imu take it"
+        )
+    if not summary.imu.frame_id:
+        return
+    yield from _accelerations(summary.imu)
+    settings, base = summary.configuration.imu, summary.configuration.perception.base_frame
+    try:
+        pose = sensor_pose(settings.extrinsics, base, summary.preamble.transforms, summary.imu.frame_id)
+    except InputError:
+        known = ", ".join(summary.preamble.transforms.frames) or "none"
+        what = f"no transform from '{base}' to '{summary.imu.frame_id}', frames of /tf_static: {known}"
+        yield error(NAME, what, MOUNT)
+        return
+    yield from _up(summary.imu, rotation_matrix(pose[3:]))
+
+
+def _accelerations(record: ImuRecord) -> Iterator[Finding]:
+    """Whether what is shown is gravity, and orientations agree."""
+    if not record.accelerations:
+        return
+    mean = np.mean(record.accelerations, axis=0)
+    length = float(np.linalg.norm(mean))
+    if record.ups:
+        apart = _angle(mean, np.mean(record.ups, axis=0))
+        if length > LEAST_M_S2 and apart > DISAGREE_RAD:
+            yield error(
+                NAME,
+                f"{TOPIC}: up by its orientation is {np.degrees(apart):.0f} deg off up by its accelerations",
+                f"give orientations in a world with z up, along the axes of header.frame_id; {SHOWS}",
+            )
+    elif length < LEAST_M_S2:
+        what = f"{TOPIC}: accelerations come to {length:.2f} m/s^2 on average, without gravity or in units of it"
+        yield error(NAME, what, f"give m/s^2, with gravity; {SHOWS}")
+    elif abs(length - GRAVITY_M_S2) > MOST_OFF_M_S2:
+        yield error(NAME, f"{TOPIC}: accelerations come to {length:.2f} m/s^2 on average", f"calibrate them; {SHOWS}")
+
+
+def _up(record: ImuRecord, rotation: Array) -> Iterator[Finding]:
+    """Whether up in the body is about where it should be."""
+    told = record.ups or record.accelerations
+    if not told or np.linalg.norm(mean := np.mean(told, axis=0)) == 0.0:
+        return
+    up = rotation @ mean / np.linalg.norm(mean)
+    off = _angle(up, np.array([0.0, 0.0, 1.0]))
+    axis = AXES[int(np.argmax([*up, *-up]))]
+    what = f"{TOPIC}: up is along {axis} of the body, {np.degrees(off):.0f} deg off z"
+    if off > UPSIDE_DOWN_RAD:
+        yield error(NAME, what, f"{MOUNT}; {SHOWS}")
+    elif off > ON_ITS_SIDE_RAD:
+        yield warning(NAME, what, f"{MOUNT}; {SHOWS}; of a body that is carried so this is right")
+
+
+def _angle(a: Array, b: Array) -> float:
+    lengths = max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12)
+    return float(np.arccos(np.clip(a @ b / lengths, -1.0, 1.0)))

@@ -1,0 +1,92 @@
+"""What an inertial sensor says of up: its orientation where it states one, else what its accelerometer shows.
+
+As REP 145 has it: orientation in a world with z up, accelerations with what holds the sensor against gravity, and -1
+first in the covariance of what is not told.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages.sensor import plain_frame
+from semantic_slam.messages.standard import header_message
+from semantic_slam.messages.typestore import message_class
+
+GRAVITY_M_S2 = 9.81
+NOT_TOLD = -1.0
+UNTOUCHED = np.array([0.0, 0.0, 0.0, 1.0])
+"""Orientation of a message in which nobody has filled one in; with a covariance of zeros."""
+NEARLY = 0.1
+"""How far the length of a quaternion may be from 1."""
+MOST_M_S2, MOST_VARIANCE = 1e3, 1e3
+"""No robot is shaken more; and who states more [rad^2] knows nothing."""
+
+
+@dataclass(frozen=True)
+class ImuReading:
+    """One message, along the axes of ``frame_id``."""
+
+    frame_id: str
+    up: Array | None = None  # (3,) of unit length, by its orientation; None: it states none
+    variance: float = np.nan  # of it [rad^2], about each of two axes across; NaN: not stated
+    acceleration: Array | None = None  # (3,) [m/s^2], upwards at rest; None: not told, or not needed
+    fault: str = ""  # what of it cannot be used
+
+
+def imu_reading(message: Any) -> ImuReading:
+    """What a sensor_msgs/Imu tells; of one that states its orientation its accelerations are not looked at."""
+    frame_id = plain_frame(message.header.frame_id)
+    turn, covariance = _quaternion(message), np.asarray(message.orientation_covariance, dtype=np.float64)
+    is_told = covariance[0] != NOT_TOLD and not (np.array_equal(turn, UNTOUCHED) and not covariance.any())
+    if is_told and (np.abs(turn) < 2.0).all() and abs(np.linalg.norm(turn) - 1.0) <= NEARLY:
+        return ImuReading(frame_id, so3.matrix(so3.normalised(turn))[2], _variance(covariance.reshape(3, 3)))
+    acceleration = shown_acceleration(message)
+    fault = "orientation that is no rotation" if is_told else ""
+    if acceleration is None:
+        fault = fault or "neither an orientation nor accelerations"
+    return ImuReading(frame_id, acceleration=acceleration, fault=fault)
+
+
+def shown_acceleration(message: Any) -> Array | None:
+    """(3,) of a sensor_msgs/Imu; None where there is none, and zero is nobody's on the ground."""
+    told = message.linear_acceleration
+    acceleration = np.array([told.x, told.y, told.z], dtype=np.float64)
+    is_told = message.linear_acceleration_covariance[0] != NOT_TOLD
+    return acceleration if is_told and (np.abs(acceleration) <= MOST_M_S2).all() and acceleration.any() else None
+
+
+def _quaternion(message: Any) -> Array:
+    told = message.orientation
+    return np.array([told.x, told.y, told.z, told.w], dtype=np.float64)
+
+
+def _variance(covariance: Array) -> float:
+    """The larger one of roll and pitch, about the world's axes; NaN where it is none: zeros are of who knows none."""
+    if not np.isfinite(covariance[:2, :2]).all():
+        return np.nan
+    tilt = np.clip(covariance[:2, :2], -MOST_VARIANCE, MOST_VARIANCE)
+    least, most = np.linalg.eigvalsh(0.5 * (tilt + tilt.T))
+    return float(most) if least > 0.0 else np.nan
+
+
+def imu_message(
+    stamp_ns: int, frame_id: str, acceleration: Array, orientation: Array | None = None, variance: float = 0.0
+) -> Any:
+    """sensor_msgs/Imu; ``acceleration`` (3,), ``orientation`` (4,) of a ``variance`` [rad^2], None: it states none."""
+    x, y, z = (float(value) for value in acceleration)
+    qx, qy, qz, qw = (float(value) for value in (UNTOUCHED if orientation is None else orientation))
+    vector = message_class("geometry_msgs/msg/Vector3")
+    no_turns = np.zeros(9)
+    no_turns[0] = NOT_TOLD
+    return message_class("sensor_msgs/msg/Imu")(
+        header=header_message(stamp_ns, frame_id),
+        orientation=message_class("geometry_msgs/msg/Quaternion")(x=qx, y=qy, z=qz, w=qw),
+        orientation_covariance=no_turns if orientation is None else (variance * np.eye(3)).ravel(),
+        angular_velocity=vector(x=0.0, y=0.0, z=0.0),
+        angular_velocity_covariance=no_turns,
+        linear_acceleration=vector(x=x, y=y, z=z),
+        linear_acceleration_covariance=np.zeros(9),
+    )

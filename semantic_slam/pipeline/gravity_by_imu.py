@@ -1,0 +1,144 @@
+"""Which way is up at keyframes, by topic imu.
+
+A run begins as tilted as the look of its first keyframe has it (``start_of``). Later looks would contradict another
+start: without the first one there is none. So a run does not begin just before its sensor is heard.
+"""
+
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se3
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages import topics
+from semantic_slam.messages.inertial import ImuReading, imu_reading
+from semantic_slam.messages.sensor import TransformTree, sensor_pose
+from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose
+from semantic_slam.pipeline.imu_look import ImuLook, NoLookError, look_of
+from semantic_slam.pipeline.imu_window import ImuWindow
+from semantic_slam.pipeline.level import repeated
+from semantic_slam.pipeline.odometry_path import OdometryPath
+from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+
+SILENT_NS = 2 * NANOSECONDS
+"""A topic that lags behind odometry by more is silent."""
+START_NS = 5 * NANOSECONDS
+"""So long, by stamps, a run does not begin for want of the first message, and live of the transform to its frame."""
+LONGEST_NAME = 80
+"""Characters of somebody else's frame id that a reason repeats."""
+
+
+@dataclass(frozen=True)
+class ImuSource:
+    """An inertial sensor that a run listens to."""
+
+    transforms: TransformTree  # of /tf_static; may still grow
+    waits: bool = True  # for its messages, however late they are; False, live: what is silent is done without
+
+
+class GravityByImu:
+    """Readings that wait for their keyframe; ``dropped`` counts, by reason, what was not used."""
+
+    def __init__(self, configuration: Configuration, source: ImuSource, dropped: Counter[str]) -> None:
+        """Raises InputError for extrinsics that are none."""
+        self._settings, self._source, self._dropped = configuration.imu, source, dropped
+        self._repeats_s = configuration.odometry.level_repeats_s
+        self._base_frame = configuration.perception.base_frame
+        if self._settings.extrinsics:
+            self._pose("")
+        self._readings: StampedBuffer[ImuReading] = StampedBuffer(topics.IMU, dropped)
+        self._last_look_ns: int | None = None
+        self._has_begun = False
+        self._wanted_ns: int | None = None  # the first keyframe that there might have been
+        self.window_ns = round(configuration.imu.window_s * NANOSECONDS)
+
+    def add(self, message: Any) -> None:
+        """sensor_msgs/Imu."""
+        reading = imu_reading(message)
+        if reading.fault:
+            self._dropped[f"{topics.IMU}: {reading.fault}"] += 1
+        self._readings.add(header_stamp_ns(message), reading)
+
+    def is_known(self, stamp_ns: int, newest_odometry_ns: int) -> bool:
+        """Whether no more readings will come up to an instant, or none are waited for."""
+        if self._readings.has_reached(stamp_ns):
+            return True
+        patience_ns = SILENT_NS if self._has_begun else START_NS
+        return not self._source.waits and newest_odometry_ns - stamp_ns > patience_ns
+
+    def is_silent(self, newest_odometry_ns: int) -> bool:
+        """Whether the topic lags far behind odometry."""
+        return not self._readings.has_reached(newest_odometry_ns - SILENT_NS)
+
+    def begins_later(self, stamp_ns: int) -> bool:
+        """Whether a run should not begin at this instant yet, for soon the sensor tells how it is tilted."""
+        if self._has_begun or not len(self._readings):
+            return False
+        self._wanted_ns = stamp_ns if self._wanted_ns is None else self._wanted_ns
+        first_ns, reading = self._readings.first()
+        if first_ns > stamp_ns:
+            return first_ns - self._wanted_ns <= START_NS
+        may_come = not self._source.waits and stamp_ns - self._wanted_ns <= START_NS
+        return may_come and not self._is_placed(reading.frame_id)
+
+    def release(self) -> None:
+        """No more will come."""
+        self._readings.release()
+
+    def go_on_from(self, former: "GravityByImu") -> None:
+        """Take what another one has refused because it is of this session."""
+        self._readings.go_on_from(former._readings)
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Remove what no keyframe after this instant asks for."""
+        self._readings.forget_before(stamp_ns - self.window_ns)
+
+    def level_at(self, stamp_ns: int, path: OdometryPath) -> Array | None:
+        """(4,) as of ``Keyframe.level``, at a keyframe to which odometry's ``path`` leads; None: nothing tells it."""
+        is_first, self._has_begun = not self._has_begun, True
+        try:
+            look = self._look(stamp_ns, path, is_first=is_first)
+        except NoLookError as reason:
+            self._dropped[f"{topics.IMU}: {reason}"] += 1
+            return None
+        elapsed_s = np.inf if self._last_look_ns is None else (stamp_ns - self._last_look_ns) / NANOSECONDS
+        self._last_look_ns = stamp_ns
+        return np.append(look.up, repeated(look.variance, elapsed_s, self._repeats_s))
+
+    def _look(self, stamp_ns: int, path: OdometryPath, *, is_first: bool) -> ImuLook:
+        if self._last_look_ns is None and not is_first:
+            raise NoLookError("not used, for it told nothing at the first keyframe")
+        found = [item for item in self._readings if stamp_ns - self.window_ns < item[0] <= stamp_ns]
+        if not found:
+            raise NoLookError("no message within imu.window_s before a keyframe")
+        frame_id = found[-1][1].frame_id
+        readings = [item for item in found if item[1].frame_id == frame_id]
+        window = ImuWindow(stamp_ns, self.window_ns, self._pose_of(frame_id), path)
+        return look_of(readings, window, self._settings, is_first=is_first)
+
+    def _is_placed(self, frame_id: str) -> bool:
+        """Whether its pose in the body is known."""
+        with suppress(InputError):
+            self._pose(frame_id)
+            return True
+        return False
+
+    def _pose_of(self, frame_id: str) -> Array:
+        """(7,) T_body_imu. Raises NoLookError."""
+        try:
+            pose = self._pose(frame_id)
+        except InputError:
+            named = f"no static transforms from {self._base_frame} to '{frame_id[:LONGEST_NAME]}'"
+            raise NoLookError(f"{named}, publish /tf_static or set imu.extrinsics") from None
+        if not is_pose(pose):
+            raise NoLookError("the transform to its frame is not finite")
+        return se3.wrapped(pose)
+
+    def _pose(self, frame_id: str) -> Array:
+        settings, tree = self._settings, self._source.transforms
+        return sensor_pose(settings.extrinsics, self._base_frame, tree, frame_id, "imu.extrinsics")

@@ -1,0 +1,31 @@
+"""Whether a run listens to topic imu."""
+
+from collections.abc import Mapping
+
+from semantic_slam.bag.names import absolute
+from semantic_slam.configuration import Configuration
+from semantic_slam.inference.association.strategy import strategy_of
+from semantic_slam.messages import topics
+
+NAME, TYPE = absolute(topics.IMU), topics.TYPES[topics.IMU]
+
+
+def unused_because(configuration: Configuration) -> str:
+    """Why topic imu tells a run nothing; "" where it tells roll and pitch."""
+    if not configuration.is_spatial:
+        return "a planar robot is level"
+    if not strategy_of(configuration).tracks_objects:
+        return "gravity counts with association: open alone"
+    if configuration.odometry.sigma_level_rad > 0.0:
+        return "by odometry.sigma_level_rad odometry tells roll and pitch"
+    return "" if configuration.imu.sigma_level_rad > 0.0 else "imu.sigma_level_rad is 0"
+
+
+def left_out(configuration: Configuration, available: Mapping[str, str]) -> str:
+    """One line where topics (absolute name -> type) have an imu that a run with this configuration does not use."""
+    kind = available.get(NAME, TYPE)
+    if NAME in available and (reason := unused_because(configuration)):
+        return f"{NAME} is not used: {reason}"
+    return (
+        "" if kind == TYPE else f"{NAME} is {kind}, not {TYPE}, and is not used; import_dataset bag --imu takes another"
+    )

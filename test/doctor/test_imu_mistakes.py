@@ -1,0 +1,91 @@
+"""The doctor finds what is wrong with topic imu of a bag in space, and is silent where nothing is."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from semantic_slam_lab.simulation.inertial import Imu
+from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, table_tops
+from semantic_slam_lab.studies.tables.run import configuration
+from worlds.bag_factory import Entry, of_topic, without
+from worlds.mistakes import each, rotated
+from worlds.table_bag import in_space, with_imu, write_table_bag
+
+from semantic_slam.doctor.bag_summary import summarise_bag
+from semantic_slam.doctor.examination import examine
+from semantic_slam.doctor.finding import Finding
+from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.messages import topics
+from semantic_slam.messages.standard import pose_message
+from semantic_slam.messages.typestore import message_class
+
+Entries = list[Entry]
+
+
+def flown(*, tilt_rad: float | None = None) -> Entries:
+    room = table_tops(
+        Flight(keyframes=14, things=5), SpatialRegion.of(configuration().open_world), np.random.default_rng(5)
+    )
+    return with_imu(room, Imu(T_body_imu=T_BODY_CAMERA, tilt_rad=tilt_rad, rate_hz=40.0), np.random.default_rng(5))
+
+
+def examined(folder: Path, entries: Entries) -> list[Finding]:
+    summary, faults = summarise_bag(write_table_bag(folder / "bag", entries), in_space(), None)
+    return [*faults, *(each for each in examine(summary) if each.check in ("imu", "topics", "stamps", "dropped"))]
+
+
+@pytest.mark.parametrize("tilt_rad", [None, 0.01])
+def test_a_bag_whose_imu_is_right_is_healthy(tmp_path: Path, tilt_rad: float | None) -> None:
+    assert examined(tmp_path, flown(tilt_rad=tilt_rad)) == []
+
+
+def scaled(factor: float) -> Callable[[Any], None]:
+    def change(message: Any) -> None:
+        told = message.linear_acceleration
+        told.x, told.y, told.z = factor * told.x, factor * told.y, factor * told.z
+
+    return change
+
+
+def world_down(message: Any) -> None:
+    """Orientation in a world whose z axis points down, half a turn about x."""
+    told = message.orientation
+    told.x, told.y, told.z, told.w = told.w, -told.z, told.y, -told.x
+
+
+def renamed(entries: Entries) -> Entries:
+    for entry in of_topic(entries, topics.IMU):
+        entry.topic = "/camera/imu"
+    return entries
+
+
+def retyped(entries: Entries) -> Entries:
+    pose = message_class("geometry_msgs/msg/PoseStamped")
+    for entry in of_topic(entries, topics.IMU):
+        entry.message = pose(header=entry.message.header, pose=pose_message(np.array([0, 0, 0, 0, 0, 0, 1.0])))
+    return entries
+
+
+@pytest.mark.parametrize(
+    ("plant", "words"),
+    [
+        (renamed, "warning: topics: /camera/imu: inertial sensors that nobody reads"),
+        (retyped, "error: imu: /imu is geometry_msgs/msg/PoseStamped, not sensor_msgs/msg/Imu"),
+        (lambda e: without(e, topics.TF_STATIC), "error: imu: no transform from 'base_link' to 'imu_link'"),
+        (each(topics.TF_STATIC, rotated(0.0, 0.0, 0.0, 1.0)), "warning: imu: /imu: up is along -y of the body"),
+        (each(topics.TF_STATIC, rotated(0.5, 0.5, 0.5, 0.5)), "error: imu: /imu: up is along -z of the body"),
+        (each(topics.IMU, scaled(-1.0)), "error: imu: /imu: up is along -z of the body"),
+        (each(topics.IMU, scaled(1.0 / 9.81)), "error: imu: /imu: accelerations come to 1.00 m/s^2 on average"),
+    ],
+)
+def test_each_mistake_is_found_alone(tmp_path: Path, plant: Callable[[Entries], Entries], words: str) -> None:
+    (found,) = examined(tmp_path, plant(flown()))
+    assert found.line.startswith(words) and found.remedy
+
+
+def test_an_orientation_in_a_world_with_z_down_is_told_by_accelerations(tmp_path: Path) -> None:
+    found = examined(tmp_path, each(topics.IMU, world_down)(flown(tilt_rad=0.01)))
+    assert [finding.check for finding in found] == ["imu", "imu"]
+    assert "up by its orientation is 179 deg off up by its accelerations; give orientations" in found[0].line
