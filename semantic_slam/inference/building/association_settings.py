@@ -9,9 +9,9 @@ from semantic_slam.inference.models.noise_settings import NoiseSettings
 
 
 def as_used(configuration: Configuration, association: type[AssociationStrategy]) -> Configuration:
-    """Without what ``association`` has no use for: names leave nothing to revise, and misses may not count."""
+    """Without what ``association`` has no use for: names and maps leave nothing to revise, and misses may not count."""
     revision, world = configuration.revision, configuration.open_world
-    if association.wants_identities:
+    if association.wants_identities or not association.tracks_objects:
         revision = replace(revision, every_keyframes=0, lost_every_keyframes=0)
     if not association.counts_misses:
         world = replace(

@@ -100,7 +100,7 @@ def _check_rates(configuration: Configuration) -> None:
 
 def _check_revision(configuration: Configuration, association: type[AssociationStrategy]) -> None:
     revision, tracks = configuration.revision, association.tracks_objects
-    if revision.every_keyframes > 0 and not tracks:
+    if revision.every_keyframes > 0 and not tracks and not configuration.is_spatial:  # config/spatial.yaml serves maps
         raise InputError(
             "revision.every_keyframes is for worlds without a map; set association: open, or set it to 0 (given with"
             " open_world.iterate_updates: false has nothing to revise)"
