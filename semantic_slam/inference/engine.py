@@ -34,7 +34,7 @@ from semantic_slam.inference.relocation.recovery import SOON, Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.revision.replay import Lineage, Replay
-from semantic_slam.inference.revision.revision import Revision, log_mass, with_revised
+from semantic_slam.inference.revision.revision import Revision, normalised, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.summarised_copies import SummarisedCopies
 from semantic_slam.inference.world.carried import carried_to
@@ -195,12 +195,11 @@ class Engine:
         if not found:
             return components, reported
         places = {number: components[number].pose[:3] for number in self.live}
-        together = with_revised(self.live, found, places, self.problem)
+        together, log_found = normalised(with_revised(self.live, found, places, self.problem))
         self.pool.offer({n: own.replayed for n, own in together.items() if own.replayed is not None})
         children, answers = self.rounds.commit(step.index, together)
         reported = self._reported(answers)
         components = held_components(answers, reported)
-        log_found = log_mass(together)
         self.hypotheses.enter(children, components, log_found)
         self.alternatives.enter(self.live)
         self.log_evidence += log_found

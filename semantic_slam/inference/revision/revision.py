@@ -6,6 +6,7 @@ P(history, Z_1:k), as if it had been followed all along. Nothing is optimised un
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
@@ -190,7 +191,8 @@ def _revised(own: Hypothesis, live: Mapping[int, Hypothesis]) -> int:
     return next(number for number, other in live.items() if own.revises is other)
 
 
-def log_mass(hypotheses: Mapping[int, Hypothesis]) -> float:
-    """Log of the sum of their weights."""
+def normalised(hypotheses: Mapping[int, Hypothesis]) -> tuple[dict[int, Hypothesis], float]:
+    """Hypotheses with weights that sum to one, and the log of what they summed to."""
     weights: Array = np.array([own.log_weight for own in hypotheses.values()])
-    return float(np.logaddexp.reduce(weights))
+    total = float(np.logaddexp.reduce(weights))
+    return {n: replace(own, log_weight=own.log_weight - total) for n, own in hypotheses.items()}, total

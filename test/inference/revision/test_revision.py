@@ -14,11 +14,13 @@ from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import Commit, Components
 from semantic_slam.inference.revision.pairs import merged, relative_distances, seen_together
 from semantic_slam.inference.revision.replay import CHECKPOINT, Replay
 from semantic_slam.inference.smoothing import trunks
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.ros.round_checks import fault_of_commit
 
 LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])
 SIGMAS = np.array([0.05, 0.02])
@@ -110,6 +112,36 @@ def test_histories_are_rebuilt_alike_from_the_prior_and_from_what_was_kept(monke
     for one, other, third in zip(with_trunks, from_prior, as_replayed, strict=True):
         assert_same(one, other)
         assert_same(one, third)
+
+
+class CheckedPool(InProcessPool):
+    """Backends that are told what nodes would be told over topics, and refuse what those refuse."""
+
+    def commit(self, commit: Commit) -> list[Components]:
+        assert fault_of_commit(commit, self._backends[0].steps[commit.keyframe].stamp_ns) == ""
+        return super().commit(commit)
+
+
+def test_what_is_told_of_revised_histories_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("semantic_slam.inference.engine.InProcessPool", CheckedPool)
+    _, beliefs = return_with_drift({"every_keyframes": 1})
+    assert sum(len(belief.revised_ids) for belief in beliefs) > 0
+
+
+def test_the_evidence_is_that_of_the_history_that_is_left() -> None:
+    """Of each keyframe, too: what was found again counts where it was found, and not once more in the next one."""
+    engine, beliefs = return_with_drift({"every_keyframes": 1})
+    ((number, own),) = engine.live.items()
+    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), engine.steps)
+    (found,) = replay.log_joints([own.lineage])
+    assert found is not None
+    assert found.number == number
+    assert engine.log_evidence == pytest.approx(found.log_joint, abs=1e-6)
+    later = beliefs[max(k for k, belief in enumerate(beliefs) if len(belief.revised_ids)) + 1 :]
+    replayed = replay.before(own.lineage, len(beliefs) - len(later))
+    assert later
+    assert replayed is not None
+    assert sum(belief.log_evidence for belief in later) == pytest.approx(found.log_joint - replayed.log_joint, abs=1e-6)
 
 
 def test_what_was_replayed_is_not_rebuilt(monkeypatch: pytest.MonkeyPatch) -> None:
