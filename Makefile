@@ -9,6 +9,8 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3; do \
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
 FUZZ_ARGS ?= --seconds 120 --seed 0
+# Pip leaves compiling to the first import (--no-compile): not kept, every process would compile NumPy, SciPy and us anew.
+export PYTHONDONTWRITEBYTECODE :=
 
 # Two cores are used: the messages are built while the rest is installed. Each step leaves a stamp behind.
 MAKEFLAGS += --jobs=2
