@@ -56,7 +56,7 @@ def test_another_drive_of_the_robot_is_likelier(found: Calibration, tmp_path: Pa
     path.write_text(configuration_text(found, "stated.yaml"))
     loaded = load_configuration(path)
     assert loaded == found.after
-    other = Drive(bag=write_drive(tmp_path / "bag", OVER_SURE, num_keyframes=24, seed=1))
+    other = Drive(bag=write_drive(tmp_path / "bag", OVER_SURE, num_keyframes=16, seed=1))
     before, after = (weigh(other, own, tmp_path / name) for own, name in ((BEGIN, "before"), (loaded, "after")))
     assert after.log_evidence > before.log_evidence + 5.0
 
