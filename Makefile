@@ -9,6 +9,8 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3; do \
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
 FUZZ_ARGS ?= --seconds 120 --seed 0
+# Pip leaves compiling to the first import (--no-compile): not kept, every process would compile NumPy, SciPy and us anew.
+export PYTHONDONTWRITEBYTECODE :=
 
 # Two cores are used: the messages are built while the rest is installed. Each step leaves a stamp behind.
 MAKEFLAGS += --jobs=2
@@ -48,8 +50,9 @@ $(BUILT): $(INSTALLED) $(MESSAGES_BUILT) setup.py setup.cfg package.xml lab/setu
 demo: $(BUILT)
 	source ./env.sh; demo --out out/demo --overwrite
 
+# Three on two cores: while nodes of one test find each other or wait, the others go on.
 test: $(BUILT)
-	source ./env.sh; python -m pytest --numprocesses=2 --dist=worksteal $(PYTEST_ARGS)
+	source ./env.sh; python -m pytest --numprocesses=3 --dist=worksteal $(PYTEST_ARGS)
 
 bench: $(BUILT)
 	source ./env.sh; bench --out out/bench.json --overwrite $(BENCH_ARGS)

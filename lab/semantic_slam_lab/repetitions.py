@@ -2,7 +2,9 @@
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import get_context
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,6 +13,7 @@ from tqdm import tqdm
 
 from semantic_slam.cluster import connected
 
+Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 
@@ -28,6 +31,17 @@ def repeat(
     tasks = (delayed(function)(*each) for each in arguments)
     results = Parallel(n_jobs=jobs, return_as="generator")(tasks)
     return list(tqdm(results, total=len(arguments), desc=description))
+
+
+def apart(
+    function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, description: str, *, shared: bool = False
+) -> list[Result]:
+    """``function`` of every task, in their order, each in a fresh process, so that memory is that of one run.
+
+    ``shared``: ``jobs`` processes for all of them, where nobody asks what one takes.
+    """
+    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=None if shared else 1) as pool:
+        return list(tqdm(pool.map(function, tasks), total=len(tasks), desc=description, unit="run"))
 
 
 @contextmanager

@@ -8,7 +8,7 @@ or behind topics, a manager sees only :class:`BackendPool`.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import ObjectTable
-from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep, Reassigned
+
+if TYPE_CHECKING:  # the smoothers and GTSAM, which nodes that only read and write messages do without
+    from semantic_slam.inference.smoothing.component import Component
 
 LOST = "hypothesis lost"
 """How reasons begin for which a hypothesis was given up, where they are counted with what else was dropped."""
@@ -122,7 +124,7 @@ class BackendPool(Protocol):
     def commit(self, commit: Commit) -> list[Components]:
         """Round two: the components of every backend."""
 
-    def offer(self, components: Mapping[int, Component]) -> None:
+    def offer(self, components: Mapping[int, "Component"]) -> None:
         """Components by hypothesis that the manager has made, for the next commit: to make them again is no use.
 
         Backends of other processes make them again.

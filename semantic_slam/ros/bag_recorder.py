@@ -23,8 +23,8 @@ from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.errors import InputError, MessageError, SemanticSlamError
-from semantic_slam.inference.building import is_id_of_its_contents
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.run_id import is_id_of_its_contents
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import BY_TYPE_NAME, decode, from_message
 from semantic_slam.messages.node_status import is_of_another_robot

@@ -14,9 +14,9 @@ from typing import Any
 
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.building import is_id_of_its_contents
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.run_id import is_id_of_its_contents
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.typestore import deserialize

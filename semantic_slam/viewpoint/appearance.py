@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from semantic_slam.geometry.arrays import Array, Flags
 
@@ -102,6 +101,8 @@ def unit(vectors: Array) -> Array:
 
 def _log_density(directions: Array, kept: UnitVectors) -> Array:
     """(N,) of (N, P) unit vectors under kernels about (M, P); up to what all such densities have in common."""
+    from scipy.special import logsumexp  # a sixth of what a classifier's start takes, and many look at no novelty
+
     return np.asarray(logsumexp(CONCENTRATION * (directions.astype(np.float32) @ kept.T), axis=1) - np.log(len(kept)))
 
 

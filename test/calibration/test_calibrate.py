@@ -56,7 +56,7 @@ def test_another_drive_of_the_robot_is_likelier(found: Calibration, tmp_path: Pa
     path.write_text(configuration_text(found, "stated.yaml"))
     loaded = load_configuration(path)
     assert loaded == found.after
-    other = Drive(bag=write_drive(tmp_path / "bag", OVER_SURE, num_keyframes=24, seed=1))
+    other = Drive(bag=write_drive(tmp_path / "bag", OVER_SURE, num_keyframes=16, seed=1))
     before, after = (weigh(other, own, tmp_path / name) for own, name in ((BEGIN, "before"), (loaded, "after")))
     assert after.log_evidence > before.log_evidence + 5.0
 
@@ -78,7 +78,7 @@ def test_it_says_how_far_off_it_was(found: Calibration) -> None:
 
 @pytest.mark.slow
 def test_a_robot_that_is_as_stated_keeps_its_noise(tmp_path: Path) -> None:
-    bag = write_drive(tmp_path / "bag", Noise(), num_keyframes=16, seed=2)
+    bag = write_drive(tmp_path / "bag", Noise(), num_keyframes=12, seed=2)
     same = calibrate(Drive(bag=bag), BEGIN, tmp_path / "scratch")
     assert same.after.odometry.sigma_translation_per_m == BEGIN.odometry.sigma_translation_per_m
     assert same.after.perception == BEGIN.perception
@@ -86,7 +86,7 @@ def test_a_robot_that_is_as_stated_keeps_its_noise(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_told_covariances_that_are_over_sure_are_found(tmp_path: Path) -> None:
-    bag = write_drive(tmp_path / "bag", Noise(detections=2.0, tells_covariances=True), num_keyframes=8)
+    bag = write_drive(tmp_path / "bag", Noise(detections=2.0, tells_covariances=True), num_keyframes=6)
     found = calibrate(Drive(bag=bag), BEGIN, tmp_path / "scratch")
     assert found.after.perception.noise_factors == (4.0,)
     assert found.after.perception.sigma_range_m == BEGIN.perception.sigma_range_m

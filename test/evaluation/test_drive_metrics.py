@@ -135,8 +135,8 @@ def test_the_region_of_a_mixture_holds_as_much_of_it_as_it_says() -> None:
     random = np.random.default_rng(0)
     weights, positions = np.array([0.8, 0.2]), np.array([[0.0, 0.0], [0.1, -0.2]])
     covariances = np.array([np.diag([0.01, 0.02]), np.diag([0.4, 0.2])])
-    which = random.choice(2, 4000, p=weights)
+    which = random.choice(2, 2000, p=weights)
     sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    draws = positions[which] + random.normal(size=(4000, 2)) * sigmas[which]
+    draws = positions[which] + random.normal(size=(2000, 2)) * sigmas[which]
     held = [mixture.position_region(weights, positions, covariances, draw)[0] for draw in draws]
     assert np.mean(held) == pytest.approx(0.95, abs=0.01)

@@ -1,6 +1,7 @@
 """Manager and backends: the same belief however the work is divided, and rounds that can be repeated."""
 
 import dataclasses
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference import expander
 from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.pool import InProcessPool
@@ -23,6 +25,13 @@ NOTHING_WRONG: dict[str, Any] = {
     "semantic_model": {"kind": "parametric", "outlier_share": 0.0},
     "closed_world": {"clutter_per_frame": 0.0},
 }
+
+
+@cache
+def alone(num_keyframes: int) -> tuple[World, list[HybridBelief]]:
+    """A drive, and its beliefs by one backend."""
+    world = make_world(num_keyframes)
+    return world, beliefs(world, 1)
 
 
 def test_a_lost_robot_finds_itself_and_the_classes() -> None:
@@ -39,8 +48,8 @@ def test_a_lost_robot_finds_itself_and_the_classes() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("num_backends", [2, 3])
 def test_the_number_of_backends_changes_nothing(num_backends: int) -> None:
-    world = make_world(8)
-    for single, divided in zip(beliefs(world, 1), beliefs(world, num_backends), strict=True):
+    world, whole = alone(8)
+    for single, divided in zip(whole, beliefs(world, num_backends), strict=True):
         assert_same(single, divided)
 
 
@@ -72,9 +81,9 @@ def test_sampled_weights_are_reproducible_too() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("dies_at", [0, 1, 5])
 def test_hypotheses_of_a_lost_backend_are_rebuilt_elsewhere(dies_at: int) -> None:
-    world = make_world(8)
+    world, whole = alone(8)
     manager = Engine.of_run(world.run, ForgetfulPool(2, dies_at))
-    for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
+    for keyframe, expected in zip(world.keyframes, whole, strict=True):
         assert_same(manager.process(keyframe), expected)
 
 
@@ -140,9 +149,9 @@ class DyingPool(InProcessPool):
 
 @pytest.mark.parametrize("dies_at", [0, 4])
 def test_a_backend_lost_between_the_rounds_costs_nothing(dies_at: int) -> None:
-    world = make_world(6)
+    world, whole = alone(6)
     manager = Engine.of_run(world.run, DyingPool(2, dies_at))
-    for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
+    for keyframe, expected in zip(world.keyframes, whole, strict=True):
         assert_same(manager.process(keyframe), expected)
 
 
@@ -172,10 +181,10 @@ class RepeatingPool(InProcessPool):
 
 @pytest.mark.slow
 def test_rounds_are_idempotent_and_stale_commits_are_ignored() -> None:
-    world = make_world(6)
+    world, whole = alone(6)
     pool = RepeatingPool()
     manager = Engine.of_run(world.run, pool)
-    for keyframe, expected in zip(world.keyframes, beliefs(world, 1), strict=True):
+    for keyframe, expected in zip(world.keyframes, whole, strict=True):
         assert_same(manager.process(keyframe), expected)
     assert pool.stale_answers == []
 

@@ -67,7 +67,7 @@ def test_how_many_objects_there_are_is_decided_by_evidence(density: float) -> No
     drawn = replace(base, open_world=replace(world, birth_densities=(density,)))
     for seed in range(2):
         engine = Engine(stated)
-        for keyframe in drawn_world(drawn, 10, np.random.default_rng(seed)).keyframes:
+        for keyframe in drawn_world(drawn, 6, np.random.default_rng(seed)).keyframes:
             belief = engine.process(keyframe)
         found = belief.noise_values[belief.noise_names.index("open_world.birth_density")]
         assert found == pytest.approx(density, abs=0.03)

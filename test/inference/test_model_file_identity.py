@@ -9,11 +9,11 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.building import (
     initial_pose_of,
-    is_id_of_its_contents,
     make_run_configuration,
     problem_of,
 )
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.run_id import is_id_of_its_contents
 from semantic_slam.viewpoint.label_confusion import Confusion
 from semantic_slam.viewpoint.label_settings import LabelSettings
 from semantic_slam.viewpoint.label_store import FittedLabels, save_labels

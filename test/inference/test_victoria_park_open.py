@@ -14,7 +14,7 @@ from semantic_slam_lab.studies.victoria_park.reference import from_poses, known_
 from semantic_slam.datasets.victoria_park import Log, dead_reckoning, example_path, read_log
 from semantic_slam.geometry import se2
 
-NUM_KEYFRAMES = 250
+NUM_KEYFRAMES = 160
 BIAS_SIGMAS = np.array([0.003, 0.02, 0.0, 0.0])
 
 

@@ -18,7 +18,7 @@ def some_of(data: Path, folder: Path) -> Path:
     (folder / "coil100").mkdir()
     (folder / "weights").symlink_to(data / "weights")
     for picture in sorted((data / "coil100").glob("obj*__*0.*")):
-        if int(picture.stem.partition("__")[0].removeprefix("obj")) % 3 == 0:
+        if int(picture.stem.partition("__")[0].removeprefix("obj")) % 6 == 0:
             (folder / "coil100" / picture.name).symlink_to(picture)
     return folder
 

@@ -47,9 +47,13 @@ def imported(folder: Path) -> dict[str, set[str]]:
     return found
 
 
+providers_of_all = cache(packages_distributions)
+"""It reads what every distribution says of itself."""
+
+
 def distributions(modules: Iterable[str], known: set[str]) -> set[str]:
     """Distributions that provide ``modules``: those of ``known`` where several share a module, as mujoco's do."""
-    providers = packages_distributions()
+    providers = providers_of_all()
     found = [[canonicalize_name(name) for name in providers[module]] for module in modules]
     return {next((name for name in names if name in known), names[0]) for names in found}
 

@@ -1,7 +1,6 @@
 """Bad input through the real command line: one clear line and exit code 2, or a count in the report; never silence."""
 
 import json
-import subprocess
 import sys
 
 import numpy as np
@@ -15,6 +14,7 @@ from worlds.bag_factory import (
     write_bag,
     write_configuration,
 )
+from worlds.commands import call
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report
@@ -71,8 +71,7 @@ def test_a_truncated_mcap_is_reported_up_to_the_damage(tmp_path):
     data = (bag / "bag.mcap").read_bytes()
     (bag / "bag.mcap").write_bytes(data[: int(0.6 * len(data))])
     configuration, out = write_configuration(tmp_path / "configuration"), tmp_path / "out"
-    words = [sys.executable, "-m", "semantic_slam.cli.bag_to_report", bag, "--out", out, "--config", configuration]
-    result = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=300)
+    result = call(tmp_path, "semantic_slam.cli.bag_to_report", bag, "--out", out, "--config", configuration)
     assert result.returncode == 2
     (line,) = _without_progress(result.stderr)
     assert line.startswith(f"{bag}: the bag is damaged (")

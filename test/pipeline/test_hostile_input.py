@@ -111,7 +111,7 @@ ALIASES = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
     [
         (ALIASES.encode(), "YAML aliases"),
         (b"\xff\xfe\x00", "no text in UTF-8"),
-        (b"a: " + b"[" * 3000, "not a readable YAML file"),
+        (b"a: " + b"[" * 1200, "not a readable YAML file"),
         (b"a: 2024-99-99", "not a readable YAML file"),
         (b"\x00", "not a readable YAML file"),
     ],

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from worlds.bag_factory import frame_stamp, input_entries, of_topic, write_bag, write_configuration
+from worlds.bag_factory import frame_stamp, of_topic, write_bag, write_configuration
 from worlds.node_runs import Replay, beliefs, run
+from worlds.places import place_entries
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
@@ -166,7 +167,7 @@ def test_each_wrong_stamp_on_the_shipped_bag_costs_one_message(
 @pytest.mark.ros
 @pytest.mark.slow
 def test_nodes_in_lock_step_judge_stamps_as_offline_does(tmp_path: Path) -> None:
-    entries = input_entries(10)
+    entries = place_entries("ranges", 10)
     for topic, place, ahead_ns in (
         (topics.ODOMETRY, 4, FAR_NS),
         (topics.DETECTIONS, 6, NEAR_NS),

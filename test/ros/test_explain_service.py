@@ -55,7 +55,7 @@ class Asker:
 
     def ask(self, object_id: int) -> Any:
         future = self.client.call_async(Explain.Request(object_id=object_id))
-        self.executor.spin_until_future_complete(future, timeout_sec=30.0)
+        self.executor.spin_until_future_complete(future, timeout_sec=120.0)  # another process does the work
         return future.result()
 
     def tell(self, belief_bag: Path, count: int) -> None:

@@ -7,9 +7,10 @@ import time
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import input_entries, write_bag, write_configuration
+from worlds.bag_factory import write_bag, write_configuration
 from worlds.belief_factory import small_belief
 from worlds.node_runs import TIMEOUT_S, Replay, processes
+from worlds.places import place_entries
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
@@ -33,7 +34,7 @@ def newest_printed(replay: Replay) -> int:
 def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
     """The bag of a recorder that was killed in a replay, and the newest keyframe of some seconds before."""
     folder = tmp_path_factory.mktemp("killed")
-    bag = write_bag(folder / "bag", input_entries(NUM_FRAMES))
+    bag = write_bag(folder / "bag", place_entries("ranges", NUM_FRAMES))
     configuration = write_configuration(folder / "configuration")
     replay = Replay(
         bag,

@@ -4,8 +4,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import input_entries, map_prior, write_bag, write_configuration
+from worlds.bag_factory import map_prior, write_bag, write_configuration
 from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
+from worlds.places import place_entries
 from worlds.two_hosts import two_hosts
 
 from semantic_slam.configuration import load_configuration
@@ -28,11 +29,11 @@ MOST_BYTES = 200_000
 
 
 def test_a_backend_on_another_host_dies_and_joins_again(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "bag", input_entries(NUM_FRAMES))
+    bag = write_bag(tmp_path / "bag", place_entries("ranges", NUM_FRAMES))
     (bag / "objects.json").write_text(map_prior().to_json())
     lost = {"mean": [0.0, 0.0, 0.0], "sigma": [2.0, 2.0, 0.5]}
     limits = {"ratio": 1e6, "max_hypotheses": 8}
-    configuration = write_configuration(tmp_path, initial_pose=lost, pruning=limits, perception={"num_passes": 3})
+    configuration = write_configuration(tmp_path, initial_pose=lost, pruning=limits)
     run_bag(bag, tmp_path / "reference", load_configuration(configuration))
     dies_once = DIES_ONCE.format(mark=tmp_path / "mark", python=sys.executable, faulty=FAULTY)
     with two_hosts() as (robot, other):

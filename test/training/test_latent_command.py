@@ -65,7 +65,7 @@ def test_command_learns_and_states_its_figures(
 ) -> None:
     out = tmp_path / "deep" / "model.safetensors"
     tags = turntables / "classes.json"
-    options = ("--formulation", formulation, "--held-out", "1", "--cameras", "NP1", "--effort", "0.04", "--tags", tags)
+    options = ("--formulation", formulation, "--held-out", "1", "--cameras", "NP1", "--effort", "0.02", "--tags", tags)
     run(monkeypatch, "--turntables", turntables, "--out", out, *options)
     model, extractor = read_latent_model(out), read_extractor(out)
     assert model.formulation == formulation and model.num_features == extractor.num_features <= 32

@@ -17,9 +17,9 @@ def relative_positions(k: int) -> np.ndarray:
 
 def place_entries(told: str, num_frames: int = NUM_FRAMES, track_ids: tuple[str, ...] = ("", "")) -> list[Entry]:
     """Odometry, truth and detections with ``told`` "ranges" or "positions", and no camera."""
-    entries = []
+    entries, whole = [], input_entries(num_frames, with_depth=False)
     for topic in (topics.ODOMETRY, topics.GROUND_TRUTH_ODOMETRY, topics.GROUND_TRUTH_ASSOCIATIONS):
-        entries += of_topic(input_entries(num_frames), topic)
+        entries += of_topic(whole, topic)
     for k in range(num_frames):
         found = _detections(frame_stamp(k), relative_positions(k), told, track_ids)
         entries.append(Entry(topics.DETECTIONS, to_message(found), frame_stamp(k)))

@@ -25,10 +25,10 @@ from semantic_slam.datasets.tum_rgbd.tum_rgbd_import import of_camera, read_driv
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.building import run_id_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.run_id import run_id_of
 from semantic_slam.inference.world.map_prior import parse_map_prior, read_map_prior
 from semantic_slam.latent.store import read_latent_model
 from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior

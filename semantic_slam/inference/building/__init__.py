@@ -4,14 +4,11 @@ from semantic_slam.inference.building.announcement import make_run_configuration
 from semantic_slam.inference.building.initial_pose import initial_pose_of, start_of_run
 from semantic_slam.inference.building.problem import problem_of
 from semantic_slam.inference.building.reference import reference_of
-from semantic_slam.inference.building.run_id import is_id_of_its_contents, run_id_of
 
 __all__ = [
     "initial_pose_of",
-    "is_id_of_its_contents",
     "make_run_configuration",
     "problem_of",
     "reference_of",
-    "run_id_of",
     "start_of_run",
 ]

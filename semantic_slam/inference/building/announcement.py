@@ -15,8 +15,8 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import AssociationStrategy, strategy_of
 from semantic_slam.inference.building.checks import check_settings
-from semantic_slam.inference.building.run_id import run_id_of
 from semantic_slam.inference.protocol import RunConfiguration, told_of
+from semantic_slam.inference.run_id import run_id_of
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.latent.model import DescriptorModel
 

@@ -124,9 +124,9 @@ def flown(seed: int, *, feels: bool) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_roll_and_pitch_do_not_drift_where_gravity_is_felt() -> None:
-    """And the belief is as sure of them as it is right: the mean normalised error of 16 flights is that of two."""
+    """And the belief is as sure of them as it is right: the mean normalised error of 8 flights is that of two."""
     tilts, spreads = [], []
-    for seed in range(16):
+    for seed in range(8):
         error, spread = flown(seed, feels=True)
         tilts.append(error[:2] @ np.linalg.solve(spread[:2, :2], error[:2]))
         spreads.append(np.sqrt(np.diagonal(spread)[:2]).max())

@@ -1,10 +1,11 @@
 """Things that move are told from those that stand still by evidence, and neither pull the robot nor leave ghosts."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from worlds.drives.moving_world import STANDING, configuration, make_world, objects_of, run
+from worlds.drives.moving_world import STANDING, MovingWorld, configuration, make_world, objects_of, run
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.configuration import Configuration
@@ -23,6 +24,13 @@ SEEDS = range(2)
 COVARIANCE = np.diag([0.05**2, 0.02**2])
 
 
+@cache
+def driven(seed: int, share: float, movers: bool = True) -> tuple[MovingWorld, Engine, list[HybridBelief]]:
+    """A world, the engine after its drive under a share of moving things, and the beliefs."""
+    world = make_world(seed=seed, movers=movers)
+    return world, *run(world, configuration(share))
+
+
 def errors(beliefs: list[HybridBelief], truth: np.ndarray) -> np.ndarray:
     """(K,) metres."""
     return np.array([np.hypot(*(own.poses[0, :2] - x[:2])) for own, x in zip(beliefs, truth, strict=True)])
@@ -31,8 +39,7 @@ def errors(beliefs: list[HybridBelief], truth: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_moves_is_called_moving_and_leaves_no_ghosts(seed: int) -> None:
-    world = make_world(seed=seed)
-    engine, beliefs = run(world, configuration(SHARE))
+    world, engine, beliefs = driven(seed, SHARE)
     belief, names = beliefs[-1], objects_of(engine, world)
     moving = belief.object_ids[(belief.moving > 0.9) & (belief.existence > 0.5)].tolist()
     assert sorted(max(set(names[n]), key=names[n].count) for n in moving) == [10, 11]
@@ -44,19 +51,15 @@ def test_what_moves_is_called_moving_and_leaves_no_ghosts(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_moves_does_not_pull_the_robot(seed: int) -> None:
-    world = make_world(seed=seed)
-    with_movers, without = (
-        run(world, configuration(SHARE))[1],
-        run(make_world(seed=seed, movers=False), configuration(0.0))[1],
-    )
+    world, _, with_movers = driven(seed, SHARE)
+    _, _, without = driven(seed, 0.0, movers=False)
     assert errors(with_movers, world.truth).mean() < errors(without, world.truth).mean() + 0.005
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_where_nothing_moves_nothing_is_called_moving(seed: int) -> None:
-    world = make_world(seed=seed, movers=False)
-    known, plain = run(world, configuration(SHARE))[1][-1], run(world, configuration(0.0))[1][-1]
+    known, plain = (driven(seed, share, movers=False)[2][-1] for share in (SHARE, 0.0))
     sure = known.existence > 0.5
     assert (known.moving[sure] < 0.05).all()
     np.testing.assert_allclose(known.object_velocities[sure], 0.0, atol=0.02)
@@ -67,8 +70,7 @@ def test_where_nothing_moves_nothing_is_called_moving(seed: int) -> None:
 
 @pytest.mark.slow
 def test_a_velocity_is_known_while_its_object_is_seen() -> None:
-    world = make_world(seed=0)
-    engine, beliefs = run(world, configuration(SHARE))
+    world, engine, beliefs = driven(0, SHARE)
     names = objects_of(engine, world)
     numbers = [n for n, own in names.items() if 10 in own]
     seen = [belief for belief, own in zip(beliefs, world.names, strict=True) if 10 in own][-1]

@@ -19,7 +19,7 @@ from semantic_slam_lab.studies.result import write_result
 NAME = "drawn_worlds"
 WORLDS, QUICK_WORLDS = 300, 2
 WRONG_WORLDS, QUICK_WRONG_WORLDS = 40, 1
-KEYFRAMES, QUICK_KEYFRAMES = 20, 5
+KEYFRAMES, QUICK_KEYFRAMES = 20, 3
 RIGHT = "as stated"
 TRUTHS = {
     RIGHT: Truth(),

@@ -17,7 +17,7 @@ from semantic_slam_lab.studies.result import write_result
 
 NAME = "faulty_rooms"
 ROOMS, QUICK_ROOMS = 20, 1
-KEYFRAMES, QUICK_KEYFRAMES = 40, 2
+KEYFRAMES, QUICK_KEYFRAMES = 40, 1
 OPEN_ROOMS, QUICK_OPEN_ROOMS = 200, 2
 OPEN_KEYFRAMES, QUICK_OPEN_KEYFRAMES = 80, 6
 OCCASIONS = {"first keyframe": True, "last keyframe": False}

@@ -5,15 +5,13 @@ calibrated, but for the initial pose.
 """
 
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from semantic_slam.configuration import to_dict
+from semantic_slam_lab.repetitions import apart
 from semantic_slam_lab.studies.lost_robot.run import Task, metrics_of
 from semantic_slam_lab.studies.lost_robot.starts import starts_of
 from semantic_slam_lab.studies.real_drives.drives import MRCLAM, chosen_drives, data_folder
@@ -22,7 +20,7 @@ from semantic_slam_lab.studies.real_drives.scores import Metrics
 from semantic_slam_lab.studies.result import Claim, Table, write_result
 
 REQUIREMENT = "project requirement"
-MOST_DETECTIONS, QUICK_DETECTIONS = 120, 40
+MOST_DETECTIONS, QUICK_DETECTIONS = 120, 32
 COLUMNS = {
     "right_clusters": ("right clusters", ".0%"),
     "ate_m": ("ATE on the map [m]", ".2f"),
@@ -44,15 +42,14 @@ def run(
 ) -> list[Path]:
     """Run every start of ``drives`` (None: all MRCLAM drives below ``data``); returns the files. Raises InputError.
 
-    A quick run takes the first start of the first drive, and half of the detections.
+    A quick run takes the first start of the first drive, and few of the detections.
     """
     base = configuration(seed)
     chosen = [drive for drive in chosen_drives(data_folder(data), drives) if drive.kind == MRCLAM]
     starts = [start for drive in chosen for start in starts_of(drive)][: 1 if quick else None]
     most = QUICK_DETECTIONS if quick else MOST_DETECTIONS
     tasks = [Task(start=start, base=base, seed=seed, most_detections=most) for start in starts]
-    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
-        found = list(tqdm(pool.map(metrics_of, tasks), total=len(tasks), desc="starts", unit="run"))
+    found = apart(metrics_of, tasks, jobs, "starts", shared=quick)
     rows = {start.name: row for start, row in zip(starts, found, strict=True)}
     return write_result(out, _summary(rows, seed, to_dict(base), quick), claims_of(rows), [_table(rows)])
 

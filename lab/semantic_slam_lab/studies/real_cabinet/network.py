@@ -28,7 +28,7 @@ GROUPS = {
     "diningtable": ["dining table", "desk"],
 }
 """Class -> ImageNet's classes of that kind, chosen by their names: boxes with doors or drawers, seats, …"""
-PASSES = 50
+PASSES, QUICK_PASSES = 50, 8
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ def squeezenet(weights: Path) -> ClassifierNetwork:
         )
 
 
-def scores_of(views: Sequence[Photograph], network: ClassifierNetwork, seed: int) -> Scores:
+def scores_of(views: Sequence[Photograph], network: ClassifierNetwork, num_passes: int, seed: int) -> Scores:
     """What the network says of every view, each with dropout masks of its own."""
     means, covariances = [], []
     for number, view in enumerate(tqdm(views, desc="network", unit="view")):
         generator = dropout_generator(seed, view.frame, number)
-        passes = network.reported(class_probability_samples(network.network, view.crop, PASSES, generator))
+        passes = network.reported(class_probability_samples(network.network, view.crop, num_passes, generator))
         means.append(passes.mean(axis=0))
         covariances.append(sample_covariance(passes[None])[0])
     return Scores(network.class_names, np.array(means), np.array(covariances))

@@ -15,7 +15,7 @@ from semantic_slam.evaluation.classification import expected_calibration_error, 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.real_cabinet.methods import METHODS, log_posteriors
-from semantic_slam_lab.studies.real_cabinet.network import GROUPS, scores_of, squeezenet
+from semantic_slam_lab.studies.real_cabinet.network import GROUPS, PASSES, QUICK_PASSES, scores_of, squeezenet
 from semantic_slam_lab.studies.real_cabinet.pages import claims_of, figures_of, tables_of
 from semantic_slam_lab.studies.real_cabinet.tracks import CLASSES, STRETCHES, Track, tracks_of
 from semantic_slam_lab.studies.real_cabinet.views import photographs
@@ -39,7 +39,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int, data: Path | None = Non
     root = data_folder(data)
     network = squeezenet(root / "weights" / "squeezenet_v1.1.pth")
     views = photographs(root, network.network.input_size, quick=quick)
-    tracks = tracks_of(views, scores_of(views, network, seed))
+    tracks = tracks_of(views, scores_of(views, network, QUICK_PASSES if quick else PASSES, seed))
     found = {
         setting: posteriors(tracks, setting, sigma_m, QUICK_REPEATS if quick else REPEATS, seed)
         for setting, sigma_m in OFFSETS_M.items()

@@ -5,14 +5,11 @@ are given what it chose on the same drive. The truth serves the scores and nothi
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from semantic_slam.configuration import Configuration, to_dict
+from semantic_slam_lab.repetitions import apart
 from semantic_slam_lab.studies.real_drives.claims import claims_of
 from semantic_slam_lab.studies.real_drives.drives import Drive, chosen_drives, data_folder
 from semantic_slam_lab.studies.real_drives.methods import (
@@ -28,7 +25,7 @@ from semantic_slam_lab.studies.real_drives.run import Outcome, Task, outcome_of
 from semantic_slam_lab.studies.real_drives.scores import EVERY_METRIC
 from semantic_slam_lab.studies.result import write_result
 
-QUICK_KEYFRAMES = 40
+QUICK_KEYFRAMES = 16
 
 Outcomes = dict[tuple[str, str], Outcome]
 """(drive, method) -> what came of it."""
@@ -54,7 +51,7 @@ def run(
     chosen = chosen_drives(data_folder(data), drives)
     if quick and drives is None:
         chosen = list({drive.kind: drive for drive in reversed(chosen)}.values())[::-1]
-    outcomes = run_all(chosen, names, base, jobs, QUICK_KEYFRAMES if quick else None)
+    outcomes = run_all(chosen, names, base, jobs, quick=quick)
     result = summary(outcomes, base, quick)
     return write_result(
         out, result, claims_of(result["drives"]), tables_of(result["drives"]), figures_of(out, outcomes)
@@ -62,11 +59,12 @@ def run(
 
 
 def run_all(
-    drives: Sequence[Drive], methods: Sequence[str], base: Configuration, jobs: int, max_keyframes: int | None
+    drives: Sequence[Drive], methods: Sequence[str], base: Configuration, jobs: int, *, quick: bool
 ) -> Outcomes:
     """Ours on every drive first, whose noise the others are then given."""
+    max_keyframes = QUICK_KEYFRAMES if quick else None
     first = [Task(drive=drive, method=OURS, base=base, max_keyframes=max_keyframes) for drive in drives]
-    outcomes = _side_by_side(first, jobs, "ours")
+    outcomes = _side_by_side(first, jobs, "ours", quick)
     rest = [
         Task(
             drive=drive,
@@ -79,15 +77,14 @@ def run_all(
         for method in methods
         if method != OURS and suits(method, drive)
     ]
-    outcomes |= _side_by_side(rest, jobs, "others")
+    outcomes |= _side_by_side(rest, jobs, "others", quick)
     order = [(drive.name, method) for drive in drives for method in methods]
     return {key: outcomes[key] for key in order if key in outcomes}
 
 
-def _side_by_side(tasks: list[Task], jobs: int, words: str) -> Outcomes:
-    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
-        found = tqdm(pool.map(outcome_of, tasks), total=len(tasks), desc=words, unit="run")
-        return {(task.drive.name, task.method): outcome for task, outcome in zip(tasks, found, strict=True)}
+def _side_by_side(tasks: list[Task], jobs: int, words: str, shared: bool) -> Outcomes:
+    found = apart(outcome_of, tasks, jobs, words, shared=shared)
+    return {(task.drive.name, task.method): outcome for task, outcome in zip(tasks, found, strict=True)}
 
 
 def summary(outcomes: Outcomes, base: Configuration, quick: bool) -> dict[str, Any]:

@@ -2,9 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ from semantic_slam.datasets.image_folders.images_in_space import with_places
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.datasets.space.levelling import OPTICAL
 from semantic_slam.perception.frame import Detections
+from semantic_slam_lab.repetitions import apart
 from semantic_slam_lab.studies.real_drives.drives import data_folder
 from semantic_slam_lab.studies.real_in_space import bags
 from semantic_slam_lab.studies.real_in_space.reference import meeting_point, places
@@ -32,8 +31,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int, data: Path | None = Non
     root = data_folder(data)
     with tempfile.TemporaryDirectory(prefix="real_in_space_") as place:
         tasks = {**_kitchen(root, Path(place), quick, seed), **_cabinet(root, Path(place), seed)}
-        with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
-            runs = dict(zip(tasks, pool.map(outcome_of, tasks.values()), strict=True))
+        runs = dict(zip(tasks, apart(outcome_of, list(tasks.values()), jobs, "bags", shared=quick), strict=True))
     result = _result(runs, to_dict(configuration(tasks[WITH_DEPTH])), quick, seed)
     return write_result(out, result, claims_of(runs), [_table(runs)])
 

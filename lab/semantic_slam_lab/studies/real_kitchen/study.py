@@ -5,9 +5,7 @@ The poses that the data set gives level the camera, as an inertial sensor would,
 
 import tempfile
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +21,7 @@ from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.pipeline.offline import run_bag
+from semantic_slam_lab.repetitions import apart
 from semantic_slam_lab.studies.real_drives.drives import data_folder
 from semantic_slam_lab.studies.real_kitchen.judged import Judged, judged
 from semantic_slam_lab.studies.real_kitchen.methods import METHODS, configuration, configuration_of
@@ -52,8 +51,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int, data: Path | None = Non
     with tempfile.TemporaryDirectory(prefix="real_kitchen_") as place:
         failures = write_bag(folder, root / "weights", Path(place), seed)
         tasks = [Task(method, Path(place) / "bag", configuration_of(method, base)) for method in METHODS]
-        with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
-            runs = dict(zip(METHODS, pool.map(outcome_of, tasks), strict=True))
+        runs = dict(zip(METHODS, apart(outcome_of, tasks, jobs, "methods", shared=quick), strict=True))
     result = summary(runs, base, quick, failures)
     return write_result(out, result, claims_of(result), tables_of(runs), figures_of(out, runs))
 

@@ -6,19 +6,16 @@ numbers serve the scores and nothing else. The other methods, of one hypothesis 
 chose.
 """
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
-
-from tqdm import tqdm
 
 from semantic_slam.configuration import to_dict
 from semantic_slam.datasets.victoria_park import Log, example_path, read_log
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.odometry_bias import bias_sigmas
+from semantic_slam_lab.repetitions import apart
 from semantic_slam_lab.studies.result import write_result
 from semantic_slam_lab.studies.victoria_park.data import Variant, make_drive
 from semantic_slam_lab.studies.victoria_park.methods import (
@@ -55,11 +52,11 @@ class Task:
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Drive with every method and variant, compare; returns the files written."""
     base = Variant(seed=seed, num_keyframes=QUICK_KEYFRAMES if quick else None)
-    outcomes = _all_of([Task("ours", "ours", base)], jobs, alone=True)
+    outcomes = _all_of([Task("ours", "ours", base)], jobs, shared=quick)
     factor = outcomes["ours"].metrics["noise_factor"]
     alone = [Task(method, method, _given(method, base, factor)) for method in NUM_HYPOTHESES if method != "ours"]
-    outcomes |= _all_of(alone, jobs, alone=True)
-    outcomes |= _all_of(_tasks(base, factor, quick), jobs)
+    outcomes |= _all_of(alone, jobs, shared=quick)
+    outcomes |= _all_of(_tasks(base, factor, quick), jobs, shared=True)
     chosen = replace(base, odometry_factor=factor)
     reference = _reference(chosen)
     result = _summary(outcomes, reference, chosen, quick, seed)
@@ -87,11 +84,9 @@ def _tasks(base: Variant, factor: float, quick: bool) -> list[Task]:
     return tasks
 
 
-def _all_of(tasks: list[Task], jobs: int, *, alone: bool = False) -> dict[str, Outcome]:
-    """``alone``: every task in a fresh process, so that memory is that of one run."""
-    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1 if alone else None) as pool:
-        outcomes = tqdm(pool.map(outcome_of, tasks), total=len(tasks), desc="drives")
-        return {task.name: outcome for task, outcome in zip(tasks, outcomes, strict=True)}
+def _all_of(tasks: list[Task], jobs: int, *, shared: bool) -> dict[str, Outcome]:
+    outcomes = apart(outcome_of, tasks, jobs, "drives", shared=shared)
+    return {task.name: outcome for task, outcome in zip(tasks, outcomes, strict=True)}
 
 
 def outcome_of(task: Task) -> Outcome:
