@@ -50,9 +50,8 @@ $(BUILT): $(INSTALLED) $(MESSAGES_BUILT) setup.py setup.cfg package.xml lab/setu
 demo: $(BUILT)
 	source ./env.sh; demo --out out/demo --overwrite
 
-# Three on two cores: while nodes of one test find each other or wait, the others go on.
 test: $(BUILT)
-	source ./env.sh; python -m pytest --numprocesses=3 --dist=worksteal $(PYTEST_ARGS)
+	source ./env.sh; python -m pytest --numprocesses=2 --dist=worksteal $(PYTEST_ARGS)
 
 bench: $(BUILT)
 	source ./env.sh; bench --out out/bench.json --overwrite $(BENCH_ARGS)
