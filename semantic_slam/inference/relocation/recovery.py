@@ -6,7 +6,7 @@ likeliest poses are replayed, a few keyframes at a time, and enter with P(histor
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,12 +17,14 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.relocation.alike import log_alike
 from semantic_slam.inference.relocation.likelihood_field import LikelihoodField
+from semantic_slam.inference.relocation.new_ground import NewGround
 from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.keys import object_key
-from semantic_slam.inference.world.carried import NOWHERE, carried_to
+from semantic_slam.inference.world.carried import FIRST_POINT, carried_to, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.starts import Starts
 
 LOOKS = (3, 6, 10, 15, 20, 27, 35)
 """Keyframes after an unexpected one after which to look where the robot may have been carried to."""
@@ -34,6 +36,10 @@ AHEAD, HOPELESS = 2, 12.0
 """Keyframes that places are replayed at a time, and nats behind the best of them from which on one is given up."""
 NEWEST = 12
 """Keyframes whose detections are fitted by themselves, too: it may take long until something mapped comes into view."""
+MARGIN = 3.0
+"""Nats below what would enter that a history is weighed exactly: what it weighs is told roughly."""
+LEAST_OBJECTS = 2
+"""Objects of its own from which on a robot on new ground may be placed by them."""
 LEAST_SEEN = 3
 """Detections from which on the robot may be found by them."""
 LARGEST_SIGMA_M, LEAST_EXISTENCE = 1.0, 0.3
@@ -56,11 +62,15 @@ class Recovery:
 
     def __init__(self, replay: Replay, registry: ObjectRegistry) -> None:
         self._replay, self._registry = replay, registry
+        self._new_ground = NewGround(replay) if replay.association.tracks_objects else None
+        self._begun = 0  # keyframes before which suspects have been followed
+        self.origins: dict[int, Array] = {}  # (3,) before each keyframe from which on a history is on new ground
         self._num_noted = 0  # keyframes
         self._misfit: _Suspect | None = None  # that goes on
         self._suspects: dict[int, _Suspect] = {}  # by keyframe before which the robot may have been carried
         self._waiting: list[Progress] = []
-        self._looked_at: _Suspect | None = None  # whose places wait
+        self._looked_at = 0  # keyframe of the suspect whose places wait
+        self._log_best = self._log_ratio = 0.0  # log P(history, Z_1:k) of the best live one, and what enters beside it
 
     @property
     def is_on(self) -> bool:
@@ -80,15 +90,20 @@ class Recovery:
             self._misfit = None
         self._num_noted += 1
 
-    def found(self, live: Mapping[int, Hypothesis], ratio: float) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh at least the ``ratio``-th part of the best live one."""
+    def found(self, live: Mapping[int, Hypothesis], log_evidence: float, ratio: float) -> dict[int, Hypothesis]:
+        """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
+
+        ``log_evidence``: what weights are relative to.
+        """
         if not self.is_on:
             return {}
         best = next(iter(live.values()))
+        self._log_best, self._log_ratio = best.log_weight + log_evidence, float(np.log(ratio))
+        self._follow(live)
         due = self._due()
         if due is not None:
             self._look(due, live)
-        caught_up = self._caught_up()
+        caught_up = [own for own in [*self._caught_up(), *self._on_new_ground()] if own.number not in live]
         if not caught_up:
             return {}
         (followed,) = self._replay.log_joints([best.lineage])
@@ -109,27 +124,73 @@ class Recovery:
             if gains.get(own.number, -np.inf) >= -float(np.log(ratio))
         }
 
+    def frame(self, grounds: Sequence[int]) -> Starts:
+        """Where the frame may lie of a robot that was set down on new ground before some keyframes."""
+        assert self._replay.problem.carried is not None
+        return self._replay.problem.carried.frame(self.origins[grounds[0]], len(grounds))
+
+    def _follow(self, live: Mapping[int, Hypothesis]) -> None:
+        """Follow the robot on new ground from the suspects on."""
+        if self._new_ground is None:
+            return
+        for since in sorted(at for at in self._suspects if at >= self._begun):
+            before = self._new_ground.begin(self._not_carried_lately(live, since), since)
+            self.origins |= {since: before} if before is not None else {}
+        self._begun = self._num_noted
+        self._new_ground.go_on(self._log_best)
+        live_grounds = {at for own in live.values() for at in new_grounds(own.lineage)}
+        followed = {own.since for own in self._new_ground.followed}
+        self._suspects = {at: own for at, own in self._suspects.items() if at in followed}
+        self.origins = {at: own for at, own in self.origins.items() if at in followed | live_grounds}
+
+    def _on_new_ground(self) -> list[Revised]:
+        """The histories in which the robot is on new ground that may weigh enough."""
+        if self._new_ground is None:
+            return []
+        least = self._log_best - self._log_ratio - MARGIN
+        return [
+            self._replay.finished(replace(own.progress, component=own.progress.component.fork()))
+            for own in self._new_ground.followed
+            if own.progress.log_joint >= least
+        ]
+
     def _due(self) -> int | None:
-        """The least expected of the keyframes that are to be looked at now, if it is less so than what waits."""
+        """The most promising of the keyframes that are to be looked at now, if it is more so than what waits."""
         now = len(self._replay.steps)
         self._suspects = {at: own for at, own in self._suspects.items() if own.looks < len(LOOKS)}
         due = {at: own for at, own in self._suspects.items() if now - at > LOOKS[own.looks]}
-        at = max(due, key=lambda at: due[at].log_ratio, default=None)
-        waits = self._looked_at if self._waiting else None
-        if at is None or (waits is not None and due[at].log_ratio <= waits.log_ratio):
+        promise = {at: self._promise(at) for at in due}
+        at = max(due, key=lambda at: promise[at], default=None)
+        if at is None or promise[at] < 0.0 or (self._waiting and promise[at] <= self._promise(self._looked_at)):
             return None
         return at
+
+    def _promise(self, since: int) -> float:
+        """Nats that a history in which the robot was carried then and is placed may weigh above what would enter.
+
+        Among objects that all are on the map: how unexpected that keyframe was.
+        """
+        if self._new_ground is None:
+            return self._suspects[since].log_ratio if since in self._suspects else -np.inf
+        carried = self._replay.problem.carried
+        own = next((own for own in self._new_ground.followed if own.since == since), None)
+        if own is None or carried is None or len(own.objects) < LEAST_OBJECTS:
+            return -np.inf
+        return own.log_most(carried.log_place) - self._log_best + self._log_ratio
+
+    def _not_carried_lately(self, live: Mapping[int, Hypothesis], since: int) -> Lineage:
+        """The likeliest history in which the robot was not carried lately before a keyframe, or else the likeliest."""
+        lately = slice(max(since - SOON, 1), since)
+        lineages = [own.lineage for own in live.values() if not any(map(carried_to, own.lineage[lately]))]
+        return [*lineages, next(iter(live.values())).lineage][0]
 
     def _look(self, since: int, live: Mapping[int, Hypothesis]) -> None:
         """Begin to replay histories in which the robot was carried just before a keyframe."""
         now, carried = len(self._replay.steps), self._replay.problem.carried
         assert carried is not None
-        self._looked_at, self._waiting = self._suspects[since], []
-        self._looked_at.looks = sum(now - since > apart for apart in LOOKS)
-        best, lately = next(iter(live.values())), slice(max(since - SOON, 1), since)
-        lineages = [own.lineage for own in live.values() if not any(map(carried_to, own.lineage[lately]))]
-        lineage = [*lineages, best.lineage][0]
-        before = self._replay.before(lineage, since)
+        self._looked_at, self._waiting = since, []
+        self._suspects[since].looks = sum(now - since > apart for apart in LOOKS)
+        before = self._replay.before(self._not_carried_lately(live, since), since)
         if before is None:
             return
         robot, half = before.component.newest_robot()[:3], PLACES // 2
@@ -197,7 +258,7 @@ def _likely(group: Sequence[Progress | None]) -> list[Progress]:
 
 def _told(lineage: Lineage) -> object:
     """What a history says of the robot's being carried, and of what it has seen."""
-    return tuple((step.association, carried_to(step) > NOWHERE) for step in lineage[1:])
+    return tuple((step.association, min(carried_to(step), FIRST_POINT)) for step in lineage[1:])
 
 
 def _path(steps: Sequence[Step]) -> Array:
