@@ -33,16 +33,17 @@ class Followed:
     progress: Progress
 
     @property
-    def objects(self) -> list[int]:
-        """Ids of what it has mapped since and holds to exist."""
+    def num_recognisable(self) -> int:
+        """What it holds to exist of objects that it has mapped since, or of those before, where these are fewer."""
         known = self.progress.component.objects
-        own = (known.existence > RATHER_EXISTS) & ~np.isin(known.ids, list(self.progress.component.left_behind))
-        return list(known.ids[own].tolist())
+        before = np.isin(known.ids, list(self.progress.component.left_behind))
+        exists = known.existence > RATHER_EXISTS
+        return int(min((exists & before).sum(), (exists & ~before).sum()))
 
     def log_most(self, log_placed: float) -> float:
         """About the most that a history may weigh in which it is placed, ``log_placed`` of a point of the lattice."""
         log_sharper = float(np.log(WELL_PLACED / STAND_IN_SIGMAS).sum())
-        return self.progress.log_joint + RECOGNISED * len(self.objects) + log_placed + log_sharper
+        return self.progress.log_joint + RECOGNISED * self.num_recognisable + log_placed + log_sharper
 
 
 class NewGround:

@@ -159,14 +159,14 @@ class Recovery:
         now = len(self._replay.steps)
         self._suspects = {at: own for at, own in self._suspects.items() if own.looks < len(LOOKS)}
         due = {at: own for at, own in self._suspects.items() if now - at > LOOKS[own.looks]}
-        promise = {at: self._promise(at) for at in due}
-        at = max(due, key=lambda at: promise[at], default=None)
-        if at is None or promise[at] < 0.0 or (self._waiting and promise[at] <= self._promise(self._looked_at)):
+        promises = {at: self._promise(at) for at in due}
+        at = max(due, key=lambda at: promises[at], default=None)
+        if at is None or promises[at] <= (self._promise(self._looked_at) if self._waiting else -np.inf):
             return None
         return at
 
     def _promise(self, since: int) -> float:
-        """Nats that a history in which the robot was carried then and is placed may weigh above what would enter.
+        """How likely the robot was carried before a keyframe, where it may be placed by what it saw since; or -inf.
 
         Among objects that all are on the map: how unexpected that keyframe was.
         """
@@ -174,9 +174,10 @@ class Recovery:
             return self._suspects[since].log_ratio if since in self._suspects else -np.inf
         carried = self._replay.problem.carried
         own = next((own for own in self._new_ground.followed if own.since == since), None)
-        if own is None or carried is None or len(own.objects) < LEAST_OBJECTS:
+        if own is None or carried is None or own.num_recognisable < LEAST_OBJECTS:
             return -np.inf
-        return own.log_most(carried.log_place) - self._log_best + self._log_ratio
+        is_promising = own.log_most(carried.log_place) >= self._log_best - self._log_ratio
+        return own.progress.log_joint if is_promising else -np.inf
 
     def _not_carried_lately(self, live: Mapping[int, Hypothesis], since: int) -> Lineage:
         """The likeliest history in which the robot was not carried lately before a keyframe, or else the likeliest."""
