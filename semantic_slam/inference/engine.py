@@ -198,11 +198,13 @@ class Engine:
             return components, reported
         places = {number: components[number].pose[:3] for number in self.live}
         together = with_revised(self.live, found, places, self.problem)
+        log_found = log_mass(together)
+        if self.recovery.is_on:  # backends hold what is normalised: the next keyframe's evidence is of that one alone
+            together = {n: replace(own, log_weight=own.log_weight - log_found) for n, own in together.items()}
         self.pool.offer({n: own.replayed for n, own in together.items() if own.replayed is not None})
         children, answers = self.rounds.commit(step.index, together)
         reported = self._reported(answers)
         components = held_components(answers, reported)
-        log_found = log_mass(together)
         self.hypotheses.enter(children, components, log_found)
         self.alternatives.enter(self.live)
         self.log_evidence += log_found
