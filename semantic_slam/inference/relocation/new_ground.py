@@ -31,6 +31,7 @@ class Followed:
 
     since: int  # keyframe before which the robot was carried
     progress: Progress
+    log_joints: tuple[float, ...]  # after that keyframe, and after each since
 
     @property
     def num_recognisable(self) -> int:
@@ -62,9 +63,10 @@ class NewGround:
         if before is None:
             return None
         try:
-            self.followed.append(Followed(since, self._replay.carried(before, NEW_GROUND)))
+            progress = self._replay.carried(before, NEW_GROUND)
         except LostComponentError:
             return None
+        self.followed.append(Followed(since, progress, (progress.log_joint,)))
         return before.component.newest_robot()[:3]
 
     def go_on(self, log_best: float) -> None:
@@ -74,8 +76,14 @@ class NewGround:
         self.followed = sorted(found, key=lambda own: (-own.progress.log_joint, own.since))[:MOST]
 
     def _advanced(self, own: Followed) -> Followed | None:
-        try:
-            progress = self._replay.advanced(own.progress, len(self._replay.steps) - own.progress.at)
-        except LostComponentError:
-            return None
-        return Followed(own.since, progress)
+        while own.progress.at < len(self._replay.steps):
+            try:
+                progress = self._replay.advanced(own.progress, 1)
+            except LostComponentError:
+                return None
+            own = Followed(own.since, progress, (*own.log_joints, progress.log_joint))
+        return own
+
+    def at(self, since: int) -> Followed | None:
+        """The history that is followed from a keyframe on."""
+        return next((own for own in self.followed if own.since == since), None)

@@ -55,6 +55,7 @@ class _Suspect:
 
     log_ratio: float  # of it and those after it that were unexpected, too, reference to belief
     looks: int = 0  # of those due that are over
+    num_seen: int = 0  # detections since, at the last of them
 
 
 class Recovery:
@@ -173,7 +174,7 @@ class Recovery:
         if self._new_ground is None:
             return self._suspects[since].log_ratio if since in self._suspects else -np.inf
         carried = self._replay.problem.carried
-        own = next((own for own in self._new_ground.followed if own.since == since), None)
+        own = self._new_ground.at(since)
         if own is None or carried is None or own.num_recognisable < LEAST_OBJECTS:
             return -np.inf
         is_promising = own.log_most(carried.log_place) >= self._log_best - self._log_ratio
@@ -190,7 +191,11 @@ class Recovery:
         now, carried = len(self._replay.steps), self._replay.problem.carried
         assert carried is not None
         self._looked_at, self._waiting = since, []
-        self._suspects[since].looks = sum(now - since > apart for apart in LOOKS)
+        suspect, num_seen = self._suspects[since], sum(len(step.detections) for step in self._replay.steps[since:])
+        suspect.looks = sum(now - since > apart for apart in LOOKS)
+        if num_seen == suspect.num_seen:
+            return
+        suspect.num_seen = num_seen
         before = self._replay.before(self._not_carried_lately(live, since), since)
         if before is None:
             return
@@ -235,11 +240,20 @@ class Recovery:
             if first == now:
                 break
             left -= sum(own.at == first for own in self._waiting) * min(AHEAD, now - first)
-            self._waiting = _likely([self._ahead(own, first) for own in self._waiting])
+            group = [self._ahead(own, first) for own in self._waiting]
+            self._waiting = _likely(group, self._log_unplaced(min(first + AHEAD, now)))
         if not self._waiting or self._waiting[0].at < now:
             return []
         through, self._waiting = self._waiting, []
         return [self._replay.finished(own) for own in through]
+
+    def _log_unplaced(self, at: int) -> float:
+        """What a history weighs that is placed and recognises nothing, after ``at`` keyframes."""
+        carried = self._replay.problem.carried
+        followed = None if self._new_ground is None else self._new_ground.at(self._looked_at)
+        if followed is None or carried is None:
+            return -np.inf
+        return followed.log_joints[at - 1 - followed.since] + carried.log_place
 
     def _ahead(self, own: Progress, first: int) -> Progress | None:
         if own.at > first:
@@ -250,10 +264,10 @@ class Recovery:
             return None
 
 
-def _likely(group: Sequence[Progress | None]) -> list[Progress]:
-    """Histories through as many keyframes, without those that are far behind the best."""
+def _likely(group: Sequence[Progress | None], log_least: float) -> list[Progress]:
+    """Histories through as many keyframes, without those that are far behind the best, or ``log_least``."""
     found = [own for own in group if own is not None]
-    best = max((own.log_joint for own in found), default=0.0)
+    best = max([log_least, *(own.log_joint for own in found)])
     return [own for own in found if own.log_joint >= best - HOPELESS]
 
 
