@@ -137,14 +137,18 @@ class Recovery:
         self._origins = {at: own for at, own in self._origins.items() if at in held}
 
     def _due(self) -> int | None:
-        """The most promising of the keyframes that are to be looked at now, if it is more so than what catches up."""
+        """The most promising of the keyframes that are to be looked at now, unless an earlier look goes on first."""
         now = len(self._replay.steps)
         self._suspects = {at: own for at, own in self._suspects.items() if own.looks < len(LOOKS)}
         due = {at: self._promise(at) for at, own in self._suspects.items() if now - at > LOOKS[own.looks]}
         at = max(due, key=lambda at: due[at], default=None)
-        if at is None or due[at] <= (self._promise(self._looked_at) if self._places.is_looking else -np.inf):
-            return None
-        return at
+        return None if at is None or due[at] <= self._promised() else at
+
+    def _promised(self) -> float:
+        """How promising what catches up is: it gives way where another keyframe is likelier by what was seen since."""
+        if not self._places.is_looking:
+            return -np.inf
+        return np.inf if self._new_ground is None else self._promise(self._looked_at)
 
     def _promise(self, since: int) -> float:
         """How likely the robot was carried before a keyframe, where it may be placed by what it saw since; or -inf.
@@ -152,7 +156,7 @@ class Recovery:
         Among objects that all are on the map: how unexpected that keyframe was.
         """
         if self._new_ground is None:
-            return self._suspects[since].log_ratio if since in self._suspects else -np.inf
+            return self._suspects[since].log_ratio
         own, carried = self._new_ground.at(since), self._replay.problem.carried
         if own is None or carried is None or own.num_recognisable < LEAST_OBJECTS:
             return -np.inf
