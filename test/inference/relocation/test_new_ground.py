@@ -7,11 +7,14 @@ import pytest
 from worlds.lost_world import PLACES, STEP, LostWorld, configuration, make_world, map_of
 
 from semantic_slam import Engine
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.carried import NEW_GROUND, new_grounds, with_carried
+from semantic_slam.maps.from_run import saved_map_of_engine
 
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([40.0, 3.0, 0.4])
 BEFORE, AFTER = 3, 4
@@ -62,6 +65,13 @@ def test_the_map_stays_as_it_was_and_what_is_new_lies_anywhere(driven: tuple[Eng
     spread = np.sqrt(last.object_covariances[:, 0, 0])
     assert (spread[~new][: len(PLACES)] < 0.05).all()
     assert (spread[new] > 0.95 * WIDTH_M).all() and new.sum() == len(ELSEWHERE)
+
+
+def test_what_lies_anywhere_is_on_no_map(driven: tuple[Engine, list[HybridBelief]]) -> None:
+    engine, beliefs = driven
+    assert isinstance(engine.pool, InProcessPool)
+    with pytest.raises(InputError, match="where on its map"):
+        saved_map_of_engine(engine, engine.pool, beliefs[-1])
 
 
 def test_such_a_history_weighs_what_a_first_keyframe_does() -> None:
