@@ -2,6 +2,7 @@
 
 from semantic_slam_lab.documentation.methods_table import Column, MethodsTable
 from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.studies.carried_robot.study import CASES
 
 STUDY = "carried_robot"
 WORLDS = {"saved map": "saved map", "map known": "map is all there is", "own map": "own map"}
@@ -16,9 +17,7 @@ COLUMNS = (
     Column("CPU of a drive [s]", "cpu_s", ".1f"),
     Column("slowest keyframe [s]", "slowest_s", ".2f"),
 )
-ROWS = {
-    f"worlds/{world}/{method}": f"{words}, {how}" for world, words in WORLDS.items() for method, how in METHODS.items()
-}
+ROWS = {f"worlds/{world}/{method}": f"{WORLDS[world]}, {METHODS[method]}" for world, method in CASES}
 
 SECTIONS = (
     Section(

@@ -25,6 +25,7 @@ METHODS = {
     "not_carried": Method(overrides=MAY_BE, is_carried=False),
 }
 """Carried, and it may be; carried, and it believes that it never is; it may be, and is not."""
+CASES = [(world, method) for world in DRIVES for method in METHODS if world != "map known" or method == "ours"]
 
 Found = Mapping[str, Mapping[str, Sequence[Driven]]]  # by world and method
 
@@ -32,9 +33,11 @@ Found = Mapping[str, Mapping[str, Sequence[Driven]]]  # by world and method
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Drive, be carried, drive on; returns the files written."""
     rooms = range(seed, seed + (QUICK_ROOMS if quick else ROOMS))
-    tasks = [(world, METHODS[method], room) for world in DRIVES for method in METHODS for room in rooms]
+    tasks = [(world, METHODS[method], room) for world, method in CASES for room in rooms]
     told = iter(repeat(driven, tasks, jobs, "drives"))
-    found = {world: {method: [next(told) for _ in rooms] for method in METHODS} for world in DRIVES}
+    found: dict[str, dict[str, list[Driven]]] = {world: {} for world in DRIVES}
+    for world, method in CASES:
+        found[world][method] = [next(told) for _ in rooms]
     return write_result(out, _result(found, quick, seed), claims_of(found), [_table(found)])
 
 
