@@ -1,6 +1,7 @@
 """A backend: holds components, weighs their continuations, forks and updates the survivors."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,18 +122,19 @@ class Backend:
         return self._candidates(step, expansion, parents)
 
     def commit(self, commit: Commit) -> Components | None:
-        """Round two; None for a commit older than the newest one (stale). A repeated commit changes nothing.
+        """Round two; None for a commit older than the newest one (stale). A repeated commit changes weights at most.
 
         Survivors that can neither be continued nor rebuilt, for want of a lineage, are left out of the answer.
         """
         mine = {int(n) for n in commit.ids[commit.owners == self.backend_id]}
         if commit.keyframe < self.committed:
             return None
-        if self._answer is not None and commit.keyframe == self.committed and mine == self._asked:
-            return self._answer
         rows = np.flatnonzero(commit.owners == self.backend_id)
-        grown = self._survivors(commit, rows)
         weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
+        if self._answer is not None and commit.keyframe == self.committed and mine == self._asked:
+            self.held = {number: replace(own, log_weight=weights[number]) for number, own in self.held.items()}
+            return self._answer
+        grown = self._survivors(commit, rows)
         kept = {number: outcome for number, outcome in grown.items() if isinstance(outcome, Component)}
         self.held = {number: WeightedComponent(outcome, weights[number]) for number, outcome in kept.items()}
         self.committed, self._expanded, self._offered, self._given = commit.keyframe, None, None, {}

@@ -37,7 +37,7 @@ from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.revision.revision import Revision, normalised, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.summarised_copies import SummarisedCopies
-from semantic_slam.inference.world.carried import carried_to
+from semantic_slam.inference.world.carried import carried_to, new_grounds
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -109,9 +109,13 @@ class Engine:
 
     @property
     def carried(self) -> float:
-        """Probability that the robot was carried elsewhere in the last keyframes."""
+        """Probability that the robot was carried elsewhere in the last keyframes, or once and has not been found."""
         lately = slice(max(self.hypotheses.num_keyframes - SOON, 1), None)
-        weights = [own.log_weight for own in self.live.values() if any(map(carried_to, own.lineage[lately]))]
+        weights = [
+            own.log_weight
+            for own in self.live.values()
+            if any(map(carried_to, own.lineage[lately])) or new_grounds(own.lineage)
+        ]
         return float(np.exp(np.logaddexp.reduce(weights))) if weights and self.recovery.is_on else 0.0
 
     @property
@@ -191,7 +195,7 @@ class Engine:
         if self.revision.is_due():
             found |= self.revision.revised(self.live, reported.ids, best, ratio)
         found |= self.relocation.placed(self.live, self.log_evidence, ratio)
-        found |= self.recovery.found(self.live, ratio)
+        found |= self.recovery.found(self.live, self.log_evidence, ratio)
         if not found:
             return components, reported
         places = {number: components[number].pose[:3] for number in self.live}
@@ -258,7 +262,10 @@ class Engine:
 
     def _in_map(self, held: HeldComponent, lineage: Lineage, reported: ReportedObjects) -> HeldComponent:
         """A component with the uncertainty of the map, where its robot is not placed and has a frame of its own."""
-        starts = self.problem.starts
+        starts, grounds = self.problem.starts, new_grounds(lineage) if self.recovery.is_on else ()
+        if grounds:
+            frame, first = self.recovery.frame(grounds), self.registry.first_new_id(grounds[0])
+            held = in_map(held, frame, np.array([n < first for n in reported.ids], dtype=bool))
         if starts is None or self.problem.is_placed(lineage):
             return held
         known = self.problem.map_ids

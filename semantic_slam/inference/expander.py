@@ -21,7 +21,7 @@ from semantic_slam.inference.smoothing.growth import Outcome, grow
 from semantic_slam.inference.smoothing.horizon import oldest_kept
 from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
-from semantic_slam.inference.world.carried import NOWHERE, carried_to, with_carried
+from semantic_slam.inference.world.carried import NEW_GROUND, NOWHERE, carried_to, with_carried
 from semantic_slam.inference.world.problem import Problem
 
 
@@ -87,6 +87,8 @@ class Expander:
             if carried == NOWHERE or self.problem.carried is None:
                 return self._expanded(step, parent_ids, held, path)
             there = self.problem.carried.step(step, carried)
+            if carried == NEW_GROUND:
+                held = [replace(own, component=own.component.on_new_ground()) for own in held]
             return self._carried(self._expanded(there, parent_ids, held, path), carried)
         except np.linalg.LinAlgError as fault:
             raise InputError(

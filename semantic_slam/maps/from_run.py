@@ -20,6 +20,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ReportedObjects
 from semantic_slam.maps.checks import MOST_OBJECTS
 from semantic_slam.maps.from_belief import mapped_rows, saved_map_of_belief
@@ -101,11 +102,11 @@ def _chosen(engine: Engine, belief: HybridBelief, num_objects: int) -> Index:
 
     Raises InputError where none does.
     """
-    is_placed = engine.problem.is_placed
+    lineages = [engine.live[number].lineage for number in belief.hypothesis_ids.tolist()]
     order = [
         row
         for row in np.argsort(-belief.log_weights, kind="stable").tolist()
-        if is_placed(engine.live[int(belief.hypothesis_ids[row])].lineage)
+        if engine.problem.is_placed(lineages[row]) and not new_grounds(lineages[row])
     ]
     if not order:
         raise InputError("the robot did not find out where on its map it is, so nothing new is on it; use the old map")

@@ -5,6 +5,7 @@ from typing import Any
 
 from semantic_slam_lab.documentation import (
     benchmarks,
+    carried_robot,
     chapter_3,
     chapter_4,
     chapter_5,
@@ -49,6 +50,7 @@ SECTIONS = tuple(
         own_detector,
         faulty_rooms,
         lost_robot,
+        carried_robot,
         tables,
         real_in_space,
         desks,

@@ -14,6 +14,7 @@ from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
@@ -33,6 +34,7 @@ class RecentAssociations:
     sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of what is likely to exist, and stands
     movers: dict[int, Array] = field(default_factory=dict)  # id -> (4,) position and its sigma of what moves instead
     noise: int = 0  # under which the hypothesis began
+    ground: int = 0  # keyframe since which it has the robot on new ground
     tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
 
 
@@ -152,7 +154,7 @@ class Copies:
     def _compared(self, candidates: Candidates, likely: Index) -> MergeCandidates:
         """What is compared of some candidates."""
         recent = [self._recent[int(candidates.parent_ids[row])] for row in likely]
-        noise = np.array([[item.noise] for item in recent])
+        noise = np.array([[item.noise, item.ground] for item in recent])
         parents, numbers = np.unique(candidates.parent_ids[likely], return_inverse=True)
         before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)
         known = np.array([item.classes for item in recent], dtype=int).reshape(len(likely), -1)
@@ -222,6 +224,7 @@ class Copies:
             sure=sure,
             movers=movers,
             noise=lineage[0].mode,
+            ground=max(new_grounds(lineage), default=0),
             tentative=tentative,
         )
 

@@ -69,7 +69,10 @@ def _in_sight(region: SensorRegion, detections: Sequence[Any]) -> Array:
 
 def _hiding(component: Component) -> Array:
     """(N, 2) places of the objects that rather exist than not, which hide what is behind them."""
-    places: Array = tracked_states(component).states[component.objects.existence > HIDES, :2]
+    hides = component.objects.existence > HIDES
+    if component.left_behind:
+        hides &= ~np.isin(component.objects.ids, list(component.left_behind))
+    places: Array = tracked_states(component).states[hides, :2]
     return places
 
 

@@ -24,7 +24,7 @@ class MergeCandidates:
 
     poses: Array  # (K, 7) robot in map
     objects: Array  # (K, R, 3) where the object of each recent detection is, metres; NaN when given up
-    classes: Index  # (K, R + 1) its class, -1 where classes are not enumerated; and the noise of the odometry
+    classes: Index  # (K, R + 2) its class, -1 where classes are not enumerated; the noise of odometry, and the ground
     confirms: NDArray[np.bool_]  # (K, R) whether the detection is the second one of its object
     parents: Index  # (K,) from 0 on
     alike: NDArray[np.bool_]  # (P, P) whether two parents are sure of the same objects

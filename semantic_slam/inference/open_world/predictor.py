@@ -112,8 +112,8 @@ class Predictor:
         reach = np.flatnonzero(
             geometry_of(component.spaces).distances(tracked.states, robot) < region.farthest_m + margin
         )
-        if component.elsewhere:
-            reach = reach[~np.isin(component.objects.ids[reach], list(component.elsewhere))]
+        if absent := component.elsewhere | component.left_behind:
+            reach = reach[~np.isin(component.objects.ids[reach], list(absent))]
         return reach
 
     def _detected(self, component: Component, region: Any, reach: Index, objects: PredictedObjects) -> Array:

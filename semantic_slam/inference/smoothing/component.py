@@ -54,6 +54,7 @@ class Component:
     noise: int = 0  # which of the noises that robot and sensor may have
     start: int = 0  # where it began, of a robot that is lost
     elsewhere: frozenset[int] = frozenset()  # objects of a map on which the robot is not placed: no detection is of one
+    left_behind: frozenset[int] = frozenset()  # likewise, when the robot was set down on new ground; none hides another
     settings: NoiseSettings | None = None  # that number's; None: all as told
     movers: Movers | None = None  # objects that move, or may; None: nothing does
     metre: Metre | None = None  # how well it is known; None: for sure
@@ -225,6 +226,12 @@ class Component:
         line = line_at(motion.control, motion.shifts, mean, sigma)
         change = np.column_stack([motion.by_bias[:, :CLOCK], line.slope])
         return Motion(line.control, motion.covariance + line.covariance, change)
+
+    def on_new_ground(self) -> "Component":
+        """The component of a robot that is set down where it has not looked, and meets nothing that it knew."""
+        moving = None if self.movers is None else self.movers.take(np.zeros(0, dtype=int))
+        tracked = tracked_states(self).with_trail_left_behind()
+        return replace(self, left_behind=self.object_ids, tracked=tracked, movers=moving)
 
     def fork(self) -> "Component":
         """A copy whose smoother grows apart from this one's."""

@@ -9,6 +9,8 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
 
+BEYOND = 1e6
+"""Metres to where nothing is ever seen."""
 TRAIL_CELL, LOOKS_FROM_A_PLACE = np.array([0.5, 0.5, 0.5]), 4
 """Metres and radians within which poses of long ago are one place, and how many looks from one count."""
 
@@ -113,6 +115,10 @@ class TrackedStates:
         kept[order] = newer < LOOKS_FROM_A_PLACE
         kept[len(kept) - num_newest :] = True
         return replace(self, trail=self.trail[kept])
+
+    def with_trail_left_behind(self) -> "TrackedStates":
+        """The trail beyond all that the sensor sees from now on."""
+        return replace(self, trail=self.trail + BEYOND * np.eye(self.trail.shape[1])[0])
 
     @property
     def sensor(self) -> Array | None:

@@ -1,8 +1,8 @@
 """One drive in which the robot is carried: when it is noticed, and whether the robot is found again."""
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,15 +17,26 @@ from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.faulty_rooms.closed import configuration
-from semantic_slam_lab.studies.faulty_rooms.closed_room import make_room
+from semantic_slam_lab.studies.faulty_rooms.closed_room import HALF_VIEW_RAD, REACH_M, make_room
 from semantic_slam_lab.studies.faulty_rooms.open_room import LOOP_RADIUS_M, open_room
 
 LEAST_CARRIED_M = 3.0
 FOUND_M, LIKELY = 0.5, 0.5
 """Distance from the true position up to which a robot is found again, and the least probability that it is there."""
-CLOSED_BEFORE, CLOSED_AFTER, CLOSED_RADIUS_M, WALL_M = 20, 20, 0.6, 0.6
+SURE, FAR = 0.9, 13.8
+"""Weight of a hypothesis that is sure, and squared Mahalanobis distance that it excludes (one in 1000)."""
+SAVED_BEFORE, SAVED_AFTER, SAVED_RADIUS_M, WALL_M = 20, 20, 0.6, 0.6
+SAVED_WHOLE = SAVED_BEFORE + SAVED_AFTER
 OPEN_BEFORE, OPEN_AFTER, OPEN_REACH_M = 40, 40, 3.5
 START_SIGMAS = np.array([0.05, 0.05, 0.02])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """Parameters by group besides those of the world, and whether the robot is carried."""
+
+    overrides: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    is_carried: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +46,7 @@ class Drive:
     engine: Engine
     keyframes: Sequence[Keyframe]
     truth: Array  # (K, 3)
-    carried_at: int
+    carried_at: int  # K: it never was
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,16 +59,17 @@ class Driven:
     found_after: int | None  # keyframes, from which on the robot stays found; None: not at the end
     error_m: float  # of the heaviest hypothesis's position at the end; NaN: the run ended early
     probability: float  # at the end, of positions near the true one
+    is_sure_and_wrong: bool  # at the end
     cpu_s: float
     slowest_s: float  # CPU of one keyframe
     fault: str = ""  # with which the run ended
 
 
-def driven(world: str, overrides: dict[str, Any], seed: int) -> Driven:
+def driven(world: str, method: Method, seed: int) -> Driven:
     """Draw a room of a ``world``, drive through it, be carried, drive on."""
-    drive = DRIVES[world](overrides, seed)
+    drive = DRIVES[world](method, seed)
     near, told, spent, fault, error_m = list[bool](), list[int](), list[float](), "", float("nan")
-    probability = 0.0
+    probability, wrong = 0.0, False
     for k, keyframe in enumerate(drive.keyframes):
         begin = time.process_time()
         try:
@@ -68,6 +80,7 @@ def driven(world: str, overrides: dict[str, Any], seed: int) -> Driven:
             break
         spent.append(time.process_time() - begin)
         error_m, probability = found(belief, drive.truth[k])
+        wrong = is_sure_and_wrong(belief, drive.truth[k])
         near.append(error_m < FOUND_M and probability > LIKELY)
         told += [k] if max(belief.unexplained, drive.engine.carried) > UNEXPLAINED else []
     since = [k - drive.carried_at for k in told if k >= drive.carried_at]
@@ -79,6 +92,7 @@ def driven(world: str, overrides: dict[str, Any], seed: int) -> Driven:
         found_after=len(after) - _length_of_end(after) if after and after[-1] else None,
         error_m=error_m,
         probability=probability,
+        is_sure_and_wrong=wrong,
         cpu_s=sum(spent),
         slowest_s=max(spent),
         fault=fault,
@@ -92,45 +106,58 @@ def found(belief: HybridBelief, truth: Array) -> tuple[float, float]:
     return float(away[0]), float(np.exp(belief.log_weights[away < FOUND_M]).sum())
 
 
+def is_sure_and_wrong(belief: HybridBelief, truth: Array) -> bool:
+    """Whether the heaviest hypothesis has hardly any other beside it, and excludes the true position."""
+    off = belief.poses[0, :2] - truth[:2]
+    squared = float(off @ np.linalg.solve(belief.pose_covariances[0, :2, :2], off))
+    return bool(np.exp(belief.log_weights[0]) > SURE and squared > FAR)
+
+
 def _length_of_end(near: Sequence[bool]) -> int:
     return next((n for n, own in enumerate(reversed(near)) if not own), len(near))
 
 
-def closed_drive(overrides: dict[str, Any], seed: int) -> Drive:
-    """Around furniture that is known, classes unknown."""
-    random, before = keyed_generator("carried_robot", "closed", seed), make_room(seed, CLOSED_BEFORE).truth[-1, :2]
+def saved_drive(method: Method, seed: int) -> Drive:
+    """Around furniture that is on a map, classes unknown, in a world in which objects come and go."""
+    sensor = {"max_range_m": REACH_M, "field_of_view_rad": 2.0 * HALF_VIEW_RAD}
+    own = with_values(configuration("second_session"), {"open_world": sensor})
+    random, before = keyed_generator("carried_robot", "closed", seed), make_room(seed, SAVED_BEFORE).truth[-1, :2]
     while True:
         x, y, yaw = (*random.uniform(WALL_M, 6.0 - WALL_M, size=2), random.uniform(-np.pi, np.pi))
         if np.hypot(*([x, y] - before)) >= LEAST_CARRIED_M:
             break
-    turn = np.linspace(0.0, 2.0 * np.pi, CLOSED_AFTER, endpoint=False)
-    centre = np.array([x, y]) + CLOSED_RADIUS_M * np.array([-np.sin(yaw), np.cos(yaw)])
-    path = centre + CLOSED_RADIUS_M * np.column_stack([np.sin(yaw + turn), -np.cos(yaw + turn)])
-    room = make_room(seed, CLOSED_BEFORE, carried=np.column_stack([path, yaw + turn]))
+    turn = np.linspace(0.0, 2.0 * np.pi, SAVED_AFTER, endpoint=False)
+    centre = np.array([x, y]) + SAVED_RADIUS_M * np.array([-np.sin(yaw), np.cos(yaw)])
+    path = centre + SAVED_RADIUS_M * np.column_stack([np.sin(yaw + turn), -np.cos(yaw + turn)])
+    carried = np.column_stack([path, yaw + turn])
+    room = make_room(seed, SAVED_BEFORE, carried=carried) if method.is_carried else make_room(seed, SAVED_WHOLE)
     engine = Engine(
-        with_values(configuration("known_map"), overrides),
+        with_values(own, method.overrides),
         room.prior,
         initial_pose=room.truth[0],
         initial_covariance=np.diag(START_SIGMAS**2),
     )
-    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, carried_at=CLOSED_BEFORE)
+    at = SAVED_BEFORE if method.is_carried else SAVED_WHOLE
+    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, carried_at=at)
 
 
-def open_drive(overrides: dict[str, Any], seed: int) -> Drive:
+def open_drive(method: Method, seed: int) -> Drive:
     """Through a room without a map."""
-    random, own = keyed_generator("carried_robot", "open", seed), with_values(configuration("open_world"), overrides)
+    random = keyed_generator("carried_robot", "open", seed)
+    own = with_values(configuration("open_world"), method.overrides)
     before = np.array([0.0, -LOOP_RADIUS_M])
     while True:
         place = random.uniform(-OPEN_REACH_M, OPEN_REACH_M, size=2)
         if np.hypot(*(place - before)) >= LEAST_CARRIED_M and np.hypot(*place) < OPEN_REACH_M:
             break
     carried = {OPEN_BEFORE: np.append(place, random.uniform(-np.pi, np.pi))}
-    room = open_room(own, OPEN_BEFORE + OPEN_AFTER, random, carried)
+    room = open_room(own, OPEN_BEFORE + OPEN_AFTER, random, carried if method.is_carried else None)
     engine = Engine(own, initial_pose=room.truth[0], initial_covariance=np.diag(START_SIGMAS**2))
-    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, carried_at=OPEN_BEFORE)
+    at = OPEN_BEFORE if method.is_carried else len(room.keyframes)
+    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, carried_at=at)
 
 
-def with_values(own: Configuration, overrides: dict[str, Any]) -> Configuration:
+def with_values(own: Configuration, overrides: Mapping[str, Mapping[str, Any]]) -> Configuration:
     """A configuration with some values, by group."""
     values = to_dict(own)
     for group, settings in overrides.items():
@@ -138,4 +165,4 @@ def with_values(own: Configuration, overrides: dict[str, Any]) -> Configuration:
     return from_dict(values, "study")
 
 
-DRIVES = {"map known": closed_drive, "own map": open_drive}
+DRIVES = {"saved map": saved_drive, "own map": open_drive}

@@ -1,0 +1,93 @@
+"""Histories in which a robot that was carried is placed: those that catch up, and those that wait for evidence.
+
+A look brings many, which go on together until they are through all keyframes. Those that weigh too little by then are
+followed on for a while: what is seen next may tell.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+
+from semantic_slam.inference.revision.replay import Lineage, Progress, Replay
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.world.carried import FIRST_POINT, carried_to
+
+AHEAD, HOPELESS = 2, 12.0
+"""Keyframes that places are replayed at a time, and nats behind the best of them from which on one is given up."""
+FORGOTTEN, MOST = 20.0, 8
+"""Nats behind the best live hypothesis from which on one that is through is given up, and how many are kept."""
+STEPS_PER_KEYFRAME = 40
+"""Keyframes that are replayed in one, all that catch up together."""
+
+
+class Places:
+    """Follows them."""
+
+    def __init__(self, replay: Replay) -> None:
+        self._replay = replay
+        self._behind: list[Progress] = []  # of the newest look, as far as one another
+        self.through: list[Progress] = []  # the likeliest first
+
+    @property
+    def is_looking(self) -> bool:
+        """Whether those of the newest look are not through yet."""
+        return bool(self._behind)
+
+    def begin(self, before: Progress, points: Iterable[int | None]) -> None:
+        """Begin with points of the lattice to which the robot was carried, in place of what has not caught up."""
+        found = [self._carried(before, point) for point in points if point is not None]
+        self._behind = [own for own in found if own is not None]
+
+    def go_on(self, log_best: float, log_unplaced: Callable[[int], float]) -> None:
+        """After another keyframe, ``log_best``: log P(history, Z_1:k) of the best live one.
+
+        ``log_unplaced``: what one weighs that recognises nothing, after so many keyframes.
+        """
+        caught_up = self._caught_up(log_unplaced)
+        on = [own for own in map(self._to_newest, self.through) if own is not None]
+        every = sorted([*on, *caught_up], key=lambda own: (-own.log_joint, own.number))
+        different = {told(own.lineage): own for own in reversed(every) if own.log_joint > log_best - FORGOTTEN}
+        self.through = [own for own in every if different.get(told(own.lineage)) is own][:MOST]
+
+    def give_up(self, numbers: Iterable[int]) -> None:
+        """Follow some of those that are through no more."""
+        gone = set(numbers)
+        self.through = [own for own in self.through if own.number not in gone]
+
+    def _caught_up(self, log_unplaced: Callable[[int], float]) -> list[Progress]:
+        """The histories of the newest look, when they are through; those that fall behind are given up."""
+        left, now = STEPS_PER_KEYFRAME, len(self._replay.steps)
+        while self._behind and left > 0 and self._behind[0].at < now:
+            at = min(self._behind[0].at + AHEAD, now)
+            left -= len(self._behind) * (at - self._behind[0].at)
+            group = [self._advanced(own, AHEAD) for own in self._behind]
+            self._behind = _likely(group, log_unplaced(at))
+        if not self._behind or self._behind[0].at < now:
+            return []
+        through, self._behind = self._behind, []
+        return through
+
+    def _carried(self, before: Progress, point: int) -> Progress | None:
+        try:
+            return self._replay.carried(before, point)
+        except LostComponentError:
+            return None
+
+    def _to_newest(self, own: Progress) -> Progress | None:
+        return self._advanced(own, len(self._replay.steps) - own.at)
+
+    def _advanced(self, own: Progress, count: int) -> Progress | None:
+        try:
+            return self._replay.advanced(own, count)
+        except LostComponentError:
+            return None
+
+
+def told(lineage: Lineage) -> object:
+    """What a history says of the robot's being carried, and of what it has seen."""
+    return tuple((step.association, min(carried_to(step), FIRST_POINT)) for step in lineage[1:])
+
+
+def _likely(group: Sequence[Progress | None], log_least: float) -> list[Progress]:
+    """Histories through as many keyframes, without those that are far behind the best, or ``log_least``."""
+    found = [own for own in group if own is not None]
+    best = max([log_least, *(own.log_joint for own in found)])
+    return [own for own in found if own.log_joint >= best - HOPELESS]
