@@ -69,17 +69,29 @@ def with_labels(
     map may be what the map says, and any object what fitted models know. Raises InputError for labels that the classes
     of a network cannot mean.
     """
-    settings, wanted = configuration.semantic_model, configuration.perception.labels
-    told = sorted(label for label in {*labels, *labels_of(measurements)} if not wanted or label in wanted)
+    settings, named = configuration.semantic_model, {*labels, *labels_of(measurements)}
     if class_model_kind(settings).labels is not None:
-        mapped = {name for item in prior.objects for name in item.class_probabilities} if prior is not None else set()
-        fitted = fitted_labels(settings)
-        learned = fitted.labels if fitted is not None else ()
-        known = settings.labels or tuple(sorted({*told, *mapped, *learned} - {NONE_OF_THESE}))
+        known = known_labels(configuration, named, prior)
         return replace(configuration, semantic_model=replace(settings, labels=known))
+    told = sorted(_wanted(configuration, named))
     if measurements.class_probability_samples.shape[1] > 0:
         check_meant(configuration, told)
     return configuration
+
+
+def known_labels(configuration: Configuration, named: Iterable[str], prior: MapPrior | None) -> tuple[str, ...]:
+    """What objects may be called: what is listed, else what detections have ``named``, the map, and fitted models."""
+    settings = configuration.semantic_model
+    mapped = {name for item in prior.objects for name in item.class_probabilities} if prior is not None else set()
+    fitted = fitted_labels(settings)
+    learned = fitted.labels if fitted is not None else ()
+    known = {*_wanted(configuration, named), *mapped, *learned} - {NONE_OF_THESE}
+    return settings.labels or tuple(sorted(known))
+
+
+def _wanted(configuration: Configuration, named: Iterable[str]) -> set[str]:
+    wanted = configuration.perception.labels
+    return {label for label in named if not wanted or label in wanted}
 
 
 def check_meant(configuration: Configuration, labels: list[str]) -> None:

@@ -7,11 +7,14 @@ from typing import Any
 
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader
+from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.errors import InputError
+from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.outputs import LEAVE_OF_NODES, check_bag_output
+from semantic_slam.pipeline.detector_labels import known_labels, labels_in
 from semantic_slam.pipeline.imu_use import unused_because
 from semantic_slam.pipeline.input_topics import InputTopics, find_topics
 from semantic_slam.pipeline.preamble import map_prior_path, read_preamble
@@ -72,6 +75,7 @@ def node_set(
         found = find_topics(bag, reader.topics)
         extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
         imu = _imu_parameters(reader, found, configuration, has_tf2=has_tf2)
+        labels = _labels(reader, found, configuration, map_prior_path(bag))
     waiting: dict[str, Any] = {} if autostart else {"autostart": False}
     common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | waiting
     configured = common | changed_parameters(configuration)
@@ -82,6 +86,7 @@ def node_set(
         "journal": journal,
         "resume": resume,
         **imu,
+        **labels,
     }
     restarts = {"resume": True} if journal else None
     nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager, again=restarts)]
@@ -97,6 +102,17 @@ def node_set(
         nodes.append(NodeSpec("bag_recorder", "bag_recorder", recorder, again={"resume": True}))
     player = {"bag": str(bag), "rate": rate, "resume": resume} | waiting
     return [*nodes, NodeSpec("bag_player", "bag_player", player, again={"resume": True})]
+
+
+def _labels(
+    reader: BagReader, found: InputTopics, configuration: Configuration, map_prior: Path | None
+) -> dict[str, Any]:
+    """The parameter that names all labels of the bag where they mean something: live the first alone would be known."""
+    if class_model_kind(configuration.semantic_model).labels is None:
+        return {}
+    prior = read_map_prior(map_prior) if map_prior is not None else None
+    known = known_labels(configuration, labels_in(reader, found.measurements or found.detections), prior)
+    return {"semantic_model.labels": list(known)} if known else {}
 
 
 def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[str, Any]:

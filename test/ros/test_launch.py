@@ -12,7 +12,11 @@ from typing import Any
 import pytest
 from worlds.bag_factory import T_BASE_CAMERA, input_entries, write_bag, write_configuration
 
+from semantic_slam.bag.names import absolute
+from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.pipeline.detector_labels import labels_in
 from semantic_slam.ros.node_set import NodeSpec, node_set
 
 ROOT = Path(__file__).parents[2]
@@ -53,6 +57,21 @@ def test_configuration_reaches_the_nodes_that_use_it(bag: Path, configuration: P
         "classifier",
         "hypothesis_manager",
     }
+
+
+def test_the_manager_knows_all_labels_of_the_bag_where_they_mean_something(bag: Path, tmp_path: Path) -> None:
+    plain = write_configuration(tmp_path / "plain")
+    assert "semantic_model.labels" not in specs_of(bag, plain)["hypothesis_manager"].parameters
+    with BagReader(bag) as reader:
+        told = labels_in(reader, absolute(topics.DETECTIONS))
+    assert told
+    words = write_configuration(tmp_path / "words", association="open", semantic_model={"kind": "detector"})
+    named = specs_of(bag, words)["hypothesis_manager"].parameters["semantic_model.labels"]
+    assert named == sorted(named)
+    assert told <= set(named)
+    few = {"kind": "detector", "labels": ["chair"]}
+    listed = write_configuration(tmp_path / "listed", association="open", semantic_model=few)
+    assert specs_of(bag, listed)["hypothesis_manager"].parameters["semantic_model.labels"] == ["chair"]
 
 
 def test_without_autostart_every_node_waits_and_with_it_none_is_told_so(bag: Path, configuration: Path) -> None:
