@@ -21,7 +21,7 @@ from semantic_slam.inference.models.spatial.log_range import ANYWHERE
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.models.spatial.range_prior import RangePrior
 from semantic_slam.inference.open_world.spatial.births import birth_in_space, shown_by
-from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
+from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.range_chart import coordinates, moved
@@ -73,7 +73,8 @@ def test_the_evidence_of_a_second_ray_is_that_over_all_ranges(baseline: float, r
     detection = ray_to(np.array([range_m, -baseline, 0.0]))
     model = SpatialObservation()
     pairs = pair_densities(SPACES, model, [detection], predicted.mean[0], covariance)
-    found = pairs_at_modes(SPACES, model, [detection], predicted, anchor[None], pairs)
+    parent = ParentPairs(detections=[detection], predicted=predicted, anchors=anchor[None], pairs=pairs)
+    (found,) = pairs_at_modes(SPACES, model, [parent])
     assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.5)
     if 0.6 < range_m < 2.0:
         assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.3)

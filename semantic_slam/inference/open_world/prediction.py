@@ -106,9 +106,9 @@ class Prediction:
         seen = []
         for item in observed:
             if item.object_id not in births:
-                part, column = pairs.parts[item.number], int(np.searchsorted(self.near_ids, item.object_id))
+                part, at = pairs.part, (item.number, int(np.searchsorted(self.near_ids, item.object_id)))
                 by_errors = self._residual_by_errors(item.number)
-                slopes = part.jacobian_robot[column], part.jacobian_object[column], by_errors
+                slopes = part.jacobian_robot[at], part.jacobian_object[at], by_errors
                 seen.append(LocalDetection(item.object_id, *(slope / item.width for slope in slopes)))
         started = [
             LocalStart(item.object_id, own.prior.mean, own.gain, *self._place_by_errors(item.number, own))
