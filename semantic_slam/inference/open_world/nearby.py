@@ -42,8 +42,8 @@ def near_objects(
     if len(objects.ids) <= limit:
         return reach, np.full(len(births), -np.inf)
     away = np.full((len(births), len(objects.ids)), np.inf)
-    for own, born, detection in zip(away, births, detections, strict=True):
-        own[reach] = geometry.sigmas_away(tracked, robot, spread, born, detection)[reach]
+    if births:
+        away[:, reach] = geometry.sigmas_away(tracked, robot, spread, births, detections)[:, reach]
     excess = away.min(axis=0, initial=np.inf)
     order = np.argsort(excess, kind="stable")
     order = order[excess[order] < gate]
