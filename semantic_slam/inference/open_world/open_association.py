@@ -20,7 +20,7 @@ from semantic_slam.inference.association.gating import (
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.models.heavy_tail import HeavyTail
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.existence_accounts import least_detected
 from semantic_slam.inference.open_world.joint_costs import JointCosts
 from semantic_slam.inference.open_world.joint_ranking import JointRanking
@@ -163,7 +163,7 @@ class OpenAssociation:
         detections would leave them. Columns are its near objects, then what the detections may start, then what moves.
         """
         near, least = prediction.near, least_detected(self.settings)
-        log_missed = missed(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])[0]
+        log_missed = log_miss(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])
         r, detected = prediction.existence[near] * prediction.stands[near], prediction.detected[near]
         with np.errstate(divide="ignore"):
             log_ratio = np.log(r * np.maximum(detected, least)) - log_missed[near]

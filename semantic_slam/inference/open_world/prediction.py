@@ -58,6 +58,12 @@ class Prediction:
         return stands
 
     @cached_property
+    def log_born(self) -> Array:
+        """(D, G) by how much more likely detections are as first ones than under their stand-ins, in logarithms."""
+        areas = np.array([birth.log_area - birth.log_stand_in for birth in self.births])
+        return np.asarray(self.log_intensity + areas[:, None])
+
+    @cached_property
     def undecided(self) -> Index:
         """(u,) rows of the objects that may move, in the order of their ids."""
         assert self.movers is not None
