@@ -1,5 +1,7 @@
 """Landmarks that are seen by rays alone: as sure as they are right, while nobody knows yet how far they are."""
 
+from dataclasses import replace
+
 import gtsam
 import numpy as np
 import pytest
@@ -78,6 +80,36 @@ def test_the_evidence_of_a_second_ray_is_that_over_all_ranges(baseline: float, r
     assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.5)
     if 0.6 < range_m < 2.0:
         assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.3)
+
+
+def test_pairs_are_searched_together_as_each_would_be_by_itself() -> None:
+    """To the last bit, whatever parents stand beside, and whichever pairs are asked for."""
+    model, random = SpatialObservation(), np.random.default_rng(5)
+    detections = [ray_to(point) for point in random.uniform([1.0, -0.5, -0.5], [2.0, 0.5, 0.5], (4, 3))]
+    every = [wide_pairs(model, detections, random) for _ in range(3)]
+    together = pairs_at_modes(SPACES, model, every)
+    asked = np.eye(4, 3, dtype=bool)
+    for own, found in zip(every, together, strict=True):
+        (alone,) = pairs_at_modes(SPACES, model, [own])
+        (some,) = pairs_at_modes(SPACES, model, [replace(own, asked=asked)])
+        assert (found.log_density != own.pairs.log_density).all()
+        for name in ("residual", "jacobian_robot", "jacobian_object"):
+            np.testing.assert_array_equal(getattr(found.part, name), getattr(alone.part, name))
+            np.testing.assert_array_equal(getattr(found.part, name)[asked], getattr(some.part, name)[asked])
+        np.testing.assert_array_equal(found.log_density, alone.log_density)
+        np.testing.assert_array_equal(some.log_density, np.where(asked, found.log_density, own.pairs.log_density))
+
+
+def wide_pairs(
+    model: SpatialObservation, detections: list[SpatialDetection], random: np.random.Generator
+) -> ParentPairs:
+    """Three objects seen once along rays from near the origin, and the robot a step aside."""
+    rays = random.uniform([1.0, -0.3, -0.3], [1.5, 0.3, 0.3], (3, 3))
+    robot = np.append(random.uniform(-0.2, 0.2, 3), ORIGIN[3:])
+    covariance = np.diag([*np.full(6, 1e-4), *np.full(9, 0.3)])
+    predicted = PredictedBelief(SPACES.layout, SPACES.storage.stacked(robot[None], rays)[None], covariance[None])
+    pairs = pair_densities(SPACES, model, detections, predicted.mean[0], covariance)
+    return ParentPairs(detections=detections, predicted=predicted, anchors=np.zeros((3, 3)), pairs=pairs)
 
 
 def integrated(detection: SpatialDetection, robot: np.ndarray, expected: np.ndarray, covariance: np.ndarray) -> float:
