@@ -30,6 +30,18 @@ def row_sums(values: Array) -> Array:
     return np.asarray(np.vecdot(values, np.ones(values.shape[-1])))
 
 
+def distinct_rows(rows: Index) -> tuple[Index, Index]:
+    """(K, n) the different ones of (B, n) rows, ascending, and (B,) which of them each is.
+
+    Of a few rows several times as fast as NumPy's.
+    """
+    every = [tuple(row) for row in rows.tolist()]
+    distinct = sorted(set(every))
+    place = {row: number for number, row in enumerate(distinct)}
+    found = np.array(distinct, dtype=rows.dtype).reshape(len(distinct), rows.shape[1])
+    return found, np.array([place[row] for row in every], dtype=int)
+
+
 TILE = 8
 """Rows that a product takes at a time, on no processor more."""
 

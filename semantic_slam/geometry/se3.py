@@ -186,7 +186,7 @@ def _turns(rotation: Array) -> Array:
 
 
 def _joined(position: Array, quaternion: Array) -> Array:
-    found = np.empty((*np.broadcast_shapes(position.shape[:-1], quaternion.shape[:-1]), 7))
+    found = np.empty((*np.broadcast(position[..., 0], quaternion[..., 0]).shape, 7))
     found[..., :3], found[..., 3:] = position, quaternion
     return found
 

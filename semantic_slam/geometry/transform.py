@@ -4,6 +4,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
+from semantic_slam.geometry.so3 import cross
 
 NEARLY_PARALLEL = 1.0 - 1e-9
 """Cosine between quaternions above which a straight line replaces the arc."""
@@ -48,5 +49,5 @@ def rotation_angle(T_a_b: Array) -> float:
 
 def quaternion_product(p: Array, q: Array) -> Array:
     """(4,) Hamilton product of quaternions qx qy qz qw: first rotate by q, then by p."""
-    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    vector = p[3] * q[:3] + q[3] * p[:3] + cross(p[:3], q[:3])
     return np.append(vector, p[3] * q[3] - p[:3] @ q[:3])

@@ -16,6 +16,7 @@ import numpy as np
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
+from semantic_slam.geometry.so3 import cross
 from semantic_slam.perception.box_sizes import are_cut, pixel_rays, shown_sizes
 from semantic_slam.perception.frame import CameraModel
 
@@ -36,9 +37,9 @@ def ray_covariances(
     shown, cut = shown_sizes(boxes, camera), are_cut(boxes, camera).any(axis=2)
     sizes = settings.box_centre_share * shown.max(axis=1, keepdims=True)
     variances = settings.sigma_bearing_rad**2 + np.where(cut, np.maximum(CUT_SHARE * shown, sizes), sizes) ** 2
-    across = np.cross(DOWN, rays)
+    across = cross(DOWN, rays)
     across /= np.linalg.norm(across, axis=1)[:, None]
-    axes = np.stack([across, np.cross(rays, across)], axis=2)
+    axes = np.stack([across, cross(rays, across)], axis=2)
     rotation = rotation_matrix(T_base_camera[3:])
     turned = rotation @ axes
     return rays @ rotation.T, np.asarray((turned * variances[:, None]) @ np.swapaxes(turned, 1, 2))

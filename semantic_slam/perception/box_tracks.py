@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.rows import joined_rows, with_rows
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.same_outline import overlaps
 
@@ -25,30 +26,49 @@ NEW_PACE = 0.2
 
 
 @dataclass(frozen=True)
-class Track:
-    """The newest box of a track."""
+class _Tracks:
+    """The newest boxes of T tracks."""
 
-    name: str
-    stamp_ns: int
-    box: Array  # (4,) x_min y_min x_max y_max
-    pace: Array  # (4,) pixels per second by which the box moves
+    names: tuple[str, ...]  # (T,)
+    stamps_ns: Index  # (T,)
+    boxes: Array  # (T, 4) x_min y_min x_max y_max
+    paces: Array  # (T, 4) pixels per second by which the boxes move
+
+    @classmethod
+    def begun(cls, names: tuple[str, ...], stamp_ns: int, boxes: Array) -> "_Tracks":
+        """With their first boxes (T, 4)."""
+        return cls(names, np.full(len(names), stamp_ns), boxes, np.zeros(boxes.shape))
+
+    def alive(self, stamp_ns: int) -> "_Tracks":
+        """Those that still wait for a box at an instant."""
+        ages = stamp_ns - self.stamps_ns
+        return self.take(np.flatnonzero((ages > 0) & (ages <= LONGEST_S * NANOSECONDS)))
+
+    def take(self, rows: Index) -> "_Tracks":
+        """Some of them."""
+        return with_rows(self, rows, whole=())
 
     def expected(self, stamp_ns: int) -> Array:
-        """(4,) the box at an instant."""
-        return np.asarray(self.box + self.pace * ((stamp_ns - self.stamp_ns) / NANOSECONDS))
+        """(T, 4) the boxes at an instant."""
+        return np.asarray(self.boxes + self.paces * self._waited_s(stamp_ns))
 
-    def gone_on(self, stamp_ns: int, box: Array) -> "Track":
-        """With its next box, which moves as its middle does: its edges tremble."""
-        step = (box - self.box) / ((stamp_ns - self.stamp_ns) / NANOSECONDS)
-        pace = np.tile(0.5 * (step[:2] + step[2:]), 2)
-        return Track(self.name, stamp_ns, box, (1.0 - NEW_PACE) * self.pace + NEW_PACE * pace)
+    def gone_on(self, stamp_ns: int, boxes: Array) -> "_Tracks":
+        """With their next boxes (T, 4), which move as their middles do: their edges tremble."""
+        steps = (boxes - self.boxes) / self._waited_s(stamp_ns)
+        paces = np.tile(0.5 * (steps[:, :2] + steps[:, 2:]), (1, 2))
+        stamps_ns = np.full(len(boxes), stamp_ns)
+        return _Tracks(self.names, stamps_ns, boxes, (1.0 - NEW_PACE) * self.paces + NEW_PACE * paces)
+
+    def _waited_s(self, stamp_ns: int) -> Array:
+        """(T, 1) seconds since the newest boxes."""
+        return ((stamp_ns - self.stamps_ns) / NANOSECONDS)[:, None]
 
 
 class BoxTracks:
     """Gives the boxes of one camera, frame by frame, the names of their tracks."""
 
     def __init__(self) -> None:
-        self._tracks: list[Track] = []
+        self._tracks = _Tracks.begun((), 0, np.zeros((0, 4)))
         self._count = 0
 
     def named(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
@@ -58,25 +78,25 @@ class BoxTracks:
         if any(measurements.track_ids) or not len(rows):
             return measurements
         names = [""] * len(boxes)
-        for row, track in zip(rows.tolist(), self._follow(measurements.stamp_ns, boxes[rows]), strict=True):
-            names[row] = track.name
+        for row, name in zip(rows.tolist(), self._follow(measurements.stamp_ns, boxes[rows]), strict=True):
+            names[row] = name
         return replace(measurements, track_ids=tuple(names))
 
-    def _follow(self, stamp_ns: int, boxes: Array) -> list[Track]:
-        """(n,) the tracks that n boxes go on with, or begin."""
-        alive = [own for own in self._tracks if 0 < stamp_ns - own.stamp_ns <= LONGEST_S * NANOSECONDS]
-        expected = np.array([own.expected(stamp_ns) for own in alive]).reshape(-1, 4)
-        shared = overlaps(expected, boxes)
-        pairs = zip(*linear_sum_assignment(-shared), strict=True)
-        before = {int(row): int(track) for track, row in pairs if shared[track, row] >= LEAST_OVERLAP}
-        found = [
-            alive[before[row]].gone_on(stamp_ns, box) if row in before else self._begun(stamp_ns, box)
-            for row, box in enumerate(boxes)
-        ]
-        waiting = [own for number, own in enumerate(alive) if number not in before.values()]
-        self._tracks = [*waiting, *found]
-        return found
+    def _follow(self, stamp_ns: int, boxes: Array) -> list[str]:
+        """(n,) names of the tracks that n boxes go on with, or begin."""
+        alive = self._tracks.alive(stamp_ns)
+        shared = overlaps(alive.expected(stamp_ns), boxes)
+        tracks, rows = linear_sum_assignment(-shared)
+        goes_on = shared[tracks, rows] >= LEAST_OVERLAP
+        tracks, rows = tracks[goes_on], rows[goes_on]
+        new = np.delete(np.arange(len(boxes)), rows)
+        waiting = np.delete(np.arange(len(alive.names)), tracks)
+        found = joined_rows([alive.take(tracks).gone_on(stamp_ns, boxes[rows]), self._begun(stamp_ns, boxes[new])], ())
+        found = found.take(np.argsort(np.concatenate([rows, new])))
+        self._tracks = joined_rows([alive.take(waiting), found], ())
+        return list(found.names)
 
-    def _begun(self, stamp_ns: int, box: Array) -> Track:
-        self._count += 1
-        return Track(f"{self._count}", stamp_ns, box, np.zeros(4))
+    def _begun(self, stamp_ns: int, boxes: Array) -> _Tracks:
+        names = tuple(f"{self._count + 1 + number}" for number in range(len(boxes)))
+        self._count += len(boxes)
+        return _Tracks.begun(names, stamp_ns, boxes)

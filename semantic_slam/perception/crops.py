@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Bytes
+from semantic_slam.geometry.arrays import Array, Bytes, Flags
 
 MARGIN = 0.1
 """Background on either side of the box, as a fraction of its longer side."""
@@ -12,9 +12,9 @@ MARGIN = 0.1
 IN_SHARES = "box within the first pixel, as one in shares of the image is; give boxes in pixels"
 
 
-def is_in_shares(box: Array) -> bool:
-    """Whether a box lies about the first pixel, where all boxes in shares of the image do."""
-    return bool(box.min() >= -0.5 and box.max() <= 1.5)
+def are_in_shares(boxes: Array) -> Flags:
+    """(...,) whether boxes (..., 4) lie about the first pixel, where all boxes in shares of the image do."""
+    return np.asarray((boxes.min(axis=-1) >= -0.5) & (boxes.max(axis=-1) <= 1.5))
 
 
 def box_fault(box: Array, width: int, height: int) -> str:
@@ -23,7 +23,7 @@ def box_fault(box: Array, width: int, height: int) -> str:
         return "box that is not finite"
     if box[2] <= box[0] or box[3] <= box[1]:
         return "box without area"
-    if is_in_shares(box):
+    if are_in_shares(box):
         return IN_SHARES
     if box[0] >= width or box[1] >= height or box[2] <= 0 or box[3] <= 0:
         return "box outside the image"

@@ -14,7 +14,7 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.box_rays import whole_boxes
-from semantic_slam.perception.crops import IN_SHARES, is_in_shares
+from semantic_slam.perception.crops import IN_SHARES, are_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
@@ -47,7 +47,7 @@ class PlaceReader:
         """
         places, sensor = _places(detections, camera, T_base_camera, whole=self._in_space)
         points = told_points(detections) if self._in_space else SpatialPoints.untold(len(detections))
-        if self._in_space:
+        if points.are_told.any():
             places = points.places.where(points.are_told, places)
         kept = np.flatnonzero(self._usable(detections, places, points))
         places, rows, points = places.take(kept), detections.take(kept), points.take(kept)
@@ -90,8 +90,7 @@ class PlaceReader:
             for label in sorted(set(detections.labels))
             if known and label not in known
         }
-        small = np.array([is_in_shares(box) for box in detections.boxes], dtype=np.bool_)
-        faults[IN_SHARES] = small & ~np.isfinite(places.bearings_rad)
+        faults[IN_SHARES] = are_in_shares(detections.boxes) & ~np.isfinite(places.bearings_rad)
         faults[NO_PLACE] = ~np.isfinite(places.bearings_rad) | np.isinf(places.ranges_m)
         faults[BAD_RANGE] = places.ranges_m <= 0.0
         faults[BAD_COVARIANCE] = ~(places.are_covariances_usable() & points.are_covariances_usable())

@@ -8,9 +8,9 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import LEAST_VARIANCE, are_covariances
-from semantic_slam.perception.crops import is_in_shares
+from semantic_slam.perception.crops import are_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
-from semantic_slam.perception.range_bearing import viewing_ray
+from semantic_slam.perception.range_bearing import viewing_rays
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,12 @@ class Places:
     bearings_rad: Array  # (D,) counter-clockwise from x
     elevations_rad: Array  # (D,) how far the line of sight points down
     covariances: Array  # (D, 3, 3) of range in the plane, bearing, elevation
+
+    @classmethod
+    def untold(cls, count: int) -> "Places":
+        """No places, of so many detections."""
+        nothing = np.full(count, np.nan)
+        return cls(nothing, nothing, nothing, np.full((count, 3, 3), np.nan))
 
     def take(self, rows: Index) -> "Places":
         """The chosen places."""
@@ -45,6 +51,8 @@ class Places:
 
 def told_places(detections: Detections) -> Places:
     """What detections tell of their places themselves: range and bearing, which count before a position."""
+    if not np.isfinite(detections.bearings_rad).any() and np.isnan(detections.positions).all():
+        return Places.untold(len(detections))
     ranged, positioned = places_of_ranges(detections), places_of_positions(detections)
     return ranged.where(np.isfinite(ranged.bearings_rad), positioned)
 
@@ -89,12 +97,11 @@ def places_of_positions(detections: Detections) -> Places:
 
 def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array) -> Places:
     """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where a box is none."""
-    rotation = rotation_matrix(T_base_camera[3:])
     count = len(boxes)
+    are_boxes = np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1) & ~are_in_shares(boxes)
     directions = np.full((count, 3), np.nan)
-    for row, box in enumerate(boxes):
-        if np.isfinite(box).all() and box[2] > box[0] and box[3] > box[1] and not is_in_shares(box):
-            directions[row] = rotation @ viewing_ray(box, camera)
+    rays = viewing_rays(boxes[are_boxes], camera)
+    directions[are_boxes] = (rotation_matrix(T_base_camera[3:]) @ rays[..., None])[..., 0]
     x, y, z = directions.T
     elevations = np.arcsin(np.clip(-z, -1.0, 1.0))
     return Places(np.full(count, np.nan), np.arctan2(y, x), elevations, np.full((count, 3, 3), np.nan))

@@ -1,6 +1,7 @@
 """Where detections are in space, for runs in which all six of a pose are estimated: points of the body frame."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +48,8 @@ class SpatialPoints:
     def are_covariances_usable(self) -> Flags:
         """(D,) whether each covariance is symmetric and positive definite, or none is told."""
         told = np.asarray(np.isfinite(self.covariances).all(axis=(1, 2)))
+        if not told.any():
+            return ~told
         known = np.where(told[:, None, None], self.covariances, np.eye(3))
         is_symmetric = np.isclose(known, np.swapaxes(known, 1, 2)).all(axis=(1, 2))
         return np.asarray(is_symmetric & (np.linalg.eigvalsh(known)[:, 0] > 0.0))
@@ -93,21 +96,26 @@ def with_points(
 
     Boxes that a known ``camera`` saw tell how large they are, and how well those without a range tell their rays.
     """
-    told = replace(measured, points=points.points, point_covariances=points.covariances)
+    told: dict[str, Any] = {"points": points.points, "point_covariances": points.covariances}
     pose = np.asarray(T_base_camera, dtype=np.float64)
     if camera is not None:
-        told = replace(told, angular_sizes_rad=angular_sizes(told.boxes, camera))
-    if not len(pose):
-        return told
-    turn = pose[3:] / np.linalg.norm(pose[3:])
-    told = replace(told, sensor_position=pose[:3], sensor_orientation=turn)
-    return told if camera is None else _with_rays(told, camera, pose, settings)
+        told["angular_sizes_rad"] = angular_sizes(measured.boxes, camera)
+    if len(pose):
+        told |= {"sensor_position": pose[:3], "sensor_orientation": pose[3:] / np.linalg.norm(pose[3:])}
+    if len(pose) and camera is not None:
+        told["place_covariances"] = _with_rays(measured, points, camera, pose, settings)
+    return replace(measured, **told)
 
 
 def _with_rays(
-    told: SemanticMeasurements, camera: CameraModel, pose: Array, settings: PerceptionConfiguration
-) -> SemanticMeasurements:
-    """With covariances of bearing and elevation of boxes that have no range, where none are told."""
-    alone = np.isnan(told.ranges_m) & np.isnan(told.points[:, 0]) & np.isnan(told.place_covariances[:, 1, 1])
-    shown = as_places(*ray_covariances(told.boxes, camera, pose, settings))
-    return replace(told, place_covariances=np.where(alone[:, None, None], shown, told.place_covariances))
+    measured: SemanticMeasurements,
+    points: SpatialPoints,
+    camera: CameraModel,
+    pose: Array,
+    settings: PerceptionConfiguration,
+) -> Array:
+    """(D, 3, 3) covariances of places, with those of bearings and elevations of boxes without a range."""
+    untold = np.isnan(measured.place_covariances[:, 1, 1])
+    alone = np.isnan(measured.ranges_m) & np.isnan(points.points[:, 0]) & untold
+    shown = as_places(*ray_covariances(measured.boxes, camera, pose, settings))
+    return np.where(alone[:, None, None], shown, measured.place_covariances)

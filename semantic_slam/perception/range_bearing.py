@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import PerceptionConfiguration
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.frame import CameraModel
 
@@ -31,12 +31,19 @@ class RangeBearing:
 
 def viewing_ray(box: Array, camera: CameraModel) -> Array:
     """(3,) unit ray through the centre of a box, in the optical frame, lens distortion removed."""
-    centre = np.array([[[0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])]]])
-    intrinsics = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
-    distortion = np.array(camera.distortion or (0.0, 0.0, 0.0, 0.0))
-    x, y = cv2.undistortPoints(centre, intrinsics, distortion).reshape(2)
-    ray = np.array([x, y, 1.0])
-    return np.asarray(ray / np.linalg.norm(ray))
+    ray: Array = viewing_rays(box[None], camera)[0]
+    return ray
+
+
+def viewing_rays(boxes: Array, camera: CameraModel) -> Array:
+    """(D, 3) those of (D, 4) boxes."""
+    rays = np.ones((len(boxes), 3))
+    if len(boxes):
+        intrinsics = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+        distortion = np.array(camera.distortion or (0.0, 0.0, 0.0, 0.0))
+        centres = 0.5 * (boxes[:, None, :2] + boxes[:, None, 2:])
+        rays[:, :2] = cv2.undistortPoints(centres, intrinsics, distortion)[:, 0]
+    return np.asarray(rays / np.sqrt(squared_norms(rays))[:, None])
 
 
 def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -> float:

@@ -19,11 +19,17 @@ def overlaps(boxes: Array, others: Array) -> Array:
     """
     low = np.maximum(boxes[:, None, :2], others[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
-    shared = np.prod(np.maximum(high - low, 0.0), axis=2)
-    areas, of_others = (np.prod(np.maximum(own[:, 2:] - own[:, :2], 0.0), axis=1) for own in (boxes, others))
+    shared = _area(high - low)
+    areas, of_others = (_area(own[:, 2:] - own[:, :2]) for own in (boxes, others))
     union = areas[:, None] + of_others - shared
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.nan_to_num(shared / union))
+
+
+def _area(sides: Array) -> Array:
+    """(...,) of rectangles with two sides (..., 2); 0 where one is below 0."""
+    longer = np.maximum(sides, 0.0)
+    return np.asarray(longer[..., 0] * longer[..., 1])
 
 
 def joined(measurements: SemanticMeasurements, least_overlap: float) -> SemanticMeasurements:

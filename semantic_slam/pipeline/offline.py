@@ -155,6 +155,7 @@ class OfflineRun:
         self._copied = {*COPIED} if self._imu else {*COPIED} - {IMU}
         self._classifier = build_classifier(configuration) if found.has_images else None
         self._places = PlacesAssembler(configuration, self._camera_pose)
+        self._camera_poses: dict[str, Array] = {}
         self._undecodable: Counter[str] = Counter()
         self._handlers = self._make_handlers(configuration)
         self._last_stamp_ns = 0
@@ -249,8 +250,11 @@ class OfflineRun:
             self._add_measurements(replace(measured, dropped=dropped))
 
     def _camera_pose(self, optical_frame: str) -> Array:
-        extrinsics, base_frame = self._perception.extrinsics, self._perception.base_frame
-        return sensor_pose(extrinsics, base_frame, self._preamble.transforms, optical_frame)
+        if optical_frame not in self._camera_poses:  # a bag's fixed transforms are all read before
+            extrinsics, base_frame = self._perception.extrinsics, self._perception.base_frame
+            pose = sensor_pose(extrinsics, base_frame, self._preamble.transforms, optical_frame)
+            self._camera_poses[optical_frame] = pose
+        return self._camera_poses[optical_frame]
 
     def _pass_on(self, measured: list[SemanticMeasurements]) -> None:
         for measurements in measured:

@@ -1,9 +1,9 @@
-"""Products whose rows do not depend on what stands beside them."""
+"""Arrays of few rows: products that do not depend on what stands beside them, and different rows."""
 
 import numpy as np
 import pytest
 
-from semantic_slam.geometry.arrays import row_products
+from semantic_slam.geometry.arrays import distinct_rows, row_products
 
 
 @pytest.mark.parametrize("columns", [1, 5, 32])
@@ -15,3 +15,11 @@ def test_a_row_s_product_is_the_same_in_every_batch(columns: int) -> None:
     for count in range(len(rows)):
         np.testing.assert_array_equal(row_products(rows[:count], matrix), whole[:count])
         np.testing.assert_array_equal(row_products(rows[count:], matrix), whole[count:])
+
+
+def test_distinct_rows_are_those_of_numpy() -> None:
+    rows = np.random.default_rng(0).integers(-1, 2, size=(40, 3))
+    for count in (0, 1, 40):
+        found, which = distinct_rows(rows[:count])
+        np.testing.assert_array_equal(found, np.unique(rows[:count], axis=0))
+        np.testing.assert_array_equal(found[which], rows[:count])

@@ -1,5 +1,7 @@
 """Landmarks that are seen by rays alone: as sure as they are right, while nobody knows yet how far they are."""
 
+from dataclasses import replace
+
 import gtsam
 import numpy as np
 import pytest
@@ -20,8 +22,8 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.models.spatial.range_prior import RangePrior
-from semantic_slam.inference.open_world.spatial.births import birth_in_space, shown_by
-from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
+from semantic_slam.inference.open_world.spatial.births import births_in_space, shown_by
+from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.range_chart import coordinates, moved
@@ -73,10 +75,41 @@ def test_the_evidence_of_a_second_ray_is_that_over_all_ranges(baseline: float, r
     detection = ray_to(np.array([range_m, -baseline, 0.0]))
     model = SpatialObservation()
     pairs = pair_densities(SPACES, model, [detection], predicted.mean[0], covariance)
-    found = pairs_at_modes(SPACES, model, [detection], predicted, anchor[None], pairs)
+    parent = ParentPairs(detections=[detection], predicted=predicted, anchors=anchor[None], pairs=pairs)
+    (found,) = pairs_at_modes(SPACES, model, [parent])
     assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.5)
     if 0.6 < range_m < 2.0:
         assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.3)
+
+
+def test_pairs_are_searched_together_as_each_would_be_by_itself() -> None:
+    """To the last bit, whatever parents stand beside, and whichever pairs are asked for."""
+    model, random = SpatialObservation(), np.random.default_rng(5)
+    detections = [ray_to(point) for point in random.uniform([1.0, -0.5, -0.5], [2.0, 0.5, 0.5], (4, 3))]
+    every = [wide_pairs(model, detections, random) for _ in range(3)]
+    together = pairs_at_modes(SPACES, model, every)
+    asked = np.eye(4, 3, dtype=bool)
+    for own, found in zip(every, together, strict=True):
+        (alone,) = pairs_at_modes(SPACES, model, [own])
+        (some,) = pairs_at_modes(SPACES, model, [replace(own, asked=asked)])
+        assert (found.log_density != own.pairs.log_density).all()
+        for name in ("residual", "jacobian_robot", "jacobian_object"):
+            np.testing.assert_array_equal(getattr(found.part, name), getattr(alone.part, name))
+            np.testing.assert_array_equal(getattr(found.part, name)[asked], getattr(some.part, name)[asked])
+        np.testing.assert_array_equal(found.log_density, alone.log_density)
+        np.testing.assert_array_equal(some.log_density, np.where(asked, found.log_density, own.pairs.log_density))
+
+
+def wide_pairs(
+    model: SpatialObservation, detections: list[SpatialDetection], random: np.random.Generator
+) -> ParentPairs:
+    """Three objects seen once along rays from near the origin, and the robot a step aside."""
+    rays = random.uniform([1.0, -0.3, -0.3], [1.5, 0.3, 0.3], (3, 3))
+    robot = np.append(random.uniform(-0.2, 0.2, 3), ORIGIN[3:])
+    covariance = np.diag([*np.full(6, 1e-4), *np.full(9, 0.3)])
+    predicted = PredictedBelief(SPACES.layout, SPACES.storage.stacked(robot[None], rays)[None], covariance[None])
+    pairs = pair_densities(SPACES, model, detections, predicted.mean[0], covariance)
+    return ParentPairs(detections=detections, predicted=predicted, anchors=np.zeros((3, 3)), pairs=pairs)
 
 
 def integrated(detection: SpatialDetection, robot: np.ndarray, expected: np.ndarray, covariance: np.ndarray) -> float:
@@ -133,7 +166,7 @@ def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
         ray_to(np.array([1.0, 0.2, -0.1]), (0.2, 0.0, 0.1)),
         se3.exp(np.array([0.0, 0.1, 0.4, 1.0, 2.0, 0.0])),
     )
-    born = birth_in_space(SpatialObservation(), detection, robot, REGION)
+    (born,) = births_in_space(SpatialObservation(), [detection], robot, REGION)
     assert born.log_area == pytest.approx(np.log((3.0**3 - 0.5**3) / 3.0))
     along = so3.rotated(robot[3:], detection.ray)
     known = detection.log_range
@@ -141,7 +174,7 @@ def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
     assert len(shown_by(REGION, [detection])[0]) == 0
     steps = 1e-6 * np.eye(6)
     places = [
-        birth_in_space(SpatialObservation(), detection, SPACES.robot.retract(robot, step), REGION).prior.mean
+        births_in_space(SpatialObservation(), [detection], SPACES.robot.retract(robot, step), REGION)[0].prior.mean
         for step in (*steps, *-steps)
     ]
     slopes = (np.array(places[:6]) - np.array(places[6:])).T / 2e-6

@@ -42,14 +42,12 @@ class Innovations:
         """Innovations of all pairs of one parent."""
         layout, known = prediction.predicted.layout, len(prediction.near)
         covariance = prediction.predicted.covariance[0]
-        first = pairs.parts[0].residual
-        residual = np.array([part.residual for part in pairs.parts])
-        jacobian = np.zeros((len(pairs.parts), known, first.shape[1], len(covariance)))
-        for part, own in zip(pairs.parts, jacobian, strict=True):
-            for column in range(known):
-                own[column][:, layout.block(0)] = part.jacobian_robot[column]
-                own[column][:, layout.block(1 + column)] = part.jacobian_object[column]
-        return cls(residual, jacobian, covariance)
+        part = pairs.part
+        jacobian = np.zeros((*part.residual.shape, len(covariance)))
+        jacobian[..., layout.block(0)] = part.jacobian_robot
+        for column in range(known):
+            jacobian[:, column, :, layout.block(1 + column)] = part.jacobian_object[:, column]
+        return cls(part.residual, jacobian, covariance)
 
     def distance_squared(self, pairs: list[tuple[int, int]]) -> float:
         """Squared Mahalanobis distance of all ``pairs`` (detection, object) together."""

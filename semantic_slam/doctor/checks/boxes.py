@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.doctor.finding import Finding, Severity, error, warning
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.geometry.arrays import Array, Flags
-from semantic_slam.perception.crops import is_in_shares
+from semantic_slam.perception.crops import are_in_shares
 
 NAME = "boxes"
 SOME, MOST = 0.05, 0.5
@@ -23,7 +23,7 @@ def check(summary: InputSummary) -> Iterator[Finding]:
     boxes = boxes[np.isfinite(boxes).all(axis=1)]
     if not len(boxes):
         return
-    shares = np.array([is_in_shares(box) for box in boxes])
+    shares = are_in_shares(boxes)
     if shares.mean() > SOME:
         yield error(
             NAME,

@@ -31,7 +31,7 @@ class PairDensities:
 
     log_density: Array  # (D, M) of the detection if it is of this object
     distance: Array  # (D, M) Mahalanobis
-    parts: list[Linearisation]  # D, of M rows each
+    part: Linearisation  # (D, M, ...)
     offsets: Array | None = None  # (D, M, m) of the linear residuals where they were linearised; None: all are as here
     elsewhere: Flags | None = None  # (D, M) which were not linearised at the prediction
     tail: HeavyTail | None = None  # of detections' errors; None: none is an outlier
@@ -55,7 +55,7 @@ def pair_densities(
     count, storage = len(mean) - 1, spaces.storage
     if not count or not detections:
         nothing = np.zeros((len(detections), count))
-        return PairDensities(nothing, nothing, [], tail=tail, outlier_distance=nothing)
+        return PairDensities(nothing, nothing, _no_pairs(nothing.shape), tail=tail, outlier_distance=nothing)
     joint = PredictedBelief(spaces.layout, mean[None], covariance[None]).pair_covariances()[0]
     rows = len(detections) * count
     collected = model.collect(detections)
@@ -74,21 +74,21 @@ def pair_densities(
         places = spaces.layout.rows_of_slots(np.stack([np.zeros(count, dtype=int), 1 + np.arange(count)], axis=1))
         prior = errors.with_pairs(joint, places).reshape(rows, jacobian.shape[-1], -1)
     innovation = Innovation.of(part, jacobian, prior)
-    parts = [_rows(part, slice(start, start + count)) for start in range(0, rows, count)]
+    shape = len(detections), count
+    table = Linearisation(**{name: values.reshape(*shape, *values.shape[1:]) for name, values in vars(part).items()})
     log_density, distance = innovation.log_density.reshape(-1, count), innovation.distance.reshape(-1, count)
     if tail is None:
-        return PairDensities(log_density, distance, parts)
+        return PairDensities(log_density, distance, table)
     wide = Innovation.of(part, jacobian, prior, np.where(part.measured, tail.added, 0.0))
     mixed = np.logaddexp(tail.log_rest + log_density, tail.log_share + wide.log_density.reshape(-1, count))
-    return PairDensities(mixed, distance, parts, tail=tail, outlier_distance=wide.distance.reshape(-1, count))
+    return PairDensities(mixed, distance, table, tail=tail, outlier_distance=wide.distance.reshape(-1, count))
 
 
-def _rows(part: Linearisation, rows: slice) -> Linearisation:
+def _no_pairs(shape: tuple[int, int]) -> Linearisation:
+    nothing = np.zeros((*shape, 0))
+    slopes = nothing[..., None]
     return Linearisation(
-        residual=part.residual[rows],
-        jacobian_robot=part.jacobian_robot[rows],
-        jacobian_object=part.jacobian_object[rows],
-        log_normaliser=part.log_normaliser[rows],
+        residual=nothing, jacobian_robot=slopes, jacobian_object=slopes, log_normaliser=np.zeros(shape)
     )
 
 

@@ -34,15 +34,14 @@ class OutlierChoices:
     def of(cls, tail: HeavyTail, residual: Array, covariance: Array, measured: Flags) -> Self:
         """``residual`` (G, m) with its ``covariance`` if none is one; ``measured`` (G, n, m / n) what tells at all."""
         search = _Search(tail, residual, covariance, measured)
-        found = search.improved(np.zeros(measured.shape[:2], dtype=bool))
-        rows = np.flatnonzero(found.outlier.any(axis=1))
-        if len(rows):
-            doubted = search.take(rows)
-            other = doubted.improved(doubted.used)
-            better = other.log_density > found.log_density[rows]
-            found.replace(rows[better], other.take(np.flatnonzero(better)))
+        found = search.likeliest()
         log_sum, probability = search.summed(found)
         return cls(found.outlier, found.covariance, found.log_density + log_sum, probability)
+
+
+def likeliest_outliers(tail: HeavyTail, residual: Array, covariance: Array, measured: Flags) -> Flags:
+    """(G, n) the choices of :meth:`OutlierChoices.of` alone, without what the others weigh."""
+    return _Search(tail, residual, covariance, measured).likeliest().outlier
 
 
 @dataclass
@@ -83,6 +82,17 @@ class _Search:
     def used(self) -> Flags:
         """(G, n) which detections there are."""
         return np.asarray(self.measured.any(axis=2))
+
+    def likeliest(self) -> _Whole:
+        """The likeliest choice that is found from no outlier on, and where that has one from all on."""
+        found = self.improved(np.zeros(self.measured.shape[:2], dtype=bool))
+        rows = np.flatnonzero(found.outlier.any(axis=1))
+        if len(rows):
+            doubted = self.take(rows)
+            other = doubted.improved(doubted.used)
+            better = other.log_density > found.log_density[rows]
+            found.replace(rows[better], other.take(np.flatnonzero(better)))
+        return found
 
     def improved(self, outlier: Flags) -> _Whole:
         """From a choice on (G, n), changed for one detection after another while that makes it likelier."""

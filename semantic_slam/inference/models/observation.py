@@ -28,7 +28,7 @@ class Linearisation:
     @property
     def measured(self) -> Flags:
         """(B, m) which components there are: a bearing alone has no range."""
-        return np.asarray(self.jacobian_object.any(axis=2))
+        return np.asarray(self.jacobian_object.any(axis=-1))
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,18 @@ def birth(born: Array, clutter: Array | float) -> tuple[Array, Array]:
     return total, np.where(total > 0.0, born / np.where(total > 0.0, total, 1.0), 0.0)
 
 
-def missed(existence: Array, detected: Array) -> tuple[Array, Array]:
-    """Log probability that an object is not detected, and its existence after that.
+def log_miss(existence: Array, detected: Array) -> Array:
+    """Log of 1 - r p_d, the probability that an object is not detected, p_d that of its detection if it exists.
 
-    1 - r p_d and r (1 - p_d) / (1 - r p_d), with p_d = ``detected`` the probability of its detection if it exists.
     What cannot be has a log probability far below all others.
     """
-    factor = np.maximum(1.0 - existence * detected, LEAST_PROBABILITY)
-    return np.log(factor), existence * (1.0 - detected) / factor
+    return np.log(_missed(existence, detected))
+
+
+def existence_after_miss(existence: Array, detected: Array) -> Array:
+    """Existence of an object that was not detected, r (1 - p_d) / (1 - r p_d)."""
+    return existence * (1.0 - detected) / _missed(existence, detected)
+
+
+def _missed(existence: Array, detected: Array) -> Array:
+    return np.maximum(1.0 - existence * detected, LEAST_PROBABILITY)

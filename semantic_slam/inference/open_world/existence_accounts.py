@@ -10,7 +10,7 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, missed
+from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
 from semantic_slam.inference.open_world.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.states.lineage import MOVES
@@ -76,7 +76,12 @@ class _IfMissed:
         self.prediction, self.standing, self.settings = prediction, standing, settings
         self.least = least_detected(settings)
         self.detected = prediction.detected_at_all(standing[None])[0]  # (O, G)
-        self.log_missed, self.existence = missed(prediction.existence, self.detected)  # (O, G)
+        self.log_missed = log_miss(prediction.existence, self.detected)  # (O, G)
+
+    @cached_property
+    def existence(self) -> Array:
+        """(O, G) of those that are missed."""
+        return existence_after_miss(self.prediction.existence, self.detected)
 
     @cached_property
     def log_total(self) -> Array:
@@ -99,12 +104,6 @@ class _IfMissed:
         movers = self.prediction.movers
         assert movers is not None
         return movers.log_detected(self.least, self.log_missed, self.prediction.undecided)
-
-    @cached_property
-    def log_born(self) -> Array:
-        """(D, G) the same of what the detections start."""
-        areas = np.array([birth.log_area - birth.log_stand_in for birth in self.prediction.births])
-        return np.asarray(self.prediction.log_intensity + areas[:, None])
 
     @cached_property
     def stands(self) -> Array:
@@ -133,7 +132,7 @@ class _Account:
         new = np.flatnonzero(is_new)
         total = if_missed.log_total + if_missed.log_detected(observed).sum(axis=0)
         if len(new):
-            total = total + if_missed.log_born[new].sum(axis=0)
+            total = total + prediction.log_born[new].sum(axis=0)
         moving_ids = association[moves]
         if len(moving_ids):
             assert prediction.movers is not None

@@ -5,13 +5,15 @@ the errors that detections share. Most of it is the robot's pose, which the othe
 given them, what stays undecided are questions of single detections.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.evidence.outlier_choices import OutlierChoices
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, distinct_rows, row_sums, squared_norms
+from semantic_slam.geometry.small_matrices import cholesky, forward
+from semantic_slam.inference.evidence.outlier_choices import OutlierChoices, likeliest_outliers
 from semantic_slam.inference.models.heavy_tail import HeavyTail
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
 
@@ -60,15 +62,22 @@ class JointCosts:
         ways = np.clip(assignments - self.num_objects, 0, self.log_alone.shape[1] - 1)
         alone = self.log_alone[np.arange(len(self.log_alone)), ways]
         constant = np.where(pairs >= 0, self.log_constant[pairs], alone).sum(axis=1)
-        if self.tail is not None:
-            return np.asarray(constant + self._choices(self.tail, pairs).log_density)
         residual, covariance = self._joint(pairs)
+        if self.tail is not None:
+            choices = OutlierChoices.of(self.tail, residual, covariance, self._told(pairs))
+            return np.asarray(constant + choices.log_density)
         squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=1)
         return np.asarray(constant - 0.5 * squared - 0.5 * np.linalg.slogdet(covariance)[1])
 
-    def _choices(self, tail: HeavyTail, pairs: Index) -> OutlierChoices:
-        """Which of ``pairs`` (K, n) are outliers."""
-        return OutlierChoices.of(tail, *self._joint(pairs), self.measured[pairs] & (pairs >= 0)[..., None])
+    def _outliers(self, pairs: Index) -> Flags:
+        """(K, n) which of ``pairs`` (K, n) are outliers."""
+        if self.tail is None:
+            return np.zeros(pairs.shape, dtype=bool)
+        return likeliest_outliers(self.tail, *self._joint(pairs), self._told(pairs))
+
+    def _told(self, pairs: Index) -> Flags:
+        """(K, n, c) which components of the residuals of ``pairs`` (K, n) there are."""
+        return np.asarray(self.measured[pairs] & (pairs >= 0)[..., None])
 
     def given_others(self, assignment: Index) -> Array:
         """(D, M) log weight of each pair given what the joint ``assignment`` (D,) says of the others; -inf: no pair.
@@ -77,28 +86,33 @@ class JointCosts:
         in which one detection differs.
         """
         taken = self._pairs(assignment[None])
-        outlier = np.zeros(taken.shape, dtype=bool) if self.tail is None else self._choices(self.tail, taken).outlier
         others = np.repeat(taken, len(self.rows), axis=0)
         others[np.arange(len(self.rows)), self.rows] = -1
         others[self.columns[others] == self.columns[:, None]] = -1
-        return self._table(self._conditional(others, outlier))
+        return self._table(self._conditional(others, self._outliers(taken)))
 
     def given_each(self) -> Array:
         """(P, D, M) log weight of each pair given each pair by itself, which stands; -inf: none, or impossible then."""
-        count, cross = len(self.rows), np.swapaxes(self.covariance, 0, 1)  # of the second pair with the first
-        gain = cross @ np.linalg.inv(self._alone)[:, None]
-        left = self.residual - (gain @ self.residual[:, None, :, None])[..., 0]
-        spread = self._alone - gain @ np.swapaxes(cross, 2, 3)
+        count, root = len(self.rows), cholesky(self._alone)
+        cross = forward(root[:, None], self.covariance)  # of the first pair, whitened, with the second
+        white = forward(root, self.residual[..., None])
+        left, spread = broadcast_copy(self.residual, cross.shape[:3]), broadcast_copy(self._alone, cross.shape)
+        for component in range(cross.shape[2]):
+            own = cross[:, :, component]
+            left -= own * white[:, None, component]
+            spread -= own[..., :, None] * own[..., None, :]
         possible = (self.rows[:, None] != self.rows) & (self.columns[:, None] != self.columns)
         second = np.nonzero(possible)[1]
         values = np.full((count, count), -np.inf)
-        values[possible] = self.log_constant[second] + self._log_density(second, left[possible], spread[possible])
+        values[possible] = self.log_constant[second] + self._log_density(
+            second, left[possible], spread[possible], _log_gaussian_of_many
+        )
         np.fill_diagonal(values, 0.0)
         return self._table(values)
 
     def _conditional(self, others: Index, outlier: Flags) -> Array:
         """(P,) log weight of each pair given ``others`` (P, n), pairs or -1; ``outlier`` (1, n): which of them are."""
-        every, which = np.unique(others, axis=0, return_inverse=True)
+        every, which = distinct_rows(others)
         residual, covariance = self._joint(every)
         if self.tail is not None:
             added = (self.tail.added * (outlier & (every >= 0)))[..., None] * self.measured[every]
@@ -114,7 +128,7 @@ class JointCosts:
             gain[rows] = np.linalg.solve(own, cross[rows].reshape(-1, len(own)).T).T.reshape(len(rows), size, -1)
         left = self.residual - (gain @ residual[which][..., None])[..., 0]
         spread = self._alone - gain @ np.swapaxes(cross, 1, 2)
-        return np.asarray(self.log_constant + self._log_density(np.arange(count), left, spread))
+        return np.asarray(self.log_constant + self._log_density(np.arange(count), left, spread, _log_gaussian))
 
     @cached_property
     def _alone(self) -> Array:
@@ -122,13 +136,19 @@ class JointCosts:
         pairs = np.arange(len(self.rows))
         return np.asarray(self.covariance[pairs, pairs])
 
-    def _log_density(self, pairs: Index, residual: Array, covariance: Array) -> Array:
+    def _log_density(
+        self,
+        pairs: Index,
+        residual: Array,
+        covariance: Array,
+        log_gaussian: Callable[[Array, Array], Array],
+    ) -> Array:
         """(K,) log densities of ``pairs`` (K,) by themselves, up to what normalises whitened residuals (K, c)."""
-        log_density = _log_gaussian(residual, covariance)
+        log_density = log_gaussian(residual, covariance)
         if self.tail is None:
             return log_density
         wide = covariance + (self.tail.added * self.measured[pairs])[..., None] * np.eye(residual.shape[1])
-        return np.logaddexp(self.tail.log_rest + log_density, self.tail.log_share + _log_gaussian(residual, wide))
+        return np.logaddexp(self.tail.log_rest + log_density, self.tail.log_share + log_gaussian(residual, wide))
 
     def _joint(self, pairs: Index) -> tuple[Array, Array]:
         """(K, n c) residuals and their covariances for ``pairs`` (K, n); one for sure in place of -1."""
@@ -158,3 +178,10 @@ def _log_gaussian(residual: Array, covariance: Array) -> Array:
     """(K,) log densities up to what normalises whitened residuals (K, c) with ``covariance`` (K, c, c)."""
     squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=-1)
     return np.asarray(-0.5 * squared - 0.5 * np.linalg.slogdet(covariance)[1])
+
+
+def _log_gaussian_of_many(residual: Array, covariance: Array) -> Array:
+    """:func:`_log_gaussian`, entry by entry, rounded otherwise: for thousands that only tell where to begin."""
+    root = cholesky(covariance)
+    white = forward(root, residual[..., None])[..., 0]
+    return np.asarray(-0.5 * squared_norms(white) - row_sums(np.log(np.diagonal(root, axis1=-2, axis2=-1))))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, distinct_rows
 from semantic_slam.inference.association.gating import RankedAssignments, log_products, log_rest
 from semantic_slam.inference.open_world.joint_costs import JointCosts
 
@@ -35,56 +35,62 @@ class JointRanking:
     def best(self, limit: int, gate: float) -> RankedAssignments:
         """By their joint weights, at most ``limit``, none more than ``gate`` nats behind the best."""
         about = self._neighbourhoods()
-        columns = np.unique(np.concatenate([own.ranked.columns for own in about]), axis=0)
+        found = [own.ranked.columns for own in about]
+        columns, numbers = distinct_rows(np.concatenate(found))
         scores = self.costs.log_scores(columns)
+        first = scores[numbers[np.cumsum([0, *(len(own) for own in found[:-1])])]]
         order = np.argsort(-scores, kind="stable")[:limit]
         order = order[scores[order] >= scores[order[0]] - gate]
-        left_out = max(own.log_left_out(columns[order]) for own in about)
+        left_out = max(own.log_left_out(columns[order], score) for own, score in zip(about, first, strict=True))
         return RankedAssignments(columns[order], scores[order], left_out - float(scores[order[0]]))
 
     def _neighbourhoods(self) -> list["_Neighbourhood"]:
         """About the best joint assignment that is found, and then about those that are not near one before."""
-        tables = [self.log_pairs, *(self._filled(table) for table in self.costs.given_each())]
-        starts = np.unique([self._cheapest(table) for table in tables], axis=0)
+        tables = np.concatenate([self.log_pairs[None], self._filled(self.costs.given_each())])
+        starts, _ = distinct_rows(self._cheapest(tables))
         scores = self.costs.log_scores(starts)
         found: list[_Neighbourhood] = []
         for row in np.argsort(-scores, kind="stable"):
             if len(found) == PLACES or scores[row] < scores.max() - self.reach:
                 break
             if not any(own.holds(starts[row]) for own in found):
-                found.append(self._about(self._improved(starts[row], float(scores[row]))))
+                found.append(self._about(starts[row], float(scores[row])))
         return found
 
-    def _improved(self, start: Index, score: float) -> Index:
-        """(D,) what the others say of each detection, taken at its word while that makes the whole more likely."""
+    def _about(self, start: Index, score: float) -> "_Neighbourhood":
+        table = self._improved(start, score)
+        return _Neighbourhood(log_pairs=table, log_new=self.costs.log_alone[:, -1], ranked=self.ranked(table))
+
+    def _improved(self, start: Index, score: float) -> Array:
+        """(D, C) what the others say of each detection, taken at its word while that makes the whole more likely."""
+        table = self._given_others(start)
         for _ in range(STEPS):
-            better = self._cheapest(self._filled(self.costs.given_others(start)))
+            better = self._cheapest(table[None])[0]
+            if (better == start).all():
+                break
             own = float(self.costs.log_scores(better[None])[0])
             if own <= score:
                 break
-            start, score = better, own
-        return start
+            start, score, table = better, own, self._given_others(better)
+        return table
 
-    def _about(self, top: Index) -> "_Neighbourhood":
-        table = self._filled(self.costs.given_others(top))
-        ranked, log_new = self.ranked(table), self.costs.log_alone[:, -1]
-        scale = float(self.costs.log_scores(ranked.columns[:1])[0] - ranked.log_scores[0])
-        return _Neighbourhood(log_pairs=table, log_new=log_new, ranked=ranked, log_scale=scale)
+    def _given_others(self, assignment: Index) -> Array:
+        return self._filled(self.costs.given_others(assignment))
 
-    def _filled(self, table: Array) -> Array:
-        """(D, C) from (D, M): what is no pair of ``costs`` weighs what it weighs by itself."""
-        found = self.log_pairs.copy()
-        objects = slice(table.shape[1])
-        found[:, objects] = np.where(self.admitted[:, objects], table, found[:, objects])
+    def _filled(self, tables: Array) -> Array:
+        """(..., D, C) from (..., D, M): what is no pair of ``costs`` weighs what it weighs by itself."""
+        objects = slice(tables.shape[-1])
+        found = broadcast_copy(self.log_pairs, (*tables.shape[:-1], self.log_pairs.shape[1]))
+        found[..., objects] = np.where(self.admitted[:, objects], tables, self.log_pairs[:, objects])
         return found
 
-    def _cheapest(self, table: Array) -> Index:
-        """(D,) the joint assignment of distinct columns that weighs most by a table of pairs."""
-        count, known = table.shape
-        cost = np.full((count, known + count), np.inf)
-        cost[:, :known] = np.where(self.admitted, -table, np.inf)
-        cost[np.arange(count), known + np.arange(count)] = -self.costs.log_alone[:, -1]
-        return np.asarray(linear_sum_assignment(cost)[1])
+    def _cheapest(self, tables: Array) -> Index:
+        """(T, D) the joint assignments of distinct columns that weigh most by each of T tables of pairs (T, D, C)."""
+        count, known = self.log_pairs.shape
+        costs = np.full((len(tables), count, known + count), np.inf)
+        costs[:, :, :known] = np.where(self.admitted, -tables, np.inf)
+        costs[:, np.arange(count), known + np.arange(count)] = -self.costs.log_alone[:, -1]
+        return np.array([linear_sum_assignment(cost)[1] for cost in costs])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,14 +100,14 @@ class _Neighbourhood:
     log_pairs: Array  # (D, C) given the others
     log_new: Array  # (D,)
     ranked: RankedAssignments
-    log_scale: float  # log of what the best of them weighs jointly, by what it weighs as a product
 
     def holds(self, assignment: Index) -> bool:
         """Whether it was found here."""
         return bool((self.ranked.columns == assignment).all(axis=1).any())
 
-    def log_left_out(self, columns: Index) -> float:
-        """Log mass of all that is not among ``columns`` (K, D)."""
+    def log_left_out(self, columns: Index, log_best: float) -> float:
+        """Log mass of all that is not among ``columns`` (K, D), where the best of them weighs ``log_best`` jointly."""
         own = self.ranked
         log_all = np.logaddexp(np.logaddexp.reduce(own.log_scores), own.log_left_out + own.log_scores[0])
-        return self.log_scale + log_rest(float(log_all), log_products(self.log_pairs, self.log_new, columns))
+        log_scale = float(log_best - own.log_scores[0])
+        return log_scale + log_rest(float(log_all), log_products(self.log_pairs, self.log_new, columns))

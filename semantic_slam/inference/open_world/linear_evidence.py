@@ -14,7 +14,6 @@ from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.outlier_choices import OutlierChoices
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
-from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.states.range_chart import moved
@@ -94,7 +93,7 @@ class LinearisedEvidence:
         self.spaces, self.mean, self.covariance = spaces, mean, covariance
         self.births, self.turns, self.errors = births, turns, errors
         self.layout, self.known, self.tail = spaces.layout, len(mean) - 1, pairs.tail
-        self._part, self._pairs, self._anchors = _stacked(pairs), pairs, anchors
+        self._part, self._pairs, self._anchors = pairs.part, pairs, anchors
 
     @classmethod
     def of(cls, spaces: Spaces, prediction: Prediction, pairs: PairDensities) -> Self:
@@ -278,16 +277,6 @@ class LinearisedEvidence:
         before = self.mean[own[:, 1:]][far][:, :size]
         states[:, 1:, :size][far] = moved(anchors[far], before, shift[:, 1:, :size][far])
         return states
-
-
-def _stacked(pairs: PairDensities) -> Linearisation:
-    """(D, M, ...) of all pairs."""
-    return Linearisation(
-        residual=np.array([part.residual for part in pairs.parts]),
-        jacobian_robot=np.array([part.jacobian_robot for part in pairs.parts]),
-        jacobian_object=np.array([part.jacobian_object for part in pairs.parts]),
-        log_normaliser=np.array([part.log_normaliser for part in pairs.parts]),
-    )
 
 
 def _first(joint: JointInnovation) -> JointInnovation:

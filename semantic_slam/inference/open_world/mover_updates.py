@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.existence import existence_after_miss
 from semantic_slam.inference.open_world.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -54,7 +54,7 @@ def _missed(
     own, detected = predicted.movers.take(left).with_rates(update.rates_kept), predicted.detected[left]
     if update.rates_kept is not None:
         detected = detected[:, update.rates_kept]
-    existence = missed(own.existence, detected)[1]
+    existence = existence_after_miss(own.existence, detected)
     likely = update.rates.average(existence)
     kept = (likely >= least_existence) & (predicted.recognised[left] | (likely > LIKELY))
     moving = own.moving.copy()

@@ -14,7 +14,7 @@ import numpy as np
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
 from semantic_slam.inference.models.moving import Moving
-from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.movers import STATE, Movers
@@ -116,7 +116,7 @@ class PredictedMovers:
     def log_missed(self) -> Array:
         """(T, G) log probabilities that what is known to move is not detected; 0 for others."""
         own = self.movers
-        return np.asarray(np.where(own.decided[:, None], missed(own.existence, self.detected)[0], 0.0))
+        return np.asarray(np.where(own.decided[:, None], log_miss(own.existence, self.detected), 0.0))
 
     def log_detected(self, least: float, log_missed: Array, undecided: Index) -> Array:
         """(T, G) log weights of being detected, as an object that moves, against a miss.

@@ -9,7 +9,7 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.open_geometry import geometry_of
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.smoothing.component import Component, tracked_states
@@ -42,14 +42,14 @@ def near_objects(
     if len(objects.ids) <= limit:
         return reach, np.full(len(births), -np.inf)
     away = np.full((len(births), len(objects.ids)), np.inf)
-    for own, born, detection in zip(away, births, detections, strict=True):
-        own[reach] = geometry.sigmas_away(tracked, robot, spread, born, detection)[reach]
+    if births:
+        away[:, reach] = geometry.sigmas_away(tracked, robot, spread, births, detections)[:, reach]
     excess = away.min(axis=0, initial=np.inf)
     order = np.argsort(excess, kind="stable")
     order = order[excess[order] < gate]
     peaks = np.array([detection.log_normaliser for detection in detections])
     detected = objects.existence[order[limit:]] * objects.rates.average(objects.rates.probability)
-    weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - missed(detected, np.ones(len(detected)))[0]
+    weights = -0.5 * away[:, order[limit:]] ** 2 + np.log(detected) - log_miss(detected, np.ones(len(detected)))
     beyond = peaks + np.logaddexp.reduce(weights, axis=1, initial=-np.inf)
     return np.sort(order[:limit]), np.asarray(beyond)
 

@@ -1,6 +1,6 @@
 """Association without a fixed map: objects come and go, and a detection may be a false alarm."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -20,7 +20,7 @@ from semantic_slam.inference.association.gating import (
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.models.heavy_tail import HeavyTail
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.existence import missed
+from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.existence_accounts import least_detected
 from semantic_slam.inference.open_world.joint_costs import JointCosts
 from semantic_slam.inference.open_world.joint_ranking import JointRanking
@@ -29,7 +29,7 @@ from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction import Prediction
 from semantic_slam.inference.open_world.predictor import Predictor
 from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
-from semantic_slam.inference.open_world.spatial.pairs_at_modes import pairs_at_modes
+from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import UnknownObjectsError
@@ -90,11 +90,13 @@ class OpenAssociation:
             )
             for component, detections in zip(parents.components, sensed, strict=True)
         ]
-        pairs = [self._with_words(step, prediction, self.pairs_of(prediction)) for prediction in predictions]
         if path is not None:
             columns = self._columns(step, predictions[0], path)
+            pairs = self.pairs_of(predictions, [_named(columns[0], len(predictions[0].near))])
             ranked = [RankedAssignments(columns, np.zeros(1), -np.inf)]
         else:
+            found = zip(predictions, self.pairs_of(predictions), strict=True)
+            pairs = [self._with_words(step, prediction, own) for prediction, own in found]
             ranked = [self.ranked(prediction, pair) for prediction, pair in zip(predictions, pairs, strict=True)]
         return OpenKeyframe(
             problem=self.problem,
@@ -107,13 +109,27 @@ class OpenAssociation:
             ranked=ranked,
         )
 
-    def pairs_of(self, prediction: Prediction) -> PairDensities:
-        """Densities of the detections of one parent under each object near them."""
-        spaces, model, anchors = self.problem.spaces, self.problem.model, prediction.anchors
-        pairs = self._at_prediction(prediction)
-        if anchors is None:
-            return pairs
-        return pairs_at_modes(spaces, model, prediction.detections, prediction.predicted, anchors, pairs)
+    def pairs_of(self, predictions: Sequence[Prediction], asked: Sequence[Flags] | None = None) -> list[PairDensities]:
+        """Densities of the detections of each parent under each object near them.
+
+        ``asked`` (D, M) for each parent: pairs of which they matter, where these are known; None: all.
+        """
+        every = [self._at_prediction(prediction) for prediction in predictions]
+        parents = {
+            number: ParentPairs(
+                detections=own.detections,
+                predicted=own.predicted,
+                anchors=own.anchors,
+                pairs=pairs,
+                asked=None if asked is None else asked[number],
+            )
+            for number, (own, pairs) in enumerate(zip(predictions, every, strict=True))
+            if own.anchors is not None
+        }
+        found = pairs_at_modes(self.problem.spaces, self.problem.model, list(parents.values()))
+        for number, pairs in zip(parents, found, strict=True):
+            every[number] = pairs
+        return every
 
     def _with_words(self, step: Step, prediction: Prediction, pairs: PairDensities) -> PairDensities:
         """The pairs with what a detector's words tell of each, where rays alone leave many of them."""
@@ -147,7 +163,7 @@ class OpenAssociation:
         detections would leave them. Columns are its near objects, then what the detections may start, then what moves.
         """
         near, least = prediction.near, least_detected(self.settings)
-        log_missed = missed(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])[0]
+        log_missed = log_miss(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])
         r, detected = prediction.existence[near] * prediction.stands[near], prediction.detected[near]
         with np.errstate(divide="ignore"):
             log_ratio = np.log(r * np.maximum(detected, least)) - log_missed[near]
@@ -235,3 +251,8 @@ class OpenAssociation:
         if unknown:
             raise UnknownObjectsError(unknown)
         return np.array([place[own] for own in named], dtype=int).reshape(1, -1)
+
+
+def _named(columns: Index, known: int) -> Flags:
+    """(D, M) which pairs with the M known objects the columns (D,) of a joint assignment name."""
+    return np.asarray(columns[:, None] == np.arange(known))

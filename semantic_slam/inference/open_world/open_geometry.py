@@ -23,8 +23,8 @@ class OpenGeometry(Protocol):
     def region(self, settings: OpenWorldConfiguration) -> Any:
         """The region in which a miss counts, as configured."""
 
-    def birth(self, model: ObservationModel, detection: Any, robot: Array, region: Any) -> Birth:
-        """The object that a detection starts, seen from the predicted ``robot`` (s,)."""
+    def births(self, model: ObservationModel, detections: Sequence[Any], robot: Array, region: Any) -> list[Birth]:
+        """The objects that detections start, seen from the predicted ``robot`` (s,)."""
 
     def expected_births(
         self,
@@ -64,8 +64,10 @@ class OpenGeometry(Protocol):
     def moving_along(self, robot: Array, states: Array) -> Array:
         """(N, l, r) changes of objects that move with the robot as if they were fixed to it."""
 
-    def sigmas_away(self, tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
-        """(O,) standard deviations between a detection and where each object is predicted."""
+    def sigmas_away(
+        self, tracked: TrackedStates, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any]
+    ) -> Array:
+        """(D, O) standard deviations between detections and where each object is predicted."""
 
     def is_lost(self, spread: Array) -> bool:
         """Whether a predicted robot with (r, r) covariance does not tell what is in sight."""

@@ -41,8 +41,10 @@ class PlanarGeometry:
     def region(self, settings: OpenWorldConfiguration) -> SensorRegion:
         return sensor_region(settings)
 
-    def birth(self, model: ObservationModel, detection: Any, robot: Array, region: SensorRegion) -> Birth:
-        return birth_of(model, detection, robot, region.field_of_view_rad)
+    def births(
+        self, model: ObservationModel, detections: Sequence[Any], robot: Array, region: SensorRegion
+    ) -> list[Birth]:
+        return [birth_of(model, detection, robot, region.field_of_view_rad) for detection in detections]
 
     def expected_births(
         self,
@@ -83,8 +85,14 @@ class PlanarGeometry:
     def moving_along(self, robot: Array, states: Array) -> Array:
         return se2.adjoint(se2.between(states, broadcast_copy(robot, states.shape)))
 
-    def sigmas_away(self, tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
-        """Standard deviations of the direction alone where a detection has no range."""
+    def sigmas_away(
+        self, tracked: TrackedStates, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any]
+    ) -> Array:
+        pairs = zip(births, detections, strict=True)
+        return np.array([self._sigmas_away(tracked, robot, spread, *pair) for pair in pairs])
+
+    def _sigmas_away(self, tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
+        """(O,) of one detection: of the direction alone where it has no range."""
         sigma = float(position_sigmas(spread[None])[0])
         if detection.has_range:
             swing, noise = spread[2, 2] * detection.range_m**2, float(position_sigmas(born.noise[None])[0])

@@ -58,6 +58,12 @@ class Prediction:
         return stands
 
     @cached_property
+    def log_born(self) -> Array:
+        """(D, G) by how much more likely detections are as first ones than under their stand-ins, in logarithms."""
+        areas = np.array([birth.log_area - birth.log_stand_in for birth in self.births])
+        return np.asarray(self.log_intensity + areas[:, None])
+
+    @cached_property
     def undecided(self) -> Index:
         """(u,) rows of the objects that may move, in the order of their ids."""
         assert self.movers is not None
@@ -106,9 +112,9 @@ class Prediction:
         seen = []
         for item in observed:
             if item.object_id not in births:
-                part, column = pairs.parts[item.number], int(np.searchsorted(self.near_ids, item.object_id))
+                part, at = pairs.part, (item.number, int(np.searchsorted(self.near_ids, item.object_id)))
                 by_errors = self._residual_by_errors(item.number)
-                slopes = part.jacobian_robot[column], part.jacobian_object[column], by_errors
+                slopes = part.jacobian_robot[at], part.jacobian_object[at], by_errors
                 seen.append(LocalDetection(item.object_id, *(slope / item.width for slope in slopes)))
         started = [
             LocalStart(item.object_id, own.prior.mean, own.gain, *self._place_by_errors(item.number, own))

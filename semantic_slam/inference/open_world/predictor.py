@@ -60,7 +60,7 @@ class Predictor:
         predicted, tracked = PredictedRobot.of(component, motion), tracked_states(component)
         robot, geometry = predicted.state, geometry_of(component.spaces)
         region = geometry.region(self.settings).reaching(sensed).read_by(component.settings)
-        births = [geometry.birth(self.model, detection, robot, region) for detection in detections]
+        births = geometry.births(self.model, detections, robot, region)
         reach = self._in_reach(component, region, robot, predicted.covariance)
         if named is None:
             near, beyond = near_objects(

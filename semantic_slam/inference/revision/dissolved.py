@@ -47,10 +47,11 @@ def _without(view: Hindsight, owners: Owners, row: int, others: Collection[int] 
 
     Or as one of none. Gone with the object are its misses, and one of each object that was missed in its place.
     """
-    found, times = [own.copy() for own in owners], np.array([(own == row).any() for own in owners])
+    found, times = list(owners), np.zeros(len(owners), dtype=bool)
+    times[np.repeat(np.arange(len(owners)), [len(own) for own in owners])[np.concatenate(owners) == row]] = True
     gain = -view.log_missed * float((view.in_view[row] & ~times).sum())
     for keyframe in np.flatnonzero(times).tolist():
-        own = found[keyframe]
+        own = found[keyframe] = owners[keyframe].copy()
         number = int(np.flatnonzero(own == row)[0])
         weights = view.log_weights[keyframe][number]
         may = weights.copy()

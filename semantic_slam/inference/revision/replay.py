@@ -72,7 +72,8 @@ class Replay:
         known, along = self._kept | self._beside, set(self._numbers(first))
         found = [self._replayed(first, known)]
         self._kept = {number: own for number, own in known.items() if number in along and stays(own.at, len(first))}
-        known = dict(self._kept)
+        again = {number for lineage in others for number in self._numbers(lineage)}  # tried a moment ago, maybe
+        known = self._kept | {number: own for number, own in known.items() if number in again}
         found += [self._replayed(lineage, known) for lineage in others]
         self._beside = {
             number: own for number, own in known.items() if number not in self._kept and stays(own.at, len(first))

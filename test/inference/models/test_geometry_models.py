@@ -18,7 +18,7 @@ from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
-from semantic_slam.inference.models.spatial.ray import polar, polar_slopes
+from semantic_slam.inference.models.spatial.ray import polar, polar_and_slopes
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
 from semantic_slam.inference.states.planar_poses import PlanarPoses
 from semantic_slam.inference.states.planar_positions import PlanarPositions
@@ -111,7 +111,7 @@ class TestRangeAndRayOfPoints(GeometryModelContract):
             np.testing.assert_allclose(polar(away, ray, basis), [2.0, 0.0, off], rtol=1e-6, atol=1e-16)
             assert np.linalg.norm(polar(-away, ray, basis)[1:]) == pytest.approx(np.pi - off, abs=1e-12)
         assert np.linalg.norm(polar(-ray, ray, basis)[1:]) == pytest.approx(np.pi)
-        assert np.isfinite(polar_slopes(-ray, ray, basis)).all()
+        assert np.isfinite(polar_and_slopes(-ray, ray, basis)[1]).all()
 
     def test_two_points_tell_how_the_robot_is_turned_about_the_vertical(self, random: np.random.Generator) -> None:
         x, points = self.pairs(random, 1)[0], random.normal(loc=[3.0, 0.0, 0.0], size=(2, 1, 3))

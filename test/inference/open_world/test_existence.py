@@ -7,7 +7,7 @@ import pytest
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.inference.open_world.detection_probability import undetected_share
-from semantic_slam.inference.open_world.existence import birth, missed
+from semantic_slam.inference.open_world.existence import birth, existence_after_miss, log_miss
 from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
@@ -20,18 +20,19 @@ def test_misses_follow_bayes_rule_in_closed_form() -> None:
     r, p, total = np.array([0.3, 0.9, 1.0]), np.array([0.8, 0.5, 0.2]), np.zeros(3)
     after = r
     for n in range(1, 8):
-        factor, after = missed(after, p)
-        total += factor
+        total += log_miss(after, p)
+        after = existence_after_miss(after, p)
         unseen = r * (1.0 - p) ** n
         np.testing.assert_allclose(after, unseen / (1.0 - r + unseen), rtol=1e-12)
         np.testing.assert_allclose(np.exp(total), 1.0 - r + unseen, rtol=1e-12)
 
 
 def test_an_object_that_would_surely_be_seen_does_not_exist() -> None:
-    factor, after = missed(np.array([1.0, 0.4]), np.array([1.0, 1.0]))
+    existence, detected = np.array([1.0, 0.4]), np.array([1.0, 1.0])
+    factor = log_miss(existence, detected)
     assert factor[0] < -600.0
     np.testing.assert_allclose(factor[1], np.log(0.6))
-    assert after.tolist() == [0.0, 0.0]
+    assert existence_after_miss(existence, detected).tolist() == [0.0, 0.0]
 
 
 def test_a_first_detection_shares_between_clutter_and_new_objects() -> None:

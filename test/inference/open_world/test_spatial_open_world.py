@@ -11,7 +11,7 @@ from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.open_world.open_geometry import geometry_of
-from semantic_slam.inference.open_world.spatial.births import birth_in_space
+from semantic_slam.inference.open_world.spatial.births import births_in_space
 from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 
@@ -63,7 +63,7 @@ def test_objects_follow_a_robot_as_their_slopes_say() -> None:
     body = np.array([0.5, -1.0, 1.5])
     ray = body / np.linalg.norm(body)
     detection = SpatialDetection(ray=ray, range_m=float(np.linalg.norm(body)), covariance=np.diag([0.01, 1e-4, 4e-4]))
-    born = birth_in_space(SpatialObservation(), detection, POSE, REGION)
+    (born,) = births_in_space(SpatialObservation(), [detection], POSE, REGION)
     place = space.displacement(POSE, body, np.zeros(3))
     np.testing.assert_allclose(born.prior.mean, place, atol=1e-12)
     steps = 1e-6 * np.eye(6)
@@ -80,7 +80,8 @@ def test_the_noise_of_a_born_object_is_that_of_its_ray_and_range() -> None:
     rays = detection.ray + off[:, 1:] @ detection.basis.T
     points = (2.0 + off[:, :1]) * rays / np.linalg.norm(rays, axis=1, keepdims=True)
     sampled = np.cov(so3.matrix(POSE[3:]) @ points.T)
-    np.testing.assert_allclose(birth_in_space(SpatialObservation(), detection, POSE, REGION).noise, sampled, atol=2e-4)
+    (born,) = births_in_space(SpatialObservation(), [detection], POSE, REGION)
+    np.testing.assert_allclose(born.noise, sampled, atol=2e-4)
 
 
 DRIFT = np.array([0.004, 0.004, 0.01, 0.02, 0.02, 0.02])

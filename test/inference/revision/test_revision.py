@@ -180,6 +180,7 @@ def test_a_history_that_was_replayed_beside_another_goes_on_from_there(monkeypat
     first, other = [own.lineage for own in engine.live.values()][:2]
     found = replay.log_joints([first, other])
     monkeypatch.setattr(Replay, "advanced", None)
+    assert replay.log_joints([first, other]) == found
     assert replay.log_joints([other]) == found[1:]
 
 

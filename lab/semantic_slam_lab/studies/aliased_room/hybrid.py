@@ -17,7 +17,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.open_world.detection_probability import undetected_share
-from semantic_slam.inference.open_world.existence import birth, missed
+from semantic_slam.inference.open_world.existence import birth, existence_after_miss
 from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.sensor_region import sensor_region
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -265,7 +265,7 @@ class HybridDrive:
                 landmark.existence = 1.0
                 continue
             detected = self._detected(n, k, self._map.values, polar)
-            landmark.existence = float(missed(np.array(landmark.existence), np.array(detected))[1])
+            landmark.existence = float(existence_after_miss(np.array(landmark.existence), np.array(detected)))
             landmark.alive = landmark.existence >= self._settings.least_existence
 
     def _resolved(self, chosen: list[tuple[int, ...]]) -> gtsam.NonlinearFactorGraph:

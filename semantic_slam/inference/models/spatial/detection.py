@@ -54,7 +54,7 @@ class SpatialDetection:
         """
         return self.ray_variance if self.has_range else 0.0
 
-    @property
+    @cached_property
     def ray_variance(self) -> float:
         """[rad^2] in the direction in which the ray errs most."""
         return float(np.linalg.eigvalsh(self.covariance[1:, 1:])[-1])

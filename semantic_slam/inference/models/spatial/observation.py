@@ -23,7 +23,7 @@ from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
 from semantic_slam.inference.models.spatial.gate import least_cost
 from semantic_slam.inference.models.spatial.range_prior import RangePrior
-from semantic_slam.inference.models.spatial.ray import distances, off_axis, polar, polar_slopes
+from semantic_slam.inference.models.spatial.ray import distances, off_axis, polar, polar_and_slopes
 from semantic_slam.inference.models.spatial.ray_factor import ray_factor, with_tail
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import Spaces
@@ -56,9 +56,10 @@ class SpatialObservation(PointGeometry):
         detections = _repeated(detections, len(x))
         relative = self.spaces.relative_position(x, o)
         point = relative.point - detections.origin
-        by_point = detections.whiten @ polar_slopes(point, detections.ray, detections.basis)
+        off, slopes = polar_and_slopes(point, detections.ray, detections.basis)
+        by_point = detections.whiten @ slopes
         return Linearisation(
-            residual=_residual(detections, point),
+            residual=_residual(detections, off),
             jacobian_robot=by_point @ relative.by_robot,
             jacobian_object=by_point @ relative.by_landmark,
             log_normaliser=detections.log_normaliser.copy(),
@@ -67,7 +68,8 @@ class SpatialObservation(PointGeometry):
     def log_likelihood(self, detections: SpatialDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its slopes."""
         detections = _repeated(detections, len(x))
-        off = _residual(detections, self._seen(x, o) - detections.origin)
+        point = self._seen(x, o) - detections.origin
+        off = _residual(detections, polar(point, detections.ray, detections.basis))
         return np.asarray(detections.log_normaliser - 0.5 * squared_norms(off))
 
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
@@ -146,11 +148,11 @@ class SpatialObservation(PointGeometry):
         return self.spaces.robot.turned_back(x, self.spaces.landmark.position(o) - x[..., :3])
 
 
-def _residual(detections: SpatialDetections, point: Array) -> Array:
-    """(B, 3) whitened residual of range and ray of points in the body frame."""
-    off = polar(point, detections.ray, detections.basis)
-    off[:, 0] -= detections.range_m
-    return np.asarray((detections.whiten @ off[..., None])[..., 0])
+def _residual(detections: SpatialDetections, off: Array) -> Array:
+    """(B, 3) whitened residual of range and ray of points that are at ranges and ``off`` (B, 3) the rays."""
+    residual = off.copy()
+    residual[:, 0] -= detections.range_m
+    return np.asarray((detections.whiten @ residual[..., None])[..., 0])
 
 
 def _repeated(detections: SpatialDetections, count: int) -> SpatialDetections:

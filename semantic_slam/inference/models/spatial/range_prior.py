@@ -32,8 +32,9 @@ class RangePrior(GaussianPrior):
     @classmethod
     def of(cls, log_range: LogRange, ray: Array, sensor: Array, robot: Array) -> "RangePrior":
         """From a ``ray`` (3,) that begins at the ``sensor`` (3,) of a ``robot`` (7,)."""
-        anchor = robot[:3] + so3.rotated(robot[3:], sensor)
-        place = anchor + so3.rotated(robot[3:], log_range.range_m * ray)
+        mounted, away = so3.rotated(robot[3:], np.stack([sensor, log_range.range_m * ray]))
+        anchor = robot[:3] + mounted
+        place = anchor + away
         spread = (log_range.sigma * log_range.range_m) ** 2 * np.eye(3)
         return cls(place, spread, anchor, sensor, log_range)
 

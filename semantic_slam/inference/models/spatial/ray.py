@@ -32,14 +32,11 @@ def polar(point: Array, ray: Array, basis: Array) -> Array:
     """(..., 3) distance [m] of points (..., 3), and how far off rays (..., 3) they are [rad], along (..., 3, 2)."""
     unit, distance = _direction(point)
     aside, sine, cosine = _arc(unit, ray, basis)
-    found = np.empty((*sine.shape, 3))
-    found[..., 0] = distance
-    found[..., 1:] = np.arctan2(sine, cosine)[..., None] * aside
-    return found
+    return _polar(distance, np.arctan2(sine, cosine), aside)
 
 
-def polar_slopes(point: Array, ray: Array, basis: Array) -> Array:
-    """(..., 3, 3) derivatives of :func:`polar` by the point."""
+def polar_and_slopes(point: Array, ray: Array, basis: Array) -> tuple[Array, Array]:
+    """:func:`polar`, and (..., 3, 3) its derivatives by the point."""
     unit, distance = _direction(point)
     aside, sine, cosine = _arc(unit, ray, basis)
     bounded = np.where(cosine < 0.0, np.maximum(sine, LEAST_SINE), sine)
@@ -52,6 +49,13 @@ def polar_slopes(point: Array, ray: Array, basis: Array) -> Array:
     found[..., 1:, :] = aside[..., None] * (along - ratio[..., None] * outward)[..., None, :]
     found[..., 1:, :] += ratio[..., None, None] * np.swapaxes(basis, -1, -2)
     found[..., 1:, :] /= np.maximum(distance, NEAREST_M)[..., None, None]
+    return _polar(distance, arc, aside), found
+
+
+def _polar(distance: Array, arc: Array, aside: Array) -> Array:
+    found = np.empty((*arc.shape, 3))
+    found[..., 0] = distance
+    found[..., 1:] = arc[..., None] * aside
     return found
 
 

@@ -55,7 +55,7 @@ class NamedAssociation(OpenAssociation):
             )
             for component in parents.components
         ]
-        pairs = [self.pairs_of(prediction) for prediction in predictions]
+        pairs = self.pairs_of(predictions)
         log_wrong = np.array([self._log_wrong(own.region, own.detections) for own in predictions])
         columns = np.where(known, np.searchsorted(named, identities), -1)
         columns[first] = len(named) + first

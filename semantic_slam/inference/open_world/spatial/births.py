@@ -13,7 +13,7 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
 from semantic_slam.inference.open_world.births import WIDTH, Birth
 from semantic_slam.inference.open_world.detection_probability import share_after_looks
 from semantic_slam.inference.open_world.existence import birth
@@ -27,16 +27,21 @@ AROUND = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])
 """(6, 3) points of equal weight that have the mean and the covariance of a standard normal."""
 
 
-def birth_in_space(model: ObservationModel, detection: SpatialDetection, robot: Array, region: SpatialRegion) -> Birth:
-    """The object that ``detection`` starts, seen from the predicted ``robot`` (7,)."""
-    if not detection.has_range:
-        return _birth_along_ray(model, detection, robot, region)
-    point, turn = detection.range_m * detection.ray, so3.matrix(robot[3:])
+def births_in_space(
+    model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion
+) -> list[Birth]:
+    """The objects that ``detections`` start, seen from the predicted ``robot`` (7,)."""
+    turn = so3.matrix(robot[3:])
+    along = iter(_births_along_rays(model, [own for own in detections if not own.has_range], robot, turn, region))
+    return [_birth_at_range(model, own, robot, turn) if own.has_range else next(along) for own in detections]
+
+
+def _birth_at_range(model: ObservationModel, detection: SpatialDetection, robot: Array, turn: Array) -> Birth:
     polar = turn @ np.column_stack([detection.ray, detection.range_m * detection.basis])
     noise = polar @ detection.covariance @ polar.T
     return Birth(
         prior=model.object_prior(detection, robot),
-        gain=np.hstack([-turn @ so3.hat(point), turn]),
+        gain=np.hstack([-turn @ so3.hat(detection.range_m * detection.ray), turn]),
         spread=WIDTH**2 * noise,
         noise=noise,
         by_error=np.zeros((3, 0)),
@@ -45,25 +50,35 @@ def birth_in_space(model: ObservationModel, detection: SpatialDetection, robot: 
     )
 
 
-def _birth_along_ray(
-    model: ObservationModel, detection: SpatialDetection, robot: Array, region: SpatialRegion
-) -> Birth:
-    """As far as what is known of the range has it; the stand-in prior is wide across the ray alone."""
-    known, turn = detection.log_range, so3.matrix(robot[3:])
-    along = turn @ (known.range_m * detection.ray)
-    by_range = known.sigma**2 * np.outer(along, along)
-    aside = known.range_m * turn @ detection.basis
-    by_ray = aside @ detection.covariance[1:, 1:] @ aside.T
-    point = detection.origin + known.range_m * detection.ray
-    return Birth(
-        prior=model.object_prior(detection, robot),
-        gain=np.hstack([-turn @ so3.hat(point), turn]),
-        spread=by_range + WIDTH**2 * by_ray,
-        noise=by_range + by_ray,
-        by_error=np.zeros((3, 0)),
-        log_area=float(np.log((region.max_range_m**3 - region.min_range_m**3) / 3.0)),
-        log_stand_in=float(detection.log_normaliser - np.log1p(WIDTH**2)),
-    )
+def _births_along_rays(
+    model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, turn: Array, region: SpatialRegion
+) -> list[Birth]:
+    """As far as what is known of the ranges has it; the stand-in priors are wide across the rays alone."""
+    seen, count = SpatialDetections.of(detections), len(detections)
+    ranges = np.array([own.log_range.range_m for own in detections])[:, None, None]
+    sigmas = np.array([own.log_range.sigma for own in detections])[:, None, None]
+    errors = np.array([own.covariance[1:, 1:] for own in detections]).reshape(count, 2, 2)
+    shown = ranges * seen.ray[..., None]  # (D, 3, 1) from the camera
+    along = turn @ shown
+    by_range = sigmas**2 * (along @ np.swapaxes(along, 1, 2))
+    aside = (ranges * turn) @ seen.basis
+    by_ray = aside @ errors @ np.swapaxes(aside, 1, 2)
+    gains = np.concatenate([-turn @ so3.hat(seen.origin + shown[..., 0]), np.tile(turn, (count, 1, 1))], axis=2)
+    log_volume = float(np.log((region.max_range_m**3 - region.min_range_m**3) / 3.0))
+    return [
+        Birth(
+            prior=model.object_prior(own, robot),
+            gain=gain,
+            spread=spread,
+            noise=noise,
+            by_error=np.zeros((3, 0)),
+            log_area=log_volume,
+            log_stand_in=float(own.log_normaliser - np.log1p(WIDTH**2)),
+        )
+        for own, gain, spread, noise in zip(
+            detections, gains, by_range + WIDTH**2 * by_ray, by_range + by_ray, strict=True
+        )
+    ]
 
 
 def expected_births_in_space(
@@ -138,10 +153,11 @@ def _born_at(births: list[Birth], detections: Sequence[SpatialDetection], robot:
 
     Of a ray alone, for equal parts of the volume along it.
     """
-    places = [
-        own.prior.mean + AROUND @ np.linalg.cholesky(own.noise).T
-        if seen.has_range
-        else robot[:3] + so3.rotated(robot[3:], seen.origin + region.shells(len(AROUND))[:, None] * seen.ray)
-        for own, seen in zip(births, detections, strict=True)
-    ]
-    return np.concatenate(places) if places else np.zeros((0, 3))
+    places = np.empty((len(births), len(AROUND), 3))
+    is_ray = np.array([not own.has_range for own in detections], dtype=bool)
+    rays = SpatialDetections.of([own for own in detections if not own.has_range])
+    reached = rays.origin[:, None] + region.shells(len(AROUND))[:, None] * rays.ray[:, None]
+    places[is_ray] = robot[:3] + so3.rotated(robot[3:], reached)
+    for number in np.flatnonzero(~is_ray).tolist():
+        places[number] = births[number].prior.mean + AROUND @ np.linalg.cholesky(births[number].noise).T
+    return places.reshape(-1, 3)

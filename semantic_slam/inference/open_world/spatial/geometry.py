@@ -15,7 +15,7 @@ from semantic_slam.inference.models.spatial.ray import distances, off_axis
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
-from semantic_slam.inference.open_world.spatial.births import birth_in_space, expected_births_in_space, shown_by
+from semantic_slam.inference.open_world.spatial.births import births_in_space, expected_births_in_space, shown_by
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -35,8 +35,10 @@ class SpatialGeometry:
     def region(self, settings: OpenWorldConfiguration) -> SpatialRegion:
         return SpatialRegion.of(settings)
 
-    def birth(self, model: ObservationModel, detection: SpatialDetection, robot: Array, region: SpatialRegion) -> Birth:
-        return birth_in_space(model, detection, robot, region)
+    def births(
+        self, model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion
+    ) -> list[Birth]:
+        return births_in_space(model, detections, robot, region)
 
     def expected_births(
         self,
@@ -80,22 +82,27 @@ class SpatialGeometry:
         return np.asarray(-np.linalg.solve(relative.by_landmark, relative.by_robot), dtype=np.float64)
 
     def sigmas_away(
-        self, tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: SpatialDetection
+        self,
+        tracked: TrackedStates,
+        robot: Array,
+        spread: Array,
+        births: list[Birth],
+        detections: Sequence[SpatialDetection],
     ) -> Array:
         """Standard deviations of the direction alone where a detection has no range."""
-        turn, place = _sigmas(spread)
-        if not detection.has_range:
-            return self._off_ray(tracked, robot, turn, place, detection)
-        noise = float(largest_sigmas(born.noise[None])[0])
-        errors = np.sqrt(place**2 + (turn * detection.range_m) ** 2 + tracked.sigmas**2 + noise**2)
-        return np.asarray(self.distances(tracked.states, born.prior.mean) / errors)
-
-    def _off_ray(
-        self, tracked: TrackedStates, robot: Array, turn: float, place: float, detection: SpatialDetection
-    ) -> Array:
-        body = self.spaces.robot.turned_back(robot, tracked.states - robot[:3]) - detection.origin
-        across = (place**2 + tracked.sigmas**2) / distances(body) ** 2
-        return np.asarray(off_axis(body, detection.ray) / np.sqrt(detection.ray_variance + turn**2 + across))
+        (turn, place), known = _sigmas(spread), tracked.sigmas**2
+        body = self.spaces.robot.turned_back(robot, tracked.states - robot[:3])
+        found = np.empty((len(detections), len(known)))
+        for own, born, detection in zip(found, births, detections, strict=True):
+            if detection.has_range:
+                noise = float(largest_sigmas(born.noise[None])[0])
+                errors = np.sqrt(place**2 + (turn * detection.range_m) ** 2 + known + noise**2)
+                own[:] = self.distances(tracked.states, born.prior.mean) / errors
+            else:
+                seen = body - detection.origin
+                across = (place**2 + known) / distances(seen) ** 2
+                own[:] = off_axis(seen, detection.ray) / np.sqrt(detection.ray_variance + turn**2 + across)
+        return found
 
     def is_lost(self, spread: Array) -> bool:
         turn, place = _sigmas(spread)

@@ -13,6 +13,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, squared_norms
 from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
+from semantic_slam.geometry.rows import joined_rows, take
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
@@ -27,39 +28,90 @@ FIRST_STEPS, HOPELESS = 2, 50.0
 """Steps after which a pair that is still so many nats from agreeing is looked at no longer: no gate lets it in."""
 
 
-def pairs_at_modes(
-    spaces: Spaces,
-    model: ObservationModel,
-    detections: Sequence[Any],
-    predicted: PredictedBelief,
-    anchors: Array,
-    pairs: PairDensities,
-) -> PairDensities:
-    """The ``pairs`` of one parent's detections and M objects, some linearised elsewhere.
+@dataclass(frozen=True, kw_only=True)
+class ParentPairs:
+    """The pairs of one parent's D detections and M objects, as they are at the prediction."""
 
-    ``anchors`` (M, 3): from where objects were first seen along a ray alone; NaN of others.
-    """
-    joint, size = predicted.pair_covariances()[0], spaces.layout.robot
-    objects = predicted.mean[0, 1:, : spaces.storage.landmark]
-    known = np.isfinite(anchors).all(axis=1)
-    wide = np.flatnonzero(known)
-    wide = wide[relative_sigmas(anchors[wide], objects[wide], joint[wide, size:, size:]) > LEAST_SIGMA]
-    if not len(wide) or not detections:
-        return pairs
-    numbers, columns = (own.ravel() for own in np.meshgrid(np.arange(len(detections)), wide, indexing="ij"))
-    problem = PairProblem(
-        spaces=spaces,
-        model=model,
-        detections=model.collect(detections).take(numbers),
-        robot=predicted.mean[0, 0, : spaces.storage.robot],
-        objects=objects[columns],
-        anchors=anchors[columns],
-        root=np.linalg.cholesky(joint[columns]),
-    )
+    detections: Sequence[Any]  # D
+    predicted: PredictedBelief
+    anchors: Array  # (M, 3) from where objects were first seen along a ray alone; NaN of others
+    pairs: PairDensities
+    asked: Flags | None = None  # (D, M) which pairs anybody asks for; None: all
+
+    def problem(self, spaces: Spaces, model: ObservationModel) -> "PairProblem":
+        """The pairs that are not linear enough at the prediction."""
+        covariance, robot = self.predicted.pair_covariances()[0], self.predicted.mean[0, 0, : spaces.storage.robot]
+        objects = self.predicted.mean[0, 1:, : spaces.storage.landmark]
+        known = np.flatnonzero(np.isfinite(self.anchors).all(axis=1))
+        of_object = covariance[known, spaces.layout.robot :, spaces.layout.robot :]
+        wide = known[relative_sigmas(self.anchors[known], objects[known], of_object) > LEAST_SIGMA]
+        looked_at = np.zeros(self.pairs.distance.shape, dtype=bool)
+        looked_at[:, wide] = True if self.asked is None else self.asked[:, wide]
+        numbers, columns = np.nonzero(looked_at)
+        used, place = np.unique(columns, return_inverse=True)
+        return PairProblem(
+            spaces=spaces,
+            model=model,
+            numbers=numbers,
+            columns=columns,
+            detections=model.collect(self.detections).take(numbers),
+            robots=broadcast_copy(robot, (len(numbers), len(robot))),
+            objects=objects[columns],
+            anchors=self.anchors[columns],
+            covariance=covariance[columns],
+            root=np.linalg.cholesky(covariance[used])[place],
+        )
+
+
+def pairs_at_modes(spaces: Spaces, model: ObservationModel, parents: Sequence[ParentPairs]) -> list[PairDensities]:
+    """The pairs of each parent, some linearised elsewhere: searched for all at once, each as it would be by itself."""
+    problems = [own.problem(spaces, model) for own in parents]
+    ends = np.cumsum([len(own.numbers) for own in problems])
+    if not len(ends) or not ends[-1]:
+        return [own.pairs for own in parents]
+    problem = PairProblem.joined(problems)
     y = problem.mode()
-    return _with_parts(
-        pairs, problem.linearised(y), joint[columns], (numbers, columns), (problem.root @ y[..., None])[..., 0]
+    part = problem.linearised(y)
+    innovation = Innovation.of(part, _jacobian(part), problem.covariance)
+    found = _Found(
+        numbers=problem.numbers,
+        columns=problem.columns,
+        part=part,
+        log_density=innovation.log_density,
+        distance=innovation.distance,
+        offsets=(_jacobian(part) @ (problem.root @ y[..., None]))[..., 0],
     )
+    starts = [0, *ends[:-1].tolist()]
+    return [
+        take(found, slice(start, end)).put_into(own.pairs)
+        for own, start, end in zip(parents, starts, ends.tolist(), strict=True)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """B pairs at their modes."""
+
+    numbers: Index  # (B,) detections
+    columns: Index  # (B,) objects
+    part: Linearisation
+    log_density: Array  # (B,)
+    distance: Array  # (B,)
+    offsets: Array  # (B, m) of the linear residuals where they were linearised
+
+    def put_into(self, pairs: PairDensities) -> PairDensities:
+        """The pairs with these in their place."""
+        if not len(self.numbers):
+            return pairs
+        at, shape = (self.numbers, self.columns), pairs.distance.shape
+        density, distance = pairs.log_density.copy(), pairs.distance.copy()
+        density[at], distance[at] = self.log_density, self.distance
+        part = replace(pairs.part, **{name: values.copy() for name, values in vars(pairs.part).items()})
+        for name, values in vars(self.part).items():
+            getattr(part, name)[at] = values
+        offsets, elsewhere = np.zeros((*shape, self.offsets.shape[1])), np.zeros(shape, dtype=bool)
+        offsets[at], elsewhere[at] = self.offsets, True
+        return PairDensities(density, distance, part, offsets, elsewhere)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,21 +120,24 @@ class PairProblem:
 
     spaces: Spaces
     model: ObservationModel
+    numbers: Index  # (B,) detections of their parents
+    columns: Index  # (B,) objects of their parents
     detections: Any  # B
-    robot: Array  # (s,)
+    robots: Array  # (B, s)
     objects: Array  # (B, 3)
     anchors: Array  # (B, 3)
-    root: Array  # (B, r + l, r + l)
+    covariance: Array  # (B, r + l, r + l) of robot and object
+    root: Array  # (B, r + l, r + l) its factor
+
+    @classmethod
+    def joined(cls, problems: Sequence["PairProblem"]) -> "PairProblem":
+        """All pairs of several."""
+        whole = joined_rows(problems, ("spaces", "model", "detections"))
+        return replace(whole, detections=joined_rows([own.detections for own in problems], ()))
 
     def select(self, selection: Index) -> "PairProblem":
         """The chosen pairs."""
-        return replace(
-            self,
-            detections=self.detections.take(selection),
-            objects=self.objects[selection],
-            anchors=self.anchors[selection],
-            root=self.root[selection],
-        )
+        return take(self, selection, _ROWS)
 
     def mode(self) -> Array:
         """(B, n) where each is found; of those that never agree, where the search was given up."""
@@ -110,10 +165,9 @@ class PairProblem:
     def _part(self, tangent: Array) -> Linearisation:
         """With derivatives by what leads from the prediction."""
         size, space = self.spaces.layout.robot, self.spaces.robot
-        robots = broadcast_copy(self.robot, (len(tangent), len(self.robot)))
         step, chart = space.exp_and_jacobian(tangent[:, :size])
         objects, slopes = moved_and_slopes(self.anchors, self.objects, tangent[:, size:])
-        part = self.model.geometry(self.detections, space.compose(robots, step), objects)
+        part = self.model.geometry(self.detections, space.compose(self.robots, step), objects)
         return replace(part, jacobian_robot=part.jacobian_robot @ chart, jacobian_object=part.jacobian_object @ slopes)
 
 
@@ -121,20 +175,5 @@ def _jacobian(part: Linearisation) -> Array:
     return np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
 
 
-def _with_parts(
-    pairs: PairDensities, part: Linearisation, joint: Array, at: tuple[Index, Index], points: Array
-) -> PairDensities:
-    """Pairs ``at`` (B,) detections and (B,) objects replaced, linearised at tangent vectors ``points`` (B, r + l)."""
-    innovation = Innovation.of(part, _jacobian(part), joint)
-    density, distance = pairs.log_density.copy(), pairs.distance.copy()
-    density[at], distance[at] = innovation.log_density, innovation.distance
-    parts = [replace(own, **{name: values.copy() for name, values in vars(own).items()}) for own in pairs.parts]
-    for row, (number, column) in enumerate(zip(*at, strict=True)):
-        for name, values in vars(part).items():
-            getattr(parts[number], name)[column] = values[row]
-    shape = density.shape
-    offsets = np.zeros((*shape, part.residual.shape[1]))
-    offsets[at] = (_jacobian(part) @ points[..., None])[..., 0]
-    elsewhere: Flags = np.zeros(shape, dtype=bool)
-    elsewhere[at] = True
-    return PairDensities(density, distance, parts, offsets, elsewhere)
+_ROWS = ("numbers", "columns", "detections", "robots", "objects", "anchors", "covariance", "root")
+"""Fields of a :class:`PairProblem` that have a row for each pair."""
