@@ -22,7 +22,6 @@ KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
     [
         ({"association": "open", "open_world": {"iterate_updates": False}}, "iterate_updates: true"),
         ({"association": "given", "open_world": {"iterate_updates": False}}, "iterate_updates: true"),
-        ({"association": "open", "revision": {"every_keyframes": 5}}, "revision.every_keyframes: 0"),
         ({"association": "open", "open_world": {"learn_region": True}}, "learn_region: false"),
         ({"association": "open", "open_world": {"direction_rad": 0.1}}, "direction_rad: 0"),
         ({"association": "open", "open_world": {"field_of_view_rad": 3.2}}, "below half a turn"),
