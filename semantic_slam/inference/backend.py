@@ -133,6 +133,7 @@ class Backend:
         weights = dict(zip(commit.ids[rows].tolist(), commit.log_weights[rows].tolist(), strict=True))
         if self._answer is not None and commit.keyframe == self.committed and mine == self._asked:
             self.held = {number: replace(own, log_weight=weights[number]) for number, own in self.held.items()}
+            self._given = {}
             return self._answer
         grown = self._survivors(commit, rows)
         kept = {number: outcome for number, outcome in grown.items() if isinstance(outcome, Component)}

@@ -110,13 +110,15 @@ class Engine:
     @property
     def carried(self) -> float:
         """Probability that the robot was carried elsewhere in the last keyframes, or once and has not been found."""
+        if not self.recovery.is_on:
+            return 0.0
         lately = slice(max(self.hypotheses.num_keyframes - SOON, 1), None)
         weights = [
             own.log_weight
             for own in self.live.values()
             if any(map(carried_to, own.lineage[lately])) or new_grounds(own.lineage)
         ]
-        return float(np.exp(np.logaddexp.reduce(weights))) if weights and self.recovery.is_on else 0.0
+        return float(np.exp(np.logaddexp.reduce(weights))) if weights else 0.0
 
     @property
     def lost(self) -> Counter[str]:

@@ -40,7 +40,7 @@ class _Tracks:
         return cls(names, np.full(len(names), stamp_ns), boxes, np.zeros(boxes.shape))
 
     def alive(self, stamp_ns: int) -> "_Tracks":
-        """Those that still wait for a box at an instant."""
+        """The tracks that still wait for a box at an instant."""
         ages = stamp_ns - self.stamps_ns
         return self.take(np.flatnonzero((ages > 0) & (ages <= LONGEST_S * NANOSECONDS)))
 

@@ -108,7 +108,7 @@ def _labels(
     reader: BagReader, found: InputTopics, configuration: Configuration, map_prior: Path | None
 ) -> dict[str, Any]:
     """The parameter that names all labels of the bag where they mean something: live the first alone would be known."""
-    if class_model_kind(configuration.semantic_model).labels is None:
+    if configuration.semantic_model.labels or class_model_kind(configuration.semantic_model).labels is None:
         return {}
     prior = read_map_prior(map_prior) if map_prior is not None else None
     known = known_labels(configuration, labels_in(reader, found.measurements or found.detections), prior)

@@ -71,7 +71,7 @@ def test_the_manager_knows_all_labels_of_the_bag_where_they_mean_something(bag: 
     assert told <= set(named)
     few = {"kind": "detector", "labels": ["chair"]}
     listed = write_configuration(tmp_path / "listed", association="open", semantic_model=few)
-    assert specs_of(bag, listed)["hypothesis_manager"].parameters["semantic_model.labels"] == ["chair"]
+    assert specs_of(bag, listed)["hypothesis_manager"].parameters["semantic_model.labels"] == ["chair"]  # as told
 
 
 def test_without_autostart_every_node_waits_and_with_it_none_is_told_so(bag: Path, configuration: Path) -> None:

@@ -120,5 +120,8 @@ def _renamed(own: Hypothesis, before: Mapping[int, int]) -> dict[int, int]:
     """Object ids as a hypothesis has them, by what they were before its revisions."""
     if own.revises is None:
         return dict(before)
-    new = {own.revises.lineage[k].association[detection]: number for k, detection, number in own.changes()}
+    news: dict[int, set[int]] = {}
+    for k, detection, number in own.changes():
+        news.setdefault(own.revises.lineage[k].association[detection], set()).add(number)
+    new = {old: next(iter(numbers)) for old, numbers in news.items() if len(numbers) == 1}
     return {old: new.get(number, number) for old, number in before.items()} | new

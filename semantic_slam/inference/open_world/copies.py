@@ -132,6 +132,7 @@ class Copies:
     def __init__(self, problem: Problem):
         self.settings, self._ratio = problem.open_world, float(np.log(problem.pruning.ratio))
         self.num_merged, self._is_spatial = 0, problem.spaces.name == "spatial"
+        self._never_carried = problem.carried is None
         nothing = RecentAssociations(
             objects=np.zeros((0, 3)), classes=np.zeros(0, dtype=int), confirms=np.zeros(0, dtype=bool)
         )
@@ -224,7 +225,7 @@ class Copies:
             sure=sure,
             movers=movers,
             noise=lineage[0].mode,
-            ground=max(new_grounds(lineage), default=0),
+            ground=0 if self._never_carried else max(new_grounds(lineage), default=0),
             tentative=tentative,
         )
 

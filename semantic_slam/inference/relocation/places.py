@@ -27,6 +27,11 @@ class Places:
         self.through: list[Progress] = []  # the likeliest first
 
     @property
+    def lineages(self) -> list[Lineage]:
+        """Of all that are followed."""
+        return [own.lineage for own in (*self._behind, *self.through)]
+
+    @property
     def is_looking(self) -> bool:
         """Whether those of the newest look are not through yet."""
         return bool(self._behind)

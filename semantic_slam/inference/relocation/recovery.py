@@ -132,7 +132,10 @@ class Recovery:
         self._begun = self._num_noted
         self._new_ground.go_on(self._log_best)
         followed = {own.since for own in self._new_ground.followed}
-        held = followed | {at for own in live.values() for at in new_grounds(own.lineage)}
+        lineages = [own.lineage for own in live.values()]
+        lineages += [own.progress.lineage for own in self._new_ground.followed]
+        lineages += self._places.lineages
+        held = followed | {at for lineage in lineages for at in new_grounds(lineage)}
         self._suspects = {at: own for at, own in self._suspects.items() if at in followed}
         self._origins = {at: own for at, own in self._origins.items() if at in held}
 

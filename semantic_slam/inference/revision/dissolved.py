@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Index
+from semantic_slam.geometry.arrays import Flags, Index
 from semantic_slam.inference.revision.hindsight import Hindsight
 from semantic_slam.inference.revision.replay import Lineage
 
@@ -28,8 +28,9 @@ class Dissolved:
 
 
 def dissolved(view: Hindsight) -> list[Dissolved]:
-    """Objects without which their history gains, those first without which it gains most."""
-    found = [_without(view, view.owners, row) for row in range(len(view.ids))]
+    """Objects that no map has without which their history gains, those first without which it gains most."""
+    rows = np.flatnonzero(~np.isin(view.ids, list(view.problem.map_ids))).tolist()
+    found = [without(view, view.owners, row) for row in rows]
     return sorted((own for own in found if own.gain > 0.0), key=lambda own: -own.gain)
 
 
@@ -38,18 +39,18 @@ def without_all(view: Hindsight, chosen: Sequence[Dissolved]) -> Owners:
     owners: Owners = view.owners
     rows = [own.row for own in chosen]
     for row in rows:
-        owners = _without(view, owners, row, rows).owners
+        owners = without(view, owners, row, rows).owners
     return owners
 
 
-def _without(view: Hindsight, owners: Owners, row: int, others: Collection[int] = ()) -> Dissolved:
+def without(view: Hindsight, owners: Owners, row: int, others: Collection[int] = ()) -> Dissolved:
     """Each detection of an object as one of the likeliest other, but for ``others``, that its frame shows no second of.
 
     Or as one of none. Gone with the object are its misses, and one of each object that was missed in its place.
     """
     found, times = list(owners), np.zeros(len(owners), dtype=bool)
     times[np.repeat(np.arange(len(owners)), [len(own) for own in owners])[np.concatenate(owners) == row]] = True
-    gain = -view.log_missed * float((view.in_view[row] & ~times).sum())
+    gain = _log_gain_of_misses(view, row, times)
     for keyframe in np.flatnonzero(times).tolist():
         own = found[keyframe] = owners[keyframe].copy()
         number = int(np.flatnonzero(own == row)[0])
@@ -59,9 +60,16 @@ def _without(view: Hindsight, owners: Owners, row: int, others: Collection[int] 
         may[-1] = weights[-1]
         best = own[number] = int(np.argmax(may))
         gain += float(may[best] - weights[row if times[:keyframe].any() else -1])  # the first one began the object
-        if best < len(view.ids) and view.in_view[best, keyframe]:
+        if best < len(view.ids) and view.in_view[best, keyframe] and keyframe > view.first_seen[best]:
             gain -= view.log_missed
     return Dissolved(row, gain, found)
+
+
+def _log_gain_of_misses(view: Hindsight, row: int, times: Flags) -> float:
+    """Nats that misses cost of what is detected at ``times`` (T,): what was not seen before is less likely born."""
+    missed = np.flatnonzero(view.in_view[row] & ~times)
+    later = int((missed > view.first_seen[row]).sum())
+    return -view.log_missed * later + min(-view.log_missed * (len(missed) - later), -view.log_unseen)
 
 
 def lineage_of(view: Hindsight, owners: Owners) -> Lineage:

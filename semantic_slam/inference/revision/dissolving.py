@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from semantic_slam.inference.revision.dissolved import Dissolved, dissolved, lineage_of, without_all
+from semantic_slam.inference.revision.dissolved import Dissolved, Owners, dissolved, lineage_of, without_all
 from semantic_slam.inference.revision.hindsight import Hindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -11,6 +11,9 @@ MORE = 2.0
 """Times that as many nats must speak against an object as when it was tried, for it to be tried again."""
 LEAST_GAIN = 5.0
 """Nats that are to be gained roughly for a replay."""
+
+Trial = tuple[Sequence[Dissolved], Owners]
+"""Objects that may be none, and what their detections are of without them."""
 
 
 class Dissolving:
@@ -30,21 +33,18 @@ class Dissolving:
             lineage=followed.lineage,
             component=followed.component,
         )
-        chosen = [own for own in dissolved(view) if own.gain > LEAST_GAIN]
-        news = [own for own in chosen if self._is_news(view, own)]
-        if not news:
-            return None
-        self._tried |= {int(view.ids[own.row]): own.gain for own in chosen}
-        found = [lineage_of(view, own.owners) for own in news]
-        if len(chosen) > 1:
-            found.insert(0, lineage_of(view, without_all(view, chosen)))
-        return self._first_likelier(followed, found[: self._most])
+        found = [own for own in dissolved(view) if own.gain > LEAST_GAIN and self._is_news(view, own)]
+        trials = [(found, without_all(view, found))] if len(found) > 1 else []
+        trials += [([own], own.owners) for own in found]
+        return self._first_likelier(view, followed, trials[: self._most])
 
-    def _first_likelier(self, followed: Revised, lineages: Sequence[Lineage]) -> Lineage | None:
-        for lineage in lineages:
-            _, own = self._replay.log_joints([followed.lineage, lineage])
+    def _first_likelier(self, view: Hindsight, followed: Revised, trials: Sequence[Trial]) -> Lineage | None:
+        for gone, owners in trials:
+            _, own = self._replay.log_joints([followed.lineage, lineage_of(view, owners)])
             if own is not None and own.log_joint > followed.log_joint:
                 return own.lineage
+            if len(gone) == 1:
+                self._tried[int(view.ids[gone[0].row])] = gone[0].gain
         return None
 
     def _is_news(self, view: Hindsight, own: Dissolved) -> bool:

@@ -2,11 +2,12 @@
 
 When a detection came, rays told hardly how far off its object was, and it may have been taken for another one's. Now
 that ranges are known, its direction tells. The path counts as known, so that detections a few standard deviations off
-weigh what Cauchy's tail leaves them; tracks of boxes do not count. That is enough to tell which histories to replay.
+weigh what Cauchy's tail leaves them; tracks of boxes do not count, and the camera counts as mounted as it is now. That
+is enough to tell which histories to replay.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -54,6 +55,20 @@ class Hindsight:
     def log_weights(self) -> list[Array]:
         """T of (D, N + 1) log weights of detections as one of each object, and as one of none of them."""
         return [self._weighed(step, robot) for step, robot in zip(self.steps, self._path, strict=True)]
+
+    @cached_property
+    def first_seen(self) -> Index:
+        """(N,) keyframe of the first detection of each object; T where none is of it."""
+        found = np.full(len(self.ids) + 1, len(self.steps))
+        for keyframe in reversed(range(len(self.steps))):
+            found[self.owners[keyframe]] = keyframe
+        return found[:-1]
+
+    @property
+    def log_unseen(self) -> float:
+        """Log of the least that is left of a birth where the camera has looked before."""
+        with np.errstate(divide="ignore"):
+            return float(np.log(self.problem.open_world.least_undetected_share))
 
     @property
     def log_missed(self) -> float:
@@ -117,7 +132,7 @@ class Hindsight:
         robots = np.broadcast_to(robot, (len(numbers), len(robot)))
         part = model.geometry(model.collect(step.detections).take(numbers), robots, self._places[columns])
         innovation = Innovation.of(part, part.jacobian_object, self._spreads[columns])
-        squared, size = squared_norms(innovation.whitened), innovation.whitened.shape[1]
+        squared, size = squared_norms(innovation.whitened), part.measured.sum(axis=1)
         told = innovation.log_density + 0.5 * squared - 0.5 * (1 + size) * np.log1p(squared)
         return np.asarray(told.reshape(-1, count))
 
@@ -131,4 +146,4 @@ class Hindsight:
         views = [self.component.views.get(n) for n in numbers]
         spaces = self.problem.spaces
         ranges = log_ranges_of(spaces, step.detections, robot, self._places, self._spreads)
-        return semantics.log_pairs(step, views, log_prior, *ranges)
+        return semantics.log_pairs(replace(step, names=("",) * len(step.names)), views, log_prior, *ranges)

@@ -7,13 +7,16 @@ import pytest
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se3, so3
-from semantic_slam.inference.revision.dissolved import dissolved, lineage_of
+from semantic_slam.inference.revision.dissolved import dissolved, lineage_of, without
 from semantic_slam.inference.revision.dissolving import Dissolving
 from semantic_slam.inference.revision.hindsight import Hindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.world.objects import ObjectEntry
 
 ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 POINTS = np.array([[2.0, 0.0, 0.3], [2.2, 0.35, 0.25], [2.5, -0.4, 0.0], [1.8, 0.7, -0.3]])
+PRIOR = GaussianPrior(np.zeros(3), np.eye(3))
 RAY_SIGMA, NUM_KEYFRAMES = 0.01, 40
 
 
@@ -90,12 +93,40 @@ def test_objects_that_are_some_are_left_alone(walked: tuple[Engine, Replay, Revi
     assert lineage_of(view, view.owners) == right.lineage
 
 
-def test_what_was_tried_is_not_tried_again(walked: tuple[Engine, Replay, Revised]) -> None:
+def test_what_lost_is_tried_again_where_twice_as_much_speaks_for_it(
+    walked: tuple[Engine, Replay, Revised], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An object that is one, of which more and more is held against it."""
     engine, replay, right = walked
-    _, followed = replay.log_joints([right.lineage, with_one_that_is_none(engine, right.lineage)])
-    dissolving = Dissolving(4, replay, engine.registry)
-    assert dissolving.history(followed) is not None
-    assert dissolving.history(followed) is None
+    asked, log_joints = [], Replay.log_joints
+    monkeypatch.setattr(Replay, "log_joints", lambda own, lineages: asked.append(1) or log_joints(own, lineages))
+    dissolving, counts = Dissolving(4, replay, engine.registry), []
+    for gain in (10.0, 19.0, 21.0):
+        monkeypatch.setattr(
+            "semantic_slam.inference.revision.dissolving.dissolved",
+            lambda view, gain=gain: [replace(without(view, view.owners, 0), gain=gain)],
+        )
+        assert dissolving.history(right) is None
+        counts.append(len(asked))
+    assert counts == [1, 1, 2]
+
+
+def test_what_the_map_has_is_never_none(walked: tuple[Engine, Replay, Revised]) -> None:
+    engine, replay, right = walked
+    wrong = with_one_that_is_none(engine, right.lineage)
+    _, followed = replay.log_joints([right.lineage, wrong])
+    assert followed is not None
+    view = Hindsight(
+        problem=engine.problem,
+        registry=engine.registry,
+        steps=engine.steps,
+        lineage=followed.lineage,
+        component=followed.component,
+    )
+    (found,) = dissolved(view)
+    number = int(view.ids[found.row])
+    entry = ObjectEntry(object_id=number, name="a", prior=PRIOR, class_prior=np.ones(1))
+    assert dissolved(replace(view, problem=replace(engine.problem, objects=(entry,)))) == []
 
 
 def test_an_object_that_was_given_up_begins_anew(walked: tuple[Engine, Replay, Revised]) -> None:
