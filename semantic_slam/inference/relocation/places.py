@@ -28,7 +28,7 @@ class Places:
 
     @property
     def lineages(self) -> list[Lineage]:
-        """Of all that are followed."""
+        """Lineages of all that are followed."""
         return [own.lineage for own in (*self._behind, *self.through)]
 
     @property
