@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.evaluation.history import associated_objects
+from semantic_slam.evaluation.history import best_history
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import Analysis
@@ -119,8 +119,8 @@ def final_probabilities(run: Run, object_id: int) -> dict[str, float]:
 def _start(analysis: Analysis, object_id: int) -> int | None:
     """Place of the keyframe with the FIRST_VIEWS-th view of an object, under the finally best hypothesis."""
     views = 0
-    for place, (belief, index) in enumerate(zip(analysis.record.beliefs, analysis.ancestors, strict=True)):
-        views += index >= 0 and object_id in associated_objects(belief)[index]
+    for place, found in enumerate(best_history(analysis.record.beliefs)):
+        views += found is not None and object_id in found
         if views == FIRST_VIEWS:
             return place
     return None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.evaluation.evaluate import Evaluation, evaluate
-from semantic_slam.evaluation.history import associated_objects, best_history, best_index, lineage
+from semantic_slam.evaluation.history import associated_objects, best_history, best_index, histories, lineage
 from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
@@ -28,6 +28,7 @@ class Analysis:
     ancestors: list[int]  # (K,) index of the ancestor of the final best hypothesis, -1 unknown
     evaluation: Evaluation | None  # None without ground truth
     detection_counts: Counter[int]  # object id -> detections it explains in the end
+    seen_by_some: frozenset[int]  # ids of objects that explain a detection under some hypothesis in the end
 
 
 def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysis:
@@ -41,8 +42,9 @@ def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysi
     }
     ancestors = lineage(record.beliefs)
     counts = Counter(int(number) for found in best_history(record.beliefs) if found is not None for number in found)
+    some = frozenset(number for found in histories(record.beliefs) for number in found.ravel().tolist())
     evaluation = evaluate(record, record.truth) if record.truth else None
-    return Analysis(record, bag, json_object(record.run.configuration), ancestors, evaluation, counts)
+    return Analysis(record, bag, json_object(record.run.configuration), ancestors, evaluation, counts, some)
 
 
 def report_document(analysis: Analysis) -> dict[str, Any]:

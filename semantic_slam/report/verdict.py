@@ -87,12 +87,17 @@ def _ambiguous(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     doubtful = sorted(
         (view for view in objects if not view.certain and view.detections), key=lambda view: view.probability
     )
-    unseen = [view for view in objects if not view.certain and not view.detections]
+    unseen = [view.number for view in objects if not view.certain and not view.detections]
+    never = [number for number in unseen if number not in analysis.seen_by_some]
     sentences = [f"Object {view.label} is ambiguous: {_alternatives(view, names)}." for view in doubtful[:NAMED]]
     if len(doubtful) > NAMED:
         sentences.append(f"{len(doubtful) - NAMED} more are ambiguous.")
-    if unseen:
-        sentences.append(f"{'One object was' if len(unseen) == 1 else f'{len(unseen)} objects were'} never seen.")
+    if never:
+        sentences.append(f"{'One object was' if len(never) == 1 else f'{len(never)} objects were'} never seen.")
+    if others := len(unseen) - len(never):
+        sentences.append(
+            f"{'One object is' if others == 1 else f'{others} objects are'} of less likely explanations alone."
+        )
     return sentences
 
 

@@ -1,10 +1,11 @@
 """What a report says of objects that move, and what it hands to the next run."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.belief_factory import CLASSES, OBJECTS, write_belief_bag
+from worlds.belief_factory import CLASSES, OBJECTS, small_belief, write_belief_bag
 
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.report.comparison import Run
@@ -63,3 +64,12 @@ def test_what_may_not_exist_is_counted_apart(still: Analysis) -> None:
     doubtful = replace(still, record=replace(record, beliefs=(*record.beliefs[:-1], last)))
     said = verdict(doubtful, object_views(doubtful, COLOURS))
     assert any(f"{len(OBJECTS) - 1} objects are on the map, besides 1 that may not exist" in words for words in said)
+
+
+def test_what_less_likely_explanations_alone_have_seen_is_told_from_what_none_has(still: Analysis) -> None:
+    belief = small_belief(0, [1, 2], [0, 0], [0.7, 0.3], [0, 1, 2], [[0], [1]])
+    record = replace(still.record, beliefs=(belief,), truth=None)
+    analysis = analyse(record, Path("beliefs"), "0" * 64)
+    said = verdict(analysis, object_views(analysis, COLOURS))
+    assert "One object was never seen." in said
+    assert "One object is of less likely explanations alone." in said

@@ -26,13 +26,7 @@ class Dissolving:
 
     def history(self, followed: Revised) -> Lineage | None:
         """Without all objects that may be none, or else without one of them; None where no history is likelier."""
-        view = Hindsight(
-            problem=self._replay.problem,
-            registry=self._registry,
-            steps=self._replay.steps,
-            lineage=followed.lineage,
-            component=followed.component,
-        )
+        view = Hindsight.of(self._replay, self._registry, followed)
         found = [own for own in dissolved(view) if own.gain > LEAST_GAIN and self._is_news(view, own)]
         trials = [(found, without_all(view, found))] if len(found) > 1 else []
         trials += [([own], own.owners) for own in found]

@@ -9,6 +9,7 @@ is enough to tell which histories to replay.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
-from semantic_slam.inference.revision.replay import Lineage
+from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
 from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.states.keys import robot_key
@@ -38,6 +39,17 @@ class Hindsight:
     steps: Sequence[Step]  # T
     lineage: Lineage  # T
     component: Component  # after these
+
+    @classmethod
+    def of(cls, replay: Replay, registry: ObjectRegistry, followed: Revised) -> Self:
+        """A history as it was replayed."""
+        return cls(
+            problem=replay.problem,
+            registry=registry,
+            steps=replay.steps,
+            lineage=followed.lineage,
+            component=followed.component,
+        )
 
     @cached_property
     def ids(self) -> Index:

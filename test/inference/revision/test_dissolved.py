@@ -81,13 +81,7 @@ def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tupl
 
 def test_objects_that_are_some_are_left_alone(walked: tuple[Engine, Replay, Revised]) -> None:
     engine, replay, right = walked
-    view = Hindsight(
-        problem=engine.problem,
-        registry=engine.registry,
-        steps=engine.steps,
-        lineage=right.lineage,
-        component=right.component,
-    )
+    view = Hindsight.of(replay, engine.registry, right)
     assert dissolved(view) == []
     assert Dissolving(4, replay, engine.registry).history(right) is None
     assert lineage_of(view, view.owners) == right.lineage
@@ -116,13 +110,7 @@ def test_what_the_map_has_is_never_none(walked: tuple[Engine, Replay, Revised]) 
     wrong = with_one_that_is_none(engine, right.lineage)
     _, followed = replay.log_joints([right.lineage, wrong])
     assert followed is not None
-    view = Hindsight(
-        problem=engine.problem,
-        registry=engine.registry,
-        steps=engine.steps,
-        lineage=followed.lineage,
-        component=followed.component,
-    )
+    view = Hindsight.of(replay, engine.registry, followed)
     (found,) = dissolved(view)
     number = int(view.ids[found.row])
     entry = ObjectEntry(object_id=number, name="a", prior=PRIOR, class_prior=np.ones(1))
