@@ -55,17 +55,18 @@ class Backend:
         self.registry = ObjectRegistry(self.problem.objects, self.problem.class_shares, self.problem.displaced)
         self.association: AssociationStrategy = self.problem.association(self.problem, self.registry)
         self.expander = Expander(self.problem, self.association)
-        self.steps = KeptSteps()
-        self.trunks = Trunks(apart(self.problem.history) if self.problem.history.is_on else None)
+        horizon = self.problem.history.horizon_keyframes
+        self.steps = KeptSteps(horizon or None)
+        self.trunks = Trunks(apart(self.problem.history) if horizon else None)
         self._forgets = False
         self._stand_before(0)
 
     def share(self, trunks: Trunks) -> None:
         """Rebuild components from ``trunks``, which all backends of a run keep together.
 
-        Keyframes before the oldest of these are forgotten.
+        Keyframes before the oldest of these are forgotten. To be told before the first one.
         """
-        self.trunks, self._forgets = trunks, True
+        self.steps, self.trunks, self._forgets = KeptSteps(), trunks, True
 
     def _stand_before(self, index: int) -> None:
         """Hold what there is before a keyframe without those before it: the roots of all hypotheses, or nothing."""

@@ -1,38 +1,71 @@
 """The keyframes of a run that a backend may have to replay: all, or those since its oldest checkpoint."""
 
+import pickle
 from array import array
 from collections import deque
 
 from semantic_slam.inference.models.step import Step
+from semantic_slam.nameless_file import NamelessFile
 
 
 class KeptSteps:
     """Steps by keyframe, and the stamps of all: those are in the names of hypotheses."""
 
-    def __init__(self) -> None:
+    def __init__(self, in_memory: int | None = None) -> None:
+        """``in_memory``: so many stay there, older ones go to disk, but where that is full; None: all stay."""
         self.stamps_ns = array("q")
+        self._in_memory = in_memory
         self._kept: deque[Step] = deque()
+        self._disk = NamelessFile()
+        self._ends = array("q", [0])  # on disk, of each step there
 
     def __len__(self) -> int:
         """Keyframes so far, with those that are forgotten."""
         return len(self.stamps_ns)
 
     @property
+    def num_on_disk(self) -> int:
+        """Keyframes that lie on disk, the oldest ones."""
+        return len(self._ends) - 1
+
+    @property
     def first(self) -> int:
         """The oldest keyframe that is kept; the next one where none is."""
+        return 0 if self.num_on_disk else self._first_in_memory
+
+    @property
+    def _first_in_memory(self) -> int:
         return len(self) - len(self._kept)
 
     def append(self, step: Step) -> None:
         """The next keyframe."""
         self.stamps_ns.append(step.stamp_ns)
         self._kept.append(step)
+        if self._in_memory is not None and len(self._kept) > self._in_memory:
+            self._put_on_disk()
+
+    def _put_on_disk(self) -> None:
+        """Move the oldest step there; on a disk that takes no more all stay in memory from now on."""
+        try:
+            self._disk.append(pickle.dumps(self._kept[0], protocol=pickle.HIGHEST_PROTOCOL))
+        except OSError:
+            self._in_memory = None
+        else:
+            self._kept.popleft()
+            self._ends.append(self._disk.length)
 
     def __getitem__(self, keyframe: int) -> Step:
         if keyframe < self.first:
             raise IndexError(f"keyframe {keyframe} is forgotten; the oldest that is kept is {self.first}")
-        return self._kept[keyframe - self.first]
+        at = keyframe - self._first_in_memory
+        return self._kept[at] if at >= 0 else self._from_disk(keyframe)
+
+    def _from_disk(self, keyframe: int) -> Step:
+        begin, end = self._ends[keyframe : keyframe + 2]
+        step: Step = pickle.loads(self._disk.read(end - begin, begin))  # which nobody else can have written
+        return step
 
     def forget_before(self, keyframe: int) -> None:
-        """Keep the steps from a keyframe on."""
-        while self._kept and self.first < keyframe:
+        """Keep the steps from a keyframe on, and those that lie on disk."""
+        while self._kept and self._first_in_memory < keyframe:
             self._kept.popleft()

@@ -1,20 +1,17 @@
 """The keyframes of a run that goes on, in a file without a name, for whoever infers the run again.
 
-The file is gone with the process, however that ends. It is appended to on one thread and may be read on another, or by
-another process, up to the length that it had when it was asked for.
+Another process may read it up to the length that it had when it was asked for.
 """
 
-import os
 import struct
 from collections.abc import Iterator
-from functools import cached_property
-from tempfile import TemporaryFile
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
+from semantic_slam.nameless_file import NamelessFile, read
 
 LENGTH = struct.Struct("<Q")
 
@@ -23,20 +20,20 @@ class KeptRun:
     """What a run was configured to be, and its keyframes so far; kept until nobody refers to it."""
 
     def __init__(self, run: RunConfiguration) -> None:
-        self.length = 0  # bytes of whole records
         self.fault = ""  # why keyframes are missing; "" where none are
+        self._file = NamelessFile()
         self._run_id = run.run_id
         self._append(encode(run))
 
-    @cached_property
+    @property
     def descriptor(self) -> int:
         """Descriptor of the file, which is there with the first record."""
-        with TemporaryFile(buffering=0) as file:
-            return os.dup(file.fileno())
+        return self._file.descriptor
 
-    def __del__(self) -> None:
-        if "descriptor" in self.__dict__:
-            os.close(self.descriptor)
+    @property
+    def length(self) -> int:
+        """Bytes of whole records."""
+        return self._file.length
 
     def add(self, keyframe: Keyframe) -> None:
         """Keep the next keyframe; a disk that takes no more ends this, and nothing else."""
@@ -46,14 +43,10 @@ class KeptRun:
         if self.fault:
             return
         try:
-            left = memoryview(LENGTH.pack(len(data)) + data)
-            while left:
-                left = left[os.write(self.descriptor, left) :]
+            self._file.append(LENGTH.pack(len(data)) + data)
         except OSError as fault:
             reason = f"the keyframes of this run could not be kept ({fault.strerror})"
             self.fault = f"{reason}; have TMPDIR name a folder that takes them"
-        else:
-            self.length += LENGTH.size + len(data)
 
 
 def read_kept(descriptor: int, length: int) -> tuple[RunConfiguration, list[Keyframe]]:
@@ -72,10 +65,7 @@ def _records(descriptor: int, length: int) -> Iterator[bytes]:
 
 
 def _read(descriptor: int, size: int, at: int) -> bytes:
-    data = b""
-    while len(data) < size:
-        part = os.pread(descriptor, size - len(data), at + len(data))
-        if not part:
-            raise InputError("the keyframes that were kept end too early; record the belief bag and explain that")
-        data += part
+    data = read(descriptor, size, at)
+    if len(data) < size:
+        raise InputError("the keyframes that were kept end too early; record the belief bag and explain that")
     return data

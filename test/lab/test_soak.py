@@ -1,5 +1,7 @@
 """A long run holds no more than a short one, and what it has summarised is what the whole graph says."""
 
+import errno
+import os
 from itertools import islice
 from typing import Any
 
@@ -62,13 +64,38 @@ def test_the_components_of_a_backend_that_is_gone_are_rebuilt_from_checkpoints_t
     assert last - min(replayed) < HORIZON
 
 
-def test_a_backend_that_shares_no_checkpoints_keeps_all_keyframes(toured: tuple[Engine, list[dict[str, int]]]) -> None:
-    engine, _ = toured
-    alone = Backend(0)
-    alone.start(engine.run)
+def alone(engine: Engine) -> Backend:
+    """A backend that shares no checkpoints and knows 60 keyframes of the run."""
+    found = Backend(0)
+    found.start(engine.run)
     for seen in islice(Tour(robot("given")).keyframes(), 60):
-        alone.learn(seen.keyframe)
-    assert alone.steps.first == 0
+        found.learn(seen.keyframe)
+    return found
+
+
+def test_a_backend_that_shares_no_checkpoints_keeps_older_keyframes_on_disk_and_replays_them_to_the_bit() -> None:
+    engine = Engine(robot("given", HORIZON))
+    for seen in islice(Tour(robot("given")).keyframes(), 60):
+        engine.process(seen.keyframe)
+    late = alone(engine)
+    assert (late.steps.first, late.steps.num_on_disk) == (0, 60 - HORIZON)
+    late.commit(engine.hypotheses.commit(engine.run.run_id, 59, engine.live, always_lineage=True))
+    assert isinstance(engine.pool, InProcessPool) and engine.live
+    for number in engine.live:
+        ours, theirs = late.held[number].component.smoother, engine.pool.component(number).smoother
+        assert np.array_equal(ours.isam.getDelta().vector(), theirs.isam.getDelta().vector())
+
+
+def test_on_a_full_disk_keyframes_stay_in_memory(
+    toured: tuple[Engine, list[dict[str, int]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "pwrite", full)
+    kept = alone(toured[0]).steps
+    assert (len(kept), kept.first, kept.num_on_disk) == (60, 0, 0)
+    assert [kept[k].index for k in (0, 59)] == [0, 59]
 
 
 def test_a_summary_is_off_by_less_than_a_fifth_of_a_standard_deviation() -> None:

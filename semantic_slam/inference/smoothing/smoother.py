@@ -137,23 +137,28 @@ class Smoother:
     def joint_covariance(self, keys: Sequence[int]) -> Array:
         """Marginal covariance in the order of ``keys``, r or l rows for a state and L for a descriptor.
 
-        In the tangent spaces at the estimate. Read once: a report and the prediction after it ask for the same.
-        Raises LostComponentError.
-        """
-        wanted, _ = tuple(keys), self.isam  # raises where it was consumed
-        if wanted not in self._known:
-            self._known[wanted] = self._part_of_known(wanted)
-        return self._known[wanted].copy()
+        In the tangent spaces at the estimate. Raises LostComponentError.
 
-    def _part_of_known(self, wanted: tuple[int, ...]) -> Array:
-        """Joint covariance out of one that was read before, where that holds all ``wanted`` keys; else read anew."""
-        for keys, covariance in self._known.items():
-            if set(wanted) <= set(keys):
-                ends = np.cumsum([self._size(key) for key in keys])
-                at = dict(zip(keys, ends, strict=True))
-                rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in wanted])
-                return np.asarray(covariance[np.ix_(rows, rows)])
-        return self._read(wanted)
+        Read once: a report and the prediction after it ask for the same. What is asked of the states that are
+        eliminated last is part of what they have in common, so that it is the same to the last bit whatever was asked
+        before, of a smoother that was rebuilt as of one that has reported all along.
+        """
+        _ = self.isam  # raises where it was consumed
+        whole = tuple(key for key in self.last if not is_descriptor(key))
+        return self._part(whole, keys) if set(keys) <= set(whole) else self._whole(tuple(keys)).copy()
+
+    def _whole(self, keys: tuple[int, ...]) -> Array:
+        """Joint covariance of the ``keys``, read once."""
+        if keys not in self._known:
+            self._known[keys] = self._read(keys)
+        return self._known[keys]
+
+    def _part(self, whole: tuple[int, ...], keys: Sequence[int]) -> Array:
+        """Joint covariance of some ``keys`` out of that of the ``whole``."""
+        ends = np.cumsum([self._size(key) for key in whole])
+        at = dict(zip(whole, ends, strict=True))
+        rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in keys])
+        return np.asarray(self._whole(whole)[np.ix_(rows, rows)])
 
     def _read(self, wanted: Sequence[int]) -> Array:
         try:
