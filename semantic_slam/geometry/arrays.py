@@ -57,6 +57,15 @@ def row_products(rows: Array, matrix: Array) -> Array:
     return np.asarray((np.concatenate([rows, np.zeros((missing, rows.shape[1]))]) @ matrix)[: len(rows)])
 
 
+def column_products(matrices: Array, columns: Array) -> Array:
+    """(..., m, n) products of (..., m, k) with (..., k, n): each column's to the last bit the same, likewise."""
+    missing = -columns.shape[-1] % TILE
+    if not missing:
+        return np.asarray(matrices @ columns)
+    padded = np.concatenate([columns, np.zeros((*columns.shape[:-1], missing))], axis=-1)
+    return np.asarray((matrices @ padded)[..., : columns.shape[-1]])
+
+
 def diagonals(matrices: Array) -> Array:
     """(B, n) of contiguous (B, n, n), to write to as well."""
     return matrices.reshape(len(matrices), matrices.shape[1] ** 2)[:, :: matrices.shape[1] + 1]

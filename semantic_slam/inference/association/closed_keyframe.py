@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, column_products
 from semantic_slam.inference.association.elsewhere import also_gone, exclusive_objects, possible_objects
 from semantic_slam.inference.association.enumeration import (
     EnumerationProblem,
@@ -303,9 +303,9 @@ def predict(
     covariance = np.array([component.joint_covariance(keys) for component in components])
     own, robot, transition = spaces.storage.block(0), spaces.layout.block(0), spaces.robot.propagation(motion.control)
     mean[:, 0, own] = spaces.robot.compose(mean[:, 0, own], motion.control)
-    covariance[:, robot] = transition @ covariance[:, robot]
-    covariance[:, :, robot] = covariance[:, :, robot] @ transition.T
-    covariance[:, robot, robot] += motion.covariance
+    cross = column_products(transition, covariance[:, robot])
+    covariance[:, robot], covariance[:, :, robot] = cross, np.swapaxes(cross, 1, 2)
+    covariance[:, robot, robot] = cross[..., robot] @ transition.T + motion.covariance
     if not any(new):
         return PredictedBelief(spaces.layout, mean, covariance)
     added = [list(priors.values()) for priors in new]

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Index, column_products
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import forward
 from semantic_slam.inference.evidence.assignments import Assignments
@@ -89,7 +89,7 @@ class PartialAssignments:
         known, objects = before.shape[1], self.rows.objects[:, -1]
         gain = np.ascontiguousarray(self.root[:, known:, :known])
         prior = layout.blocks(self.predicted.covariance, -2)[parents, 1 + objects][:, : layout.landmark]
-        added = forward(self.root[:, known:, known:], prior - gain @ before)
+        added = forward(self.root[:, known:, known:], prior - column_products(gain, before))
         added[(self.rows.objects[:, :-1] == objects[:, None]).any(axis=1) | (objects < 0)] = 0.0
         return np.concatenate([before, added], axis=1)
 

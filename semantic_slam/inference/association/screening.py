@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, column_products
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import backward
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
@@ -120,12 +120,12 @@ def _expected(prefixes: PartialAssignments, previous: Mode, known: Array) -> _Ex
     """``known`` (B, m, m): inverse Hessians of the modes, which tell what the detections so far left uncertain."""
     spaces, predicted, parents = prefixes.spaces, prefixes.predicted, prefixes.rows.parents
     mean, layout, flat, blocks = predicted.mean[parents], spaces.layout, prefixes.cross, prefixes.cross_blocks
-    moved, charts = spaces.joint.exp_and_jacobian(layout.blocks((previous.y[:, None] @ flat)[:, 0]))
-    explained = (np.eye(flat.shape[1]) - known) @ flat
+    moved, charts = spaces.joint.exp_and_jacobian(layout.blocks(column_products(previous.y[:, None], flat)[:, 0]))
+    explained = column_products(np.eye(flat.shape[1]) - known, flat)
     by_state = np.ascontiguousarray(np.moveaxis(layout.blocks(explained), 1, 2))
     explained_blocks = np.ascontiguousarray(np.moveaxis(blocks, 1, 3)) @ by_state
     robot = np.ascontiguousarray(np.swapaxes(blocks[:, :, 0, : layout.robot], 1, 2))
-    with_robot = np.swapaxes(layout.blocks(robot @ explained), 1, 2)
+    with_robot = np.swapaxes(layout.blocks(column_products(robot, explained)), 1, 2)
     states = np.arange(mean.shape[1])
     diagonal = np.moveaxis(predicted.blocks[:, states, :, states], 0, 1)
     first = np.swapaxes(predicted.blocks[:, 0, : layout.robot], 1, 2)
