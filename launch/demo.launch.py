@@ -2,7 +2,7 @@
 
     ros2 launch semantic_slam demo.launch.py bag:=bags/aliased_room record:=out/belief
 
-The nodes and their parameters are those of ``make demo``: semantic_slam/ros/node_set.py.
+The nodes and their parameters are those of ``make demo``: semantic_slam/ros/launching/node_set.py.
 """
 
 import signal
@@ -17,9 +17,9 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from semantic_slam.pipeline.default_configuration import configuration_for
-from semantic_slam.ros.node_set import node_set
-from semantic_slam.ros.supervisor import Supervisor
-from semantic_slam.ros.transport import is_installed
+from semantic_slam.ros.launching.node_set import node_set
+from semantic_slam.ros.launching.supervisor import Supervisor
+from semantic_slam.ros.wire.transport import is_installed
 
 
 class Nodes:

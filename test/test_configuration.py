@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 
 from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
 from semantic_slam.errors import InputError
-from semantic_slam.ros.parameters import (
+from semantic_slam.ros.node.parameters import (
     changed_parameters,
     declare_configuration,
     declare_fixed,

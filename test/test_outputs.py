@@ -17,7 +17,7 @@ from worlds.node_runs import processes
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import claimed, claimed_bag, claimed_file, claimed_folder, claimed_report, is_ours
-from semantic_slam.ros.node_set import NodeSpec
+from semantic_slam.ros.launching.node_set import NodeSpec
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = ROOT / "bags" / "aliased_room"

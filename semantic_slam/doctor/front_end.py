@@ -16,11 +16,11 @@ from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.range_bearing import range_and_bearing
-from semantic_slam.pipeline.frame_assembler import FrameAssembler
-from semantic_slam.pipeline.gravity_by_imu import ImuSource
+from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.assembly.places_assembler import PlacesAssembler
+from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.input_topics import InputTopics
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
-from semantic_slam.pipeline.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.preamble import Preamble
 
 MOST_FRAMES = {True: 100, False: 600}

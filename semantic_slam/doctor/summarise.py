@@ -22,7 +22,7 @@ from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pos
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.detector_labels import labels_of
-from semantic_slam.pipeline.imu_use import unused_because
+from semantic_slam.pipeline.gravity.imu_use import unused_because
 
 MOST_PICTURES = 5
 MOST_ODOMETRY = 1000

@@ -20,7 +20,7 @@ from semantic_slam.messages.ground_truth import GroundTruthObjects
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.pipeline.topic_clock import TopicClock
+from semantic_slam.pipeline.stamps.topic_clock import TopicClock
 
 READ = tuple(
     absolute(topic)

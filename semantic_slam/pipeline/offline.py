@@ -28,17 +28,17 @@ from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.perception.frame import Frame
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.assembly.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.pipeline.detector_labels import are_asked_for, known_to_fit, labels_in
 from semantic_slam.pipeline.diagnostics import dropped_message
-from semantic_slam.pipeline.frame_assembler import FrameAssembler
-from semantic_slam.pipeline.gravity_by_imu import ImuSource
-from semantic_slam.pipeline.imu_use import NAME as IMU
-from semantic_slam.pipeline.imu_use import left_out, unused_because
+from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
+from semantic_slam.pipeline.gravity.imu_use import NAME as IMU
+from semantic_slam.pipeline.gravity.imu_use import left_out, unused_because
 from semantic_slam.pipeline.inference_stage import InferenceStage
 from semantic_slam.pipeline.input_topics import COPIED, InputTopics, find_topics
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
-from semantic_slam.pipeline.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.preamble import Preamble, find_map_prior, read_preamble
 from semantic_slam.pipeline.provenance import source_text
 

@@ -13,10 +13,10 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool, RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.detector_labels import with_labels
 from semantic_slam.pipeline.first_word import FirstWord
-from semantic_slam.pipeline.gravity_by_imu import ImuSource
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.provenance import revision
 from semantic_slam.pipeline.start import start_of
 

@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.building import initial_pose_of
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages.standard import PoseEstimate
-from semantic_slam.pipeline.imu_use import unused_because
+from semantic_slam.pipeline.gravity.imu_use import unused_because
 
 ANY_TILT_RAD = 0.5
 """Standard deviation of roll and pitch before the look that tells them."""

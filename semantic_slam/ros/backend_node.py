@@ -13,13 +13,13 @@ from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.protocol import Candidates
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
-from semantic_slam.ros import qos
-from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.liveliness import Sign
-from semantic_slam.ros.parameters import declare_fixed, refuse_undeclared
-from semantic_slam.ros.pipeline_node import PipelineNode, main_of
-from semantic_slam.ros.transport import Outlet, relative_name
-from semantic_slam.ros.work_order import Answer, WorkOrder
+from semantic_slam.ros.node.health import dropped_status
+from semantic_slam.ros.node.parameters import declare_fixed, refuse_undeclared
+from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.rounds.liveliness import Sign
+from semantic_slam.ros.rounds.work_order import Answer, WorkOrder
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, relative_name
 
 MATCH_S = 20.0
 

@@ -36,14 +36,14 @@ from semantic_slam.messages.topics import (
     TYPES,
 )
 from semantic_slam.messages.typestore import message_class, serialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.flow_control import Credit
-from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import declare_fixed, refuse_undeclared
-from semantic_slam.ros.pipeline_node import PipelineNode, main_of
-from semantic_slam.ros.playlist import Playlist, parse_remaps
-from semantic_slam.ros.resumption import FROM_THE_START, Resumption, resumption
-from semantic_slam.ros.transport import Outlet, is_installed, private_name, receive, relative_name
+from semantic_slam.ros.node.health import dropped_status
+from semantic_slam.ros.node.parameters import declare_fixed, refuse_undeclared
+from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.replay.flow_control import Credit
+from semantic_slam.ros.replay.playlist import Playlist, parse_remaps
+from semantic_slam.ros.replay.resumption import FROM_THE_START, Resumption, resumption
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name, receive, relative_name
 
 STALL_S = 30.0
 GONE_S = 30.0

@@ -31,13 +31,13 @@ from semantic_slam.messages.node_status import is_of_another_robot
 from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.outputs import LEAVE_OF_NODES, claimed_again, claimed_bag
-from semantic_slam.ros import qos
-from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import declare_fixed, refuse_undeclared
-from semantic_slam.ros.pipeline_node import PASSED, PipelineNode, main_of
-from semantic_slam.ros.recent_inputs import RecentInputs
-from semantic_slam.ros.repeats import Repeats
-from semantic_slam.ros.transport import is_installed
+from semantic_slam.ros.node.health import dropped_status
+from semantic_slam.ros.node.parameters import declare_fixed, refuse_undeclared
+from semantic_slam.ros.node.pipeline_node import PASSED, PipelineNode, main_of
+from semantic_slam.ros.node.repeats import Repeats
+from semantic_slam.ros.replay.recent_inputs import RecentInputs
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import is_installed
 
 RESULTS = (topics.MEASUREMENTS, topics.BELIEF, topics.POSE)
 FLUSH_S = 0.5

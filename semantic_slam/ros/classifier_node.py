@@ -30,15 +30,15 @@ from semantic_slam.messages.sensor import TransformTree, sensor_pose
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.perception.frame import Frame
 from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.assembly.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.build_classifier import build_classifier
-from semantic_slam.pipeline.frame_assembler import FrameAssembler
-from semantic_slam.pipeline.places_assembler import PlacesAssembler
-from semantic_slam.ros import qos
-from semantic_slam.ros.health import dropped_status
-from semantic_slam.ros.parameters import declare_configuration, declare_fixed, refuse_undeclared
-from semantic_slam.ros.pipeline_node import PipelineNode, main_of
-from semantic_slam.ros.repeats import Repeats
-from semantic_slam.ros.transport import Outlet, is_installed, private_name, ros_type
+from semantic_slam.ros.node.health import dropped_status
+from semantic_slam.ros.node.parameters import declare_configuration, declare_fixed, refuse_undeclared
+from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.node.repeats import Repeats
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name, ros_type
 
 OURS = topics.TYPES[topics.DETECTIONS]
 

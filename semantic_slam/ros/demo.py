@@ -67,7 +67,7 @@ def output_of(arguments: argparse.Namespace) -> AbstractContextManager[Path]:
     """Where to write; raises InputError."""
     if not arguments.resume:
         return claimed_report(arguments.out, [arguments.bag, arguments.config], arguments.overwrite)
-    from semantic_slam.pipeline.journal import FILE
+    from semantic_slam.pipeline.journal.journal import FILE
 
     if not (arguments.out / JOURNAL / FILE).exists():
         raise InputError(f"{arguments.out}: no demo was broken off there; leave out --resume")
@@ -76,10 +76,10 @@ def output_of(arguments: argparse.Namespace) -> AbstractContextManager[Path]:
 
 def replay(arguments: argparse.Namespace, belief: Path) -> None:
     """Run the nodes until the recorder has everything."""
-    from semantic_slam.ros.node_set import node_set
-    from semantic_slam.ros.processes import NodeProcesses, loopback_environment
-    from semantic_slam.ros.supervisor import Supervisor
-    from semantic_slam.ros.transport import is_installed
+    from semantic_slam.ros.launching.node_set import node_set
+    from semantic_slam.ros.launching.processes import NodeProcesses, loopback_environment
+    from semantic_slam.ros.launching.supervisor import Supervisor
+    from semantic_slam.ros.wire.transport import is_installed
 
     specs = node_set(
         arguments.bag,

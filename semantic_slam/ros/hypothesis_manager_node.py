@@ -42,28 +42,28 @@ from semantic_slam.messages.codec import decode, encode, from_message
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.pipeline.frame_count import FrameCount
-from semantic_slam.pipeline.gravity_by_imu import ImuSource
-from semantic_slam.pipeline.imu_use import unused_because
-from semantic_slam.pipeline.journal import Record
-from semantic_slam.pipeline.journal_of_run import open_journal
-from semantic_slam.pipeline.journaled_pool import JournaledPool
+from semantic_slam.pipeline.assembly.frame_count import FrameCount
+from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
+from semantic_slam.pipeline.gravity.imu_use import unused_because
+from semantic_slam.pipeline.journal.journal import Record
+from semantic_slam.pipeline.journal.journal_of_run import open_journal
+from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.provenance import source_text
 from semantic_slam.pipeline.session import Session
-from semantic_slam.ros import qos
-from semantic_slam.ros.belief_publisher import BeliefPublisher
-from semantic_slam.ros.explain_service import ExplainService
-from semantic_slam.ros.health import Level, Status, dropped_status, explanation_status
-from semantic_slam.ros.lookalike_service import LookalikeService
-from semantic_slam.ros.map_service import MapService
-from semantic_slam.ros.object_services import ObjectServices
-from semantic_slam.ros.parameters import declare_configuration, declare_fixed, refuse_undeclared
-from semantic_slam.ros.pipeline_node import PipelineNode, main_of
-from semantic_slam.ros.repeats import Repeats
-from semantic_slam.ros.ros_pool import RosPool
-from semantic_slam.ros.session_services import SessionServices
-from semantic_slam.ros.transport import Outlet, is_installed, private_name
+from semantic_slam.ros.node.health import Level, Status, dropped_status, explanation_status
+from semantic_slam.ros.node.parameters import declare_configuration, declare_fixed, refuse_undeclared
+from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
+from semantic_slam.ros.node.repeats import Repeats
+from semantic_slam.ros.publishing.belief_publisher import BeliefPublisher
+from semantic_slam.ros.rounds.ros_pool import RosPool
+from semantic_slam.ros.services.explain_service import ExplainService
+from semantic_slam.ros.services.lookalike_service import LookalikeService
+from semantic_slam.ros.services.map_service import MapService
+from semantic_slam.ros.services.object_services import ObjectServices
+from semantic_slam.ros.services.session_services import SessionServices
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name
 
 END = "end"
 """The journal's record of a replay's end: what comes after it is another session."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from semantic_slam_lab.simulation.inertial import Imu
+from semantic_slam_lab.simulation.detectors.inertial import Imu
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bag_factory import Entry, of_topic, without

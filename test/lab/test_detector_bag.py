@@ -13,8 +13,8 @@ from semantic_slam.messages.codec import from_message
 
 pytest.importorskip("semantic_slam_lab")
 
-from semantic_slam_lab.simulation.detector_bag import write_detector_bag
-from semantic_slam_lab.simulation.detector_words import NAMES, DetectorFaults
+from semantic_slam_lab.simulation.detectors.detector_bag import write_detector_bag
+from semantic_slam_lab.simulation.detectors.detector_words import NAMES, DetectorFaults
 
 ROOM = ROOT / "bags" / "aliased_room"
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from semantic_slam_lab.documentation.build import outdated
 from semantic_slam_lab.documentation.fill import filled
-from semantic_slam_lab.documentation.kept_results import KeptResults, keep, read_kept
-from semantic_slam_lab.documentation.markdown import value
 from semantic_slam_lab.documentation.messages import read_definition
 from semantic_slam_lab.documentation.parameters import parameters_page
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults, keep, read_kept
+from semantic_slam_lab.documentation.writing.markdown import value
 
 from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam.errors import InputError

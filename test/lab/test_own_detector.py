@@ -7,8 +7,15 @@ import pytest
 
 pytest.importorskip("semantic_slam_lab")
 
-from semantic_slam_lab.simulation.detector_boxes import Box, BoxFaults, torn
-from semantic_slam_lab.simulation.detector_words import BY_SIDE, BY_VIEW, NAMES, DetectorFaults, Seen, hypotheses
+from semantic_slam_lab.simulation.detectors.detector_boxes import Box, BoxFaults, torn
+from semantic_slam_lab.simulation.detectors.detector_words import (
+    BY_SIDE,
+    BY_VIEW,
+    NAMES,
+    DetectorFaults,
+    Seen,
+    hypotheses,
+)
 from semantic_slam_lab.studies.own_detector.baselines import arg_max, labels_counted, running_product
 from semantic_slam_lab.studies.own_detector.courses import CLASSES, Course, Told
 from semantic_slam_lab.studies.own_detector.scores import Named, carried, summary

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from semantic_slam_lab.simulation.annotation import Annotation
-from semantic_slam_lab.simulation.layout import draw_layout
-from semantic_slam_lab.simulation.sensor_noise import (
+from semantic_slam_lab.simulation.detectors.sensor_noise import (
     DEPTH_WINDOW_PX,
     NEAREST_DEPTH_M,
     SensorNoise,
@@ -19,6 +18,7 @@ from semantic_slam_lab.simulation.sensor_noise import (
     noisy_depth_m,
     noisy_image,
 )
+from semantic_slam_lab.simulation.layout import draw_layout
 from semantic_slam_lab.simulation.standing import (
     ROOM_SEED,
     WATCHED,

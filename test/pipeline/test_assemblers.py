@@ -29,8 +29,8 @@ from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.standard import time_message
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.pipeline.frame_assembler import MAX_IMAGES_WAITING, FrameAssembler
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.assembly.frame_assembler import MAX_IMAGES_WAITING, FrameAssembler
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 
 MS = 1_000_000
 BOXES = np.array([[10.0, 10.0, 30.0, 30.0]])

@@ -11,8 +11,8 @@ from semantic_slam.configuration import SemanticModelConfiguration, from_dict
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages import topics
 from semantic_slam.pipeline import first_word
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.first_word import FirstWord
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
 
 DETECTOR = SemanticModelConfiguration(kind="detector")
 

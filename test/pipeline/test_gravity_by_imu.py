@@ -17,11 +17,11 @@ from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.inertial import imu_message
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate, PoseEstimate
-from semantic_slam.pipeline.gravity_by_imu import GravityByImu, ImuSource
-from semantic_slam.pipeline.imu_use import left_out, unused_because
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
-from semantic_slam.pipeline.motion import start
-from semantic_slam.pipeline.odometry_path import OdometryPath
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.gravity.gravity_by_imu import GravityByImu, ImuSource
+from semantic_slam.pipeline.gravity.imu_use import left_out, unused_because
+from semantic_slam.pipeline.odometry.motion import start
+from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
 from semantic_slam.pipeline.start import start_of
 
 SPACE = {"state_space": "spatial", "association": "open", "observation": "points", "semantic_model": {"kind": "none"}}

@@ -33,7 +33,7 @@ from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.outputs import write_whole
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.usable_measurements import usable
-from semantic_slam.pipeline.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.preamble import checked_initial_pose
 
 

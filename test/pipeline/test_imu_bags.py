@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from semantic_slam_lab.simulation.inertial import Imu
+from semantic_slam_lab.simulation.detectors.inertial import Imu
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, TableTops, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bag_factory import Entry, frame_stamp, input_entries, without, write_bag, write_configuration
@@ -23,8 +23,8 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.inertial import imu_message
 from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
 DRIFT_RAD = 0.015
 """Of roll and of pitch from keyframe to keyframe, of odometry that feels no gravity."""

@@ -25,7 +25,7 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.images import decode_image
-from semantic_slam.ros.lookalike_service import LookalikeService
+from semantic_slam.ros.services.lookalike_service import LookalikeService
 
 pytestmark = pytest.mark.slow  # all share one run with descriptors and its report
 

@@ -14,8 +14,8 @@ from semantic_slam.configuration import OdometryConfiguration
 from semantic_slam.geometry import so3
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
-from semantic_slam.pipeline.level import level_at
-from semantic_slam.pipeline.motion import OdometryPoint, start
+from semantic_slam.pipeline.gravity.level import level_at
+from semantic_slam.pipeline.odometry.motion import OdometryPoint, start
 from semantic_slam.pipeline.offline import run_bag
 
 LEVEL = OdometryConfiguration(sigma_level_rad=0.02, level_repeats_s=10.0)

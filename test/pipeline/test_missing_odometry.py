@@ -11,7 +11,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 
 STEP_NS = NANOSECONDS // 10
 PACE_M_S = 0.5

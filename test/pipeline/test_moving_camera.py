@@ -14,7 +14,7 @@ from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.range_bearing import RangeBearing
-from semantic_slam.pipeline.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
 
 MS = 1_000_000
 PERIOD = 100 * MS

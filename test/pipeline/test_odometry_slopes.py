@@ -18,7 +18,7 @@ from semantic_slam.inference.models.odometry_bias import composed_slopes, slopes
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.standard import OdometryEstimate
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 
 ESTIMATED = {"odometry": {"estimate_bias": True}}
 STEPS = np.array([[0.3, 0.0, 0.2], [0.4, 0.1, -0.5], [0.2, -0.1, 0.9], [0.5, 0.0, 0.0], [0.1, 0.2, -2.0]])

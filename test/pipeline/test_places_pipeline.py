@@ -23,8 +23,8 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.perception.places import NO_PLACE
+from semantic_slam.pipeline.assembly.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.pipeline.places_assembler import PlacesAssembler
 
 NOWHERE = from_dict({})
 

@@ -20,8 +20,8 @@ from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.pipeline.assembly.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.pipeline.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.session import Session
 
 NUM_FRAMES = 8

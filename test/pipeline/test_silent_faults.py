@@ -20,8 +20,8 @@ from semantic_slam.messages.typestore import message_class
 from semantic_slam.perception.crops import IN_SHARES, box_fault
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.places import PlaceReader
-from semantic_slam.pipeline.frame_assembler import FrameAssembler
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.offline import run_bag
 
 

@@ -10,7 +10,7 @@ from semantic_slam.datasets.space.noisy_odometry import noisy_odometry_in_space
 from semantic_slam.datasets.space.path import SpatialPath
 from semantic_slam.geometry import se3
 from semantic_slam.inference.inputs.keyframe import OdometrySample
-from semantic_slam.pipeline.motion import motion_covariance_in_space, point_between, start
+from semantic_slam.pipeline.odometry.motion import motion_covariance_in_space, point_between, start
 
 STEPS = se3.exp(np.tile([0.05, -0.1, 0.2, 0.3, 0.05, -0.1], (8, 1)))
 ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])

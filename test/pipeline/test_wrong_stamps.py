@@ -19,7 +19,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, time_message
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.pipeline.topic_clock import TopicClock
+from semantic_slam.pipeline.stamps.topic_clock import TopicClock
 from semantic_slam.report.make import make_report
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates
 from semantic_slam.ros.backend_node import BackendNode
-from semantic_slam.ros.pipeline_node import main_of
+from semantic_slam.ros.node.pipeline_node import main_of
 
 DELAY_S = 0.3
 LAST_KEYFRAME = 4

@@ -1,6 +1,6 @@
 """Of messages that come faster than they are worked on the newest wait, and the others are told apart."""
 
-from semantic_slam.ros.backlog import Backlog
+from semantic_slam.ros.node.backlog import Backlog
 
 
 def test_the_oldest_go_and_as_many_wait_as_may() -> None:

@@ -11,13 +11,13 @@ import pytest
 
 from semantic_slam.errors import InputError
 from semantic_slam.ros import demo
-from semantic_slam.ros.health import InputMonitor, Level, Status, console_text
+from semantic_slam.ros.node.health import InputMonitor, Level, Status, console_text
 
 STARTER = """
 import sys, time
 from pathlib import Path
-from semantic_slam.ros.node_set import NodeSpec
-from semantic_slam.ros.processes import NodeProcesses
+from semantic_slam.ros.launching.node_set import NodeSpec
+from semantic_slam.ros.launching.processes import NodeProcesses
 import os
 with NodeProcesses(Path(sys.argv[1]), os.environ) as nodes:
     for n in range(3):

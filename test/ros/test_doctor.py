@@ -30,9 +30,10 @@ from semantic_slam.messages.standard import NANOSECONDS, time_message
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.input_topics import offered
 from semantic_slam.pipeline.preamble import Preamble
-from semantic_slam.ros import examination, observation, qos
-from semantic_slam.ros.node_set import NodeSpec
-from semantic_slam.ros.transport import ros_type
+from semantic_slam.ros.launching.node_set import NodeSpec
+from semantic_slam.ros.looking_on import examination, observation
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import ros_type
 
 SENT = (topics.ODOMETRY, topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DETECTIONS)
 PERIOD_S = 0.1

@@ -16,10 +16,10 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
-from semantic_slam.ros import qos
 from semantic_slam.ros.bag_recorder import BagRecorder
-from semantic_slam.ros.pipeline_node import PASSED
-from semantic_slam.ros.transport import Outlet
+from semantic_slam.ros.node.pipeline_node import PASSED
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

@@ -19,9 +19,9 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import load_configuration
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.node_set import NodeSpec, node_set
-from semantic_slam.ros.processes import NodeProcesses
-from semantic_slam.ros.supervisor import Supervisor
+from semantic_slam.ros.launching.node_set import NodeSpec, node_set
+from semantic_slam.ros.launching.processes import NodeProcesses
+from semantic_slam.ros.launching.supervisor import Supervisor
 
 NUM_FRAMES = 20
 SLOW_BACKEND = [sys.executable, str(Path(__file__).parent / "faulty_backends.py"), "slow"]

@@ -19,8 +19,8 @@ from worlds.places import place_entries
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.node_set import node_set
-from semantic_slam.ros.processes import NodeProcesses
+from semantic_slam.ros.launching.node_set import node_set
+from semantic_slam.ros.launching.processes import NodeProcesses
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

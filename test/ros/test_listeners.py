@@ -8,9 +8,9 @@ import rclpy
 from rclpy.node import Node
 
 from semantic_slam.messages import topics
-from semantic_slam.ros import qos
 from semantic_slam.ros.bag_player import ONLOOKERS
-from semantic_slam.ros.transport import Outlet, ros_type
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, ros_type
 
 pytestmark = pytest.mark.ros
 

@@ -12,14 +12,14 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from semantic_slam.ros.liveliness import LEASE_S, Watch
+from semantic_slam.ros.rounds.liveliness import LEASE_S, Watch
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 BACKEND = """
 import rclpy
 from rclpy.node import Node
-from semantic_slam.ros.liveliness import Sign
+from semantic_slam.ros.rounds.liveliness import Sign
 rclpy.init()
 node = Node("backend_7")
 sign = Sign(node, 7)

@@ -12,7 +12,7 @@ from worlds.node_runs import TIMEOUT_S, processes
 from worlds.places import place_entries
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.ros.node_set import node_set
+from semantic_slam.ros.launching.node_set import node_set
 
 PLAYER = "from semantic_slam.ros import bag_player; bag_player.GONE_S = 2.0; bag_player.main()"
 """As it is, but for half a minute that it waits for another manager."""

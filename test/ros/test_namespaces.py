@@ -16,7 +16,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.node_status import HARDWARE_ID, namespace_of
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.processes import NodeProcesses
+from semantic_slam.ros.launching.processes import NodeProcesses
 
 NUM_FRAMES = {"robot1": 12, "robot2": 9}
 """Drives of different lengths: a message of the other one would be of a keyframe that there is not."""

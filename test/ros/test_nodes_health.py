@@ -14,9 +14,9 @@ from worlds.node_runs import processes
 
 from semantic_slam.messages import topics
 from semantic_slam.messages.typestore import deserialize, serialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.node_set import NodeSpec
-from semantic_slam.ros.transport import Outlet, receive, ros_type
+from semantic_slam.ros.launching.node_set import NodeSpec
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, receive, ros_type
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from semantic_slam_lab.simulation.inertial import Imu
+from semantic_slam_lab.simulation.detectors.inertial import Imu
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, table_tops
 from worlds.imported import read_bag
 from worlds.node_runs import Replay, assert_same, beliefs, run

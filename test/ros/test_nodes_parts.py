@@ -15,10 +15,10 @@ from semantic_slam.geometry.transform import compose
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros.flow_control import Credit
-from semantic_slam.ros.health import Level, explanation_status
-from semantic_slam.ros.playlist import Playlist, parse_remaps
-from semantic_slam.ros.views import MarkersView, map_to_odom_view, pose_view
+from semantic_slam.ros.node.health import Level, explanation_status
+from semantic_slam.ros.publishing.views import MarkersView, map_to_odom_view, pose_view
+from semantic_slam.ros.replay.flow_control import Credit
+from semantic_slam.ros.replay.playlist import Playlist, parse_remaps
 
 
 def test_credit_lets_a_window_of_frames_go_and_then_waits() -> None:

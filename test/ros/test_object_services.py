@@ -19,10 +19,11 @@ from semantic_slam.maps.map_file import read_map
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.ros import path_publisher, qos
-from semantic_slam.ros.map_service import MapService
-from semantic_slam.ros.object_services import ObjectServices
-from semantic_slam.ros.transport import receive
+from semantic_slam.ros.publishing import path_publisher
+from semantic_slam.ros.services.map_service import MapService
+from semantic_slam.ros.services.object_services import ObjectServices
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import receive
 
 pytestmark = pytest.mark.ros
 

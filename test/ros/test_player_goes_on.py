@@ -12,10 +12,10 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.ros import qos
-from semantic_slam.ros.node_set import NodeSpec
-from semantic_slam.ros.resumption import MARGIN, header_stamp_ns
-from semantic_slam.ros.transport import Outlet, receive, relative_name
+from semantic_slam.ros.launching.node_set import NodeSpec
+from semantic_slam.ros.replay.resumption import MARGIN, header_stamp_ns
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, receive, relative_name
 
 NUM_FRAMES, DONE = 16, 12
 PAUSE_NS = 3600 * NANOSECONDS

@@ -9,8 +9,8 @@ from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import header_stamp_ns as stamp_of
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros.repeats import MOST_REMEMBERED, Repeats
-from semantic_slam.ros.resumption import FROM_THE_START, MARGIN, header_stamp_ns, resumption
+from semantic_slam.ros.node.repeats import MOST_REMEMBERED, Repeats
+from semantic_slam.ros.replay.resumption import FROM_THE_START, MARGIN, header_stamp_ns, resumption
 
 NUM_FRAMES = 14
 

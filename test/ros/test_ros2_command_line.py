@@ -11,7 +11,7 @@ from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, run
 from semantic_slam.configuration import load_configuration
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.node_set import node_set
+from semantic_slam.ros.launching.node_set import node_set
 
 pytestmark = [pytest.mark.ros_full, pytest.mark.ros, pytest.mark.slow]
 

@@ -21,12 +21,12 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.standard import header_stamp_ns, time_message
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros import qos
-from semantic_slam.ros.node_set import NodeSpec, node_set
-from semantic_slam.ros.parameters import changed_parameters
-from semantic_slam.ros.processes import NodeProcesses
-from semantic_slam.ros.supervisor import Supervisor
-from semantic_slam.ros.transport import Outlet, receive
+from semantic_slam.ros.launching.node_set import NodeSpec, node_set
+from semantic_slam.ros.launching.processes import NodeProcesses
+from semantic_slam.ros.launching.supervisor import Supervisor
+from semantic_slam.ros.node.parameters import changed_parameters
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, receive
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

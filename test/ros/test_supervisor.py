@@ -7,8 +7,8 @@ import pytest
 from worlds.node_runs import processes
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.ros.node_set import NodeSpec
-from semantic_slam.ros.supervisor import LONGEST_DELAY_S, MOST_RESTARTS, WINDOW_S, Supervisor
+from semantic_slam.ros.launching.node_set import NodeSpec
+from semantic_slam.ros.launching.supervisor import LONGEST_DELAY_S, MOST_RESTARTS, WINDOW_S, Supervisor
 
 KILLED, FAULT, BAD_INPUT = -9, 1, 2
 SPECS = [

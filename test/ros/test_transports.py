@@ -15,9 +15,9 @@ from worlds.node_runs import processes
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import message_class, serialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.node_set import NodeSpec
-from semantic_slam.ros.transport import Outlet, receive
+from semantic_slam.ros.launching.node_set import NodeSpec
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, receive
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

@@ -11,7 +11,7 @@ from worlds.two_hosts import two_hosts
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.supervisor import Supervisor
+from semantic_slam.ros.launching.supervisor import Supervisor
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.two_hosts]
 

@@ -34,8 +34,8 @@ from semantic_slam.messages.codec import encode
 from semantic_slam.messages.node_status import status_name
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.diagnostics import dropped_message
-from semantic_slam.ros import qos
-from semantic_slam.ros.transport import Outlet
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet
 
 pytestmark = pytest.mark.ros
 

@@ -22,8 +22,8 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message, to_message
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros.waiting import MOST_WAITING
-from semantic_slam.ros.work_order import WorkOrder
+from semantic_slam.ros.rounds.waiting import MOST_WAITING
+from semantic_slam.ros.rounds.work_order import WorkOrder
 
 PLACES = ((3.0, 0.5), (3.5, -0.6), (2.0, 1.0))
 CLOSED = from_dict({"semantic_model": {"kind": "none"}})

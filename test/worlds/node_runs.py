@@ -13,9 +13,9 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
-from semantic_slam.ros.node_set import NodeSpec, node_set
-from semantic_slam.ros.processes import NodeProcesses, loopback_environment
-from semantic_slam.ros.supervisor import Supervisor
+from semantic_slam.ros.launching.node_set import NodeSpec, node_set
+from semantic_slam.ros.launching.processes import NodeProcesses, loopback_environment
+from semantic_slam.ros.launching.supervisor import Supervisor
 
 TIMEOUT_S = 240.0
 """Generous: on a loaded machine the processes take long to start."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from semantic_slam_lab.simulation.inertial import Imu, SmoothPath, imu_messages
+from semantic_slam_lab.simulation.detectors.inertial import Imu, SmoothPath, imu_messages
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, TableTops
 from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bag_factory import Entry, static_transform, write_bag

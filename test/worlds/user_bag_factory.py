@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from semantic_slam_lab.simulation.detector_bag import DEFINITIONS as VISION_4
+from semantic_slam_lab.simulation.detectors.detector_bag import DEFINITIONS as VISION_4
 
 SECOND = 1_000_000_000
 WIDTH, HEIGHT, FOCAL = 160, 120, 100.0

@@ -7,11 +7,11 @@ from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError
 from semantic_slam_lab.documentation.fill import Tables, filled
 from semantic_slam_lab.documentation.headline import headline
-from semantic_slam_lab.documentation.kept_results import KeptResults, keep, read_kept
 from semantic_slam_lab.documentation.messages import messages_page
 from semantic_slam_lab.documentation.parameters import parameters_page
 from semantic_slam_lab.documentation.results import results_page
-from semantic_slam_lab.documentation.rooms import ROOMS, VICTORIA_PARK
+from semantic_slam_lab.documentation.studies.rooms import ROOMS, VICTORIA_PARK
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults, keep, read_kept
 
 GENERATED = "<!-- Written by `make docs`; edits here are lost. -->\n\n"
 FILLED = ("README.md", "docs/*.md")

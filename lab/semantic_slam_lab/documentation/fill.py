@@ -8,8 +8,8 @@ import re
 from collections.abc import Callable, Mapping
 
 from semantic_slam.errors import InputError
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import value
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import value
 
 VALUE = re.compile(r"(<!-- value (?P<address>[^\s>]+)(?: (?P<style>[^>]+?))? -->)(?:[^<]*)(<!-- end -->)")
 TABLE = re.compile(r"(<!-- table (?P<name>\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -1,7 +1,7 @@
 """README's one table: what semantics bring in three kinds of world, beside what stands in for it."""
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table, value
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table, value
 
 Row = tuple[str, str, str, str]
 """Words, address of our value, address of the other's, style."""

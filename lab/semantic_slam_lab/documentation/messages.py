@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semantic_slam_lab.documentation.markdown import table
+from semantic_slam_lab.documentation.writing.markdown import table
 
 INTRODUCTION = """# Messages
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.registry import Registry
-from semantic_slam_lab.documentation.markdown import table
+from semantic_slam_lab.documentation.writing.markdown import table
 
 INTRODUCTION = """# Parameters
 

@@ -3,7 +3,7 @@
 import re
 from typing import Any
 
-from semantic_slam_lab.documentation import (
+from semantic_slam_lab.documentation.studies import (
     benchmarks,
     carried_robot,
     chapter_3,
@@ -23,9 +23,9 @@ from semantic_slam_lab.documentation import (
     rooms,
     tables,
 )
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table
+from semantic_slam_lab.documentation.writing.section import Section
 
 INTRODUCTION = """# Results
 

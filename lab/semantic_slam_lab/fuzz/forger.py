@@ -15,9 +15,9 @@ from rclpy.node import Node
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.messages import topics
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.resumption import header_stamp_ns
-from semantic_slam.ros.transport import Outlet, is_installed, receive, relative_name
+from semantic_slam.ros.replay.resumption import header_stamp_ns
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, is_installed, receive, relative_name
 from semantic_slam_lab.fuzz.forgery import forgery
 
 NAME = "forger"

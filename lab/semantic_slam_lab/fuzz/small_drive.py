@@ -12,7 +12,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
-from semantic_slam_lab.simulation.told_places import told_places
+from semantic_slam_lab.simulation.detectors.told_places import told_places
 
 START_NS = 1_700_000_000 * NANOSECONDS
 PERIOD_NS = NANOSECONDS // 2

@@ -41,7 +41,7 @@ from semantic_slam.messages.images import decode_depth, decode_image
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class, serialize
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.work_order import WorkOrder
+from semantic_slam.ros.rounds.work_order import WorkOrder
 from semantic_slam.shipped import CONFIGURATIONS
 from semantic_slam.viewpoint.store import read_model
 from semantic_slam_lab.fuzz import small_drive

@@ -115,8 +115,8 @@ def watched(demo: Demo) -> Iterator[None]:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
-    from semantic_slam.ros import qos
-    from semantic_slam.ros.transport import receive
+    from semantic_slam.ros.wire import qos
+    from semantic_slam.ros.wire.transport import receive
 
     def note(data: bytes) -> None:
         demo.newest = max(demo.newest, decode(data, topics.TYPES[topics.BELIEF]).keyframe)

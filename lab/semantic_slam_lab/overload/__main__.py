@@ -22,10 +22,10 @@ from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.provenance import revision
-from semantic_slam.ros import qos
-from semantic_slam.ros.node_set import NodeSpec
-from semantic_slam.ros.processes import NodeProcesses, loopback_environment
-from semantic_slam.ros.transport import Outlet
+from semantic_slam.ros.launching.node_set import NodeSpec
+from semantic_slam.ros.launching.processes import NodeProcesses, loopback_environment
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet
 from semantic_slam_lab.overload.listener import Listener
 from semantic_slam_lab.overload.outcome import Row, claims_of, resident_mb, table_of
 from semantic_slam_lab.overload.robot import NUM_OBJECTS, OBJECTS_M, sent

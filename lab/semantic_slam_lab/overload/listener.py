@@ -6,9 +6,9 @@ from rclpy.node import Node
 
 from semantic_slam.messages import topics
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.resumption import header_stamp_ns
-from semantic_slam.ros.transport import receive
+from semantic_slam.ros.replay.resumption import header_stamp_ns
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import receive
 
 FASTER = "came faster"
 

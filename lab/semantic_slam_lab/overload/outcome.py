@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from semantic_slam.ros.qos import SENSOR_DEPTH
+from semantic_slam.ros.wire.qos import SENSOR_DEPTH
 from semantic_slam_lab.studies.result import Claim, Table
 
 SOURCE = "this project"

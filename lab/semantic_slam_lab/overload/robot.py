@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.messages.standard import OdometryEstimate
-from semantic_slam_lab.simulation.told_places import told_places
+from semantic_slam_lab.simulation.detectors.told_places import told_places
 
 RADIUS_M, SPEED_M_S = 2.0, 0.5
 NUM_OBJECTS, OBJECTS_M = 12, 4.0

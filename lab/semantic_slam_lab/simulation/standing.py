@@ -26,11 +26,11 @@ from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundT
 from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam_lab.simulation.annotation import Annotation, annotate
+from semantic_slam_lab.simulation.detectors.sensor_noise import SensorNoise, noisy_boxes, noisy_depth_m, noisy_image
 from semantic_slam_lab.simulation.layout import draw_layout, room
 from semantic_slam_lab.simulation.mujoco_scene import PlacedObject, scene_xml
 from semantic_slam_lab.simulation.renderer import Renderer, Rendering, camera_model
 from semantic_slam_lab.simulation.scene import level_cameras
-from semantic_slam_lab.simulation.sensor_noise import SensorNoise, noisy_boxes, noisy_depth_m, noisy_image
 from semantic_slam_lab.simulation.tour import CAMERA_HEIGHT_M, HORIZONTAL_FOV_RAD
 
 NAME = "standing"

@@ -15,7 +15,7 @@ from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
-from semantic_slam_lab.simulation.detector_words import DetectorFaults, Hypotheses, Seen, alarm, hypotheses
+from semantic_slam_lab.simulation.detectors.detector_words import DetectorFaults, Hypotheses, Seen, alarm, hypotheses
 
 NAMES = ("cup", "bottle", "book", "laptop")
 """What stands on tables: several of each."""

@@ -11,8 +11,8 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.messages.inertial import GRAVITY_M_S2
 from semantic_slam.messages.sensor import sensor_pose
-from semantic_slam.pipeline.imu_use import NAME as TOPIC
-from semantic_slam.pipeline.imu_use import TYPE, unused_because
+from semantic_slam.pipeline.gravity.imu_use import NAME as TOPIC
+from semantic_slam.pipeline.gravity.imu_use import TYPE, unused_because
 
 NAME = "imu"
 MOST_OFF_M_S2 = 1.5

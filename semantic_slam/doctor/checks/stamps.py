@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.doctor.finding import Finding, Severity, error, warning
 from semantic_slam.doctor.input_summary import InputSummary, Stamps
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.pipeline.topic_clock import AHEAD, BACKWARDS, LEAP_STEPS, SET_BACK, TopicClock
+from semantic_slam.pipeline.stamps.topic_clock import AHEAD, BACKWARDS, LEAP_STEPS, SET_BACK, TopicClock
 
 NAME = "stamps"
 LEAST_GAP_S = 1.0

@@ -7,8 +7,8 @@ from semantic_slam.doctor.finding import Finding, error, warning
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.messages import topics
 from semantic_slam.messages.topics import TYPES
-from semantic_slam.pipeline.imu_use import NAME as TOPIC
-from semantic_slam.pipeline.imu_use import TYPE, unused_because
+from semantic_slam.pipeline.gravity.imu_use import NAME as TOPIC
+from semantic_slam.pipeline.gravity.imu_use import TYPE, unused_because
 from semantic_slam.pipeline.input_topics import lacking, mistyped
 
 NAME = "topics"

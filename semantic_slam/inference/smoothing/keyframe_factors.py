@@ -11,7 +11,7 @@ from semantic_slam.inference.models.odometry_bias import biased_factor
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
-from semantic_slam.inference.smoothing.measured import Measured, Motions, Sightings
+from semantic_slam.inference.smoothing.linear.measured import Measured, Motions, Sightings
 from semantic_slam.inference.states.keys import bias_key, error_keys, error_place, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 

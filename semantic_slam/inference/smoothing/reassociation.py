@@ -14,8 +14,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Index
 from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
 from semantic_slam.inference.smoothing.isam import OwnedIsam, single_step_isam
-from semantic_slam.inference.smoothing.linear_measurements import LinearFactors
-from semantic_slam.inference.smoothing.measured import Sightings
+from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors
+from semantic_slam.inference.smoothing.linear.measured import Sightings
 from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.gaussian import GaussianPrior

@@ -9,7 +9,7 @@ import gtsam
 import numpy as np
 
 from semantic_slam.inference.smoothing.isam import single_step_isam
-from semantic_slam.inference.smoothing.linear_measurements import LinearFactors
+from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors
 
 MOST_TIMES = 15
 """Times that all is made anew after one update, at most."""

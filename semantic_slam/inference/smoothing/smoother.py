@@ -18,7 +18,6 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
-from semantic_slam.inference.smoothing.charts import Charts
 from semantic_slam.inference.smoothing.elimination import MOST_JOINT, groups, last_eliminated
 from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
 from semantic_slam.inference.smoothing.estimate import Estimate
@@ -31,9 +30,10 @@ from semantic_slam.inference.smoothing.factor_table import (
     RelinearisedFactors,
 )
 from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
-from semantic_slam.inference.smoothing.linear_measurements import LinearFactors, in_charts, new_measurements
-from semantic_slam.inference.smoothing.located import Located
-from semantic_slam.inference.smoothing.measured import Measured
+from semantic_slam.inference.smoothing.linear.charts import Charts
+from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, in_charts, new_measurements
+from semantic_slam.inference.smoothing.linear.located import Located
+from semantic_slam.inference.smoothing.linear.measured import Measured
 from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of

@@ -19,8 +19,8 @@ from semantic_slam.messages.images import check_unit, decode_depth, decode_image
 from semantic_slam.messages.sensor import TransformTree, camera_model, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
-from semantic_slam.pipeline.moving_camera import MovingCamera
-from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+from semantic_slam.pipeline.odometry.moving_camera import MovingCamera
+from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 MAX_IMAGES_WAITING = 300
 """Images kept while no detections come; a detector later than that many images cannot be matched."""

@@ -32,10 +32,11 @@ from semantic_slam.perception.box_tracks import BoxTracks
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.same_outline import joined
 from semantic_slam.perception.usable_measurements import usable
-from semantic_slam.pipeline.gravity_by_imu import GravityByImu, ImuSource
-from semantic_slam.pipeline.imu_use import unused_because
-from semantic_slam.pipeline.level import level_at
-from semantic_slam.pipeline.motion import (
+from semantic_slam.pipeline.assembly.points_input import PointsInput
+from semantic_slam.pipeline.gravity.gravity_by_imu import GravityByImu, ImuSource
+from semantic_slam.pipeline.gravity.imu_use import unused_because
+from semantic_slam.pipeline.gravity.level import level_at
+from semantic_slam.pipeline.odometry.motion import (
     OdometryPoint,
     driven_between,
     motion_covariance,
@@ -45,10 +46,9 @@ from semantic_slam.pipeline.motion import (
     point_between,
     start,
 )
-from semantic_slam.pipeline.odometry_path import OdometryPath
-from semantic_slam.pipeline.odometry_rate import RateMeter
-from semantic_slam.pipeline.points_input import PointsInput
-from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
+from semantic_slam.pipeline.odometry.odometry_rate import RateMeter
+from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 MAX_EXTRAPOLATION_S = 1.0
 """How long the last odometry still stands for the robot's pose; measurements after that cannot be used."""

@@ -19,7 +19,7 @@ from semantic_slam.messages.sensor import camera_model, plain_frame
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places import PlaceReader
-from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 
 class PlacesAssembler:

@@ -19,11 +19,11 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.inertial import ImuReading, imu_reading
 from semantic_slam.messages.sensor import TransformTree, sensor_pose
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose
-from semantic_slam.pipeline.imu_look import ImuLook, NoLookError, look_of
-from semantic_slam.pipeline.imu_window import ImuWindow
-from semantic_slam.pipeline.level import repeated
-from semantic_slam.pipeline.odometry_path import OdometryPath
-from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+from semantic_slam.pipeline.gravity.imu_look import ImuLook, NoLookError, look_of
+from semantic_slam.pipeline.gravity.imu_window import ImuWindow
+from semantic_slam.pipeline.gravity.level import repeated
+from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
+from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 SILENT_NS = 2 * NANOSECONDS
 """A topic that lags behind odometry by more is silent."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import ImuConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.inertial import GRAVITY_M_S2, ImuReading
-from semantic_slam.pipeline.imu_window import ImuWindow
+from semantic_slam.pipeline.gravity.imu_window import ImuWindow
 
 LEAST_VARIANCE = 1e-6
 """[rad^2]: no sensor is mounted better than to a milliradian, whatever it states."""

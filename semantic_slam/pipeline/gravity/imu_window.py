@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.pipeline.odometry_path import OdometryPath
+from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
 
 LONGEST_GAP = 0.25
 """Share of a window that may pass without a message, or without odometry."""

@@ -6,7 +6,7 @@ from semantic_slam.configuration import OdometryConfiguration
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.pipeline.motion import OdometryPoint
+from semantic_slam.pipeline.odometry.motion import OdometryPoint
 
 
 def level_at(point: OdometryPoint, before: OdometryPoint | None, settings: OdometryConfiguration) -> Array | None:

@@ -10,8 +10,8 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
-from semantic_slam.pipeline.gravity_by_imu import ImuSource
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.preamble import read_preamble
 
 

@@ -14,8 +14,8 @@ from semantic_slam.inference.models.clock_offset import shifts_of
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.inference.models.odometry_noise import odometry_covariance, odometry_variances
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.pipeline.odometry_rate import NOT_KNOWN, Rate
-from semantic_slam.pipeline.stated_covariance import increment, since_start
+from semantic_slam.pipeline.odometry.odometry_rate import NOT_KNOWN, Rate
+from semantic_slam.pipeline.odometry.stated_covariance import increment, since_start
 
 NO_MOTION_VARIANCE = 1e-8
 """Square metres and radians, of a motion that is none: covariances have inverses."""

@@ -9,7 +9,7 @@ from semantic_slam.geometry.transform import compose
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import IDENTITY, TransformTree, plain_frame, transform_vector
 from semantic_slam.messages.standard import is_pose, stamp_ns
-from semantic_slam.pipeline.stamped_buffer import StampedBuffer
+from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 MAX_WAITING = 3000
 """Transforms of one pair of frames that are kept while no detections come."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.pipeline.motion import OdometryPoint
+from semantic_slam.pipeline.odometry.motion import OdometryPoint
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.pipeline.topic_clock import LEAP_STEPS
+from semantic_slam.pipeline.stamps.topic_clock import LEAP_STEPS
 
 RECENT_STEPS = 25
 """So many last steps tell the rate and the pace."""

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
-from semantic_slam.pipeline.topic_clock import MOST_EARLIER, TopicClock
+from semantic_slam.pipeline.stamps.topic_clock import MOST_EARLIER, TopicClock
 
 T = TypeVar("T")
 

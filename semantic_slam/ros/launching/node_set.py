@@ -15,10 +15,10 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.outputs import LEAVE_OF_NODES, check_bag_output
 from semantic_slam.pipeline.detector_labels import known_labels, labels_in
-from semantic_slam.pipeline.imu_use import unused_because
+from semantic_slam.pipeline.gravity.imu_use import unused_because
 from semantic_slam.pipeline.input_topics import InputTopics, find_topics
 from semantic_slam.pipeline.preamble import map_prior_path, read_preamble
-from semantic_slam.ros.parameters import changed_parameters
+from semantic_slam.ros.node.parameters import changed_parameters
 
 LOSSLESS = 0.0
 """The rate that stands for lock-step: as fast as the nodes can follow, and nothing is lost."""

@@ -14,8 +14,8 @@ from types import TracebackType
 from typing import Self
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.ros.node_set import NodeSpec
-from semantic_slam.ros.supervisor import Supervisor
+from semantic_slam.ros.launching.node_set import NodeSpec
+from semantic_slam.ros.launching.supervisor import Supervisor
 
 GRACE_S = 10.0
 PR_SET_PDEATHSIG = 1

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from semantic_slam.cli.exit_codes import BAD_INPUT
-from semantic_slam.ros.node_set import NodeSpec
+from semantic_slam.ros.launching.node_set import NodeSpec
 
 MOST_RESTARTS, WINDOW_S = 8, 120.0
 """A node that has died so often within so long ends the run."""

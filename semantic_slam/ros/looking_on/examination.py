@@ -27,12 +27,12 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.topics import LATCHED, TYPES
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.pipeline.imu_use import unused_because
+from semantic_slam.pipeline.gravity.imu_use import unused_because
 from semantic_slam.pipeline.input_topics import offered
 from semantic_slam.pipeline.preamble import Preamble, checked_initial_pose
-from semantic_slam.ros.observation import MOST_BYTES, READ_HERE, Observer, observer
-from semantic_slam.ros.parameters import configuration_of, leaves
-from semantic_slam.ros.transport import is_installed
+from semantic_slam.ros.looking_on.observation import MOST_BYTES, READ_HERE, Observer, observer
+from semantic_slam.ros.node.parameters import configuration_of, leaves
+from semantic_slam.ros.wire.transport import is_installed
 
 ANSWER_S = 2.0
 NODES_TO_COME = Endpoint("any node of ours", "", is_reliable=True, is_latched=True)

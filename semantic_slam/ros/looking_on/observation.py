@@ -23,8 +23,8 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.node_status import is_ours
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.transport import receive, relative_name
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import receive, relative_name
 
 NAME = "doctor"
 LEAST_S, EMPTY_S = 4.0, 8.0

@@ -23,8 +23,8 @@ from semantic_slam.errors import InputError, MessageError, SemanticSlamError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.transport import is_installed, relative_name, ros_type
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import is_installed, relative_name, ros_type
 from semantic_slam.view.live_run import LiveRun
 from semantic_slam.view.server import ViewServer
 

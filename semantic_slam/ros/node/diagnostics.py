@@ -12,9 +12,9 @@ from semantic_slam.messages.node_status import HARDWARE_ID, status_name
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.topics import DIAGNOSTICS, TYPES
 from semantic_slam.messages.typestore import message_class, serialize
-from semantic_slam.ros.health import InputMonitor, Level, Status, console_text, incompatible_status
-from semantic_slam.ros.qos import everything
-from semantic_slam.ros.transport import Outlet
+from semantic_slam.ros.node.health import InputMonitor, Level, Status, console_text, incompatible_status
+from semantic_slam.ros.wire.qos import everything
+from semantic_slam.ros.wire.transport import Outlet
 
 PERIOD_S = 1.0
 SAY_AGAIN_S = 10.0

@@ -23,13 +23,13 @@ from rclpy.utilities import remove_ros_args
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.messages import topics
-from semantic_slam.ros.backlog import Backlog
-from semantic_slam.ros.diagnostics import Diagnostics
-from semantic_slam.ros.health import repeated_status
-from semantic_slam.ros.parameters import declare_fixed
-from semantic_slam.ros.qos import PICTURES, SENSOR_DEPTH
-from semantic_slam.ros.transport import receive, relative_name
-from semantic_slam.ros.worker import Worker
+from semantic_slam.ros.node.backlog import Backlog
+from semantic_slam.ros.node.diagnostics import Diagnostics
+from semantic_slam.ros.node.health import repeated_status
+from semantic_slam.ros.node.parameters import declare_fixed
+from semantic_slam.ros.node.worker import Worker
+from semantic_slam.ros.wire.qos import PICTURES, SENSOR_DEPTH
+from semantic_slam.ros.wire.transport import receive, relative_name
 
 QUIET_TICK_S = 0.1
 QUIET_TICKS = 3

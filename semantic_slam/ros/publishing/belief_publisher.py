@@ -10,10 +10,10 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.path_publisher import PathPublisher
-from semantic_slam.ros.transport import Outlet, is_installed, private_name
-from semantic_slam.ros.views import MarkersView, map_to_odom_view, pose_view
+from semantic_slam.ros.publishing.path_publisher import PathPublisher
+from semantic_slam.ros.publishing.views import MarkersView, map_to_odom_view, pose_view
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name
 
 
 class BeliefPublisher:

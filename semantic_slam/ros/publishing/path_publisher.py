@@ -10,9 +10,9 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import NANOSECONDS, PoseEstimate
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros import qos
-from semantic_slam.ros.transport import Outlet, private_name, ros_type
-from semantic_slam.ros.views import MAP, path_view
+from semantic_slam.ros.publishing.views import MAP, path_view
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, private_name, ros_type
 
 NEWEST = 1000
 """Poses that a message holds: each is sent again with every keyframe that follows."""

@@ -9,7 +9,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
-from semantic_slam.ros.transport import ros_type
+from semantic_slam.ros.wire.transport import ros_type
 
 LEASE_S = 1.0
 """A process that was killed is missed after so long."""

@@ -15,10 +15,10 @@ from semantic_slam.inference.protocol import Candidates, Commit, Components, Run
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
-from semantic_slam.ros import qos
-from semantic_slam.ros.health import SILENT_AFTER_S, Level, Status
-from semantic_slam.ros.liveliness import Watch
-from semantic_slam.ros.transport import Outlet, private_name, receive
+from semantic_slam.ros.node.health import SILENT_AFTER_S, Level, Status
+from semantic_slam.ros.rounds.liveliness import Watch
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, private_name, receive
 
 CHECK_S = 0.2
 ASK_AGAIN_S = 5.0

@@ -20,8 +20,8 @@ from semantic_slam.inference.run_id import is_id_of_its_contents
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.typestore import deserialize
-from semantic_slam.ros.round_checks import fault_of_commit, fault_of_keyframe
-from semantic_slam.ros.waiting import Waiting
+from semantic_slam.ros.rounds.round_checks import fault_of_commit, fault_of_keyframe
+from semantic_slam.ros.rounds.waiting import Waiting
 
 Answer = Candidates | Components
 MOST_RUNS = 2

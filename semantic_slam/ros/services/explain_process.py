@@ -1,4 +1,4 @@
-"""The process behind ``~/explain``: ``python -m semantic_slam.ros.explain_process PARENT FILE LENGTH OBJECT``.
+"""The process behind ``~/explain``: ``python -m semantic_slam.ros.services.explain_process PARENT FILE LENGTH OBJECT``.
 
 A run is inferred again in it, at a low priority, while the manager goes on with the run. FILE is the descriptor of the
 keyframes that were kept, LENGTH how much of it; the newest belief comes on standard input, the answer goes out on
@@ -18,8 +18,8 @@ from semantic_slam.evaluation.record import Record
 from semantic_slam.evaluation.trajectory import Trajectory
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
-from semantic_slam.pipeline.kept_run import read_kept
-from semantic_slam.ros.processes import end_with
+from semantic_slam.pipeline.journal.kept_run import read_kept
+from semantic_slam.ros.launching.processes import end_with
 
 NICENESS = 10
 """Keyframes come first."""

@@ -19,8 +19,8 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages.codec import encode
-from semantic_slam.pipeline.kept_run import KeptRun
-from semantic_slam.ros.answering import newest, row_of
+from semantic_slam.pipeline.journal.kept_run import KeptRun
+from semantic_slam.ros.services.answering import newest, row_of
 
 
 class ExplainService:
@@ -82,7 +82,7 @@ class ExplainService:
         numbers = os.getpid(), kept.descriptor, kept.length, object_id
         try:
             with subprocess.Popen(
-                [sys.executable, "-m", "semantic_slam.ros.explain_process", *map(str, numbers)],
+                [sys.executable, "-m", "semantic_slam.ros.services.explain_process", *map(str, numbers)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,

@@ -9,7 +9,7 @@ from semantic_slam_msgs.srv import FindLookalike
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.ros.answering import answering, newest
+from semantic_slam.ros.services.answering import answering, newest
 
 if TYPE_CHECKING:
     from semantic_slam.pipeline.lookalike_query import LookalikeQuery

@@ -11,7 +11,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.outputs import claimed_file
-from semantic_slam.ros.answering import answering, newest
+from semantic_slam.ros.services.answering import answering, newest
 
 LEAVE = "overwrite: true"
 

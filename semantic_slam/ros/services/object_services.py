@@ -14,7 +14,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.ros.answering import answering, newest, row_of
+from semantic_slam.ros.services.answering import answering, newest, row_of
 
 
 class ObjectServices:

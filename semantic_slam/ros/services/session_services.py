@@ -12,8 +12,8 @@ from semantic_slam_msgs.srv import LoadMap
 from std_srvs.srv import SetBool, Trigger
 
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.ros.answering import answering
-from semantic_slam.ros.pipeline_node import PipelineNode
+from semantic_slam.ros.node.pipeline_node import PipelineNode
+from semantic_slam.ros.services.answering import answering
 
 
 class Sessions(Protocol):

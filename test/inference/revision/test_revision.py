@@ -20,7 +20,7 @@ from semantic_slam.inference.revision.replay import CHECKPOINT, Replay
 from semantic_slam.inference.smoothing import trunks
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.ros.round_checks import fault_of_commit
+from semantic_slam.ros.rounds.round_checks import fault_of_commit
 
 LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])
 SIGMAS = np.array([0.05, 0.02])

@@ -10,8 +10,8 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.smoothing.linear_measurements import LinearMeasurements
-from semantic_slam.inference.smoothing.measured import Measured, Motions, Sightings
+from semantic_slam.inference.smoothing.linear.linear_measurements import LinearMeasurements
+from semantic_slam.inference.smoothing.linear.measured import Measured, Motions, Sightings
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.keys import error_keys, error_place, object_key, robot_key

@@ -15,7 +15,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.standard import OdometryEstimate
-from semantic_slam.pipeline.keyframe_assembler import KeyframeAssembler
+from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 
 START_NS = 10**18
 TURN_RAD_S, SPEED_M_S, PHASE_S = 0.8, 0.4, 2.0

@@ -1,8 +1,8 @@
 """The benchmark: ratios against peers."""
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table, value
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table, value
+from semantic_slam_lab.documentation.writing.section import Section
 
 THOUSAND = 1000.0
 """From which on three digits would need an exponent."""

@@ -1,7 +1,7 @@
 """Robots that are lifted in mid-drive and set down elsewhere."""
 
-from semantic_slam_lab.documentation.methods_table import Column, MethodsTable
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.methods_table import Column, MethodsTable
+from semantic_slam_lab.documentation.writing.section import Section
 from semantic_slam_lab.studies.carried_robot.study import CASES
 
 STUDY = "carried_robot"

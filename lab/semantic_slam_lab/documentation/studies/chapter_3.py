@@ -1,7 +1,7 @@
 """Chapter 3: the class of one object, scores and track uncertain."""
 
-from semantic_slam_lab.documentation.methods_table import Column, MethodsTable
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.methods_table import Column, MethodsTable
+from semantic_slam_lab.documentation.writing.section import Section
 
 CLASSIFIED = (
     Column("right at the end", "correct_rate_final"),

@@ -1,9 +1,9 @@
 """Chapter 4: the lost robot among look-alikes, and what objects and backends cost."""
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table, value
-from semantic_slam_lab.documentation.methods_table import Column, MethodsTable
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table, value
+from semantic_slam_lab.documentation.writing.methods_table import Column, MethodsTable
+from semantic_slam_lab.documentation.writing.section import Section
 
 STATISTICS = MethodsTable(
     study="ch4_statistics",

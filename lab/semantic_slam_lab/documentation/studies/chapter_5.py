@@ -1,7 +1,7 @@
 """Chapter 5: descriptors instead of classes."""
 
-from semantic_slam_lab.documentation.methods_table import Column, MethodsTable
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.methods_table import Column, MethodsTable
+from semantic_slam_lab.documentation.writing.section import Section
 
 SPACES = {
     "formulations/map": "MAP, turntable crops",

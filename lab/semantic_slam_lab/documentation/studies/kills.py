@@ -1,8 +1,8 @@
 """Nodes that are killed."""
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table, value
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table, value
+from semantic_slam_lab.documentation.writing.section import Section
 
 STUDY = "kills"
 COLUMNS = {"beliefs": ("beliefs", ""), "of": ("of", ""), "largest_difference": ("largest difference", ".2g")}

@@ -1,8 +1,8 @@
 """Robots put down on a known map, metres from where they think."""
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table, value
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table, value
+from semantic_slam_lab.documentation.writing.section import Section
 from semantic_slam_lab.studies.lost_robot.study import COLUMNS
 
 STUDY = "lost_robot"

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table, value
-from semantic_slam_lab.documentation.methods_table import Column
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table, value
+from semantic_slam_lab.documentation.writing.methods_table import Column
+from semantic_slam_lab.documentation.writing.section import Section
 from semantic_slam_lab.studies.own_detector.pages import TITLES, WORDS
 
 STUDY = "own_detector"

@@ -1,8 +1,8 @@
 """Photographs of a kitchen and of a cabinet, in all six of a hand-held camera's pose."""
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table, value
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table, value
+from semantic_slam_lab.documentation.writing.section import Section
 
 STUDY = "real_in_space"
 COLUMNS = {

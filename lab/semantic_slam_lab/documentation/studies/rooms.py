@@ -1,9 +1,9 @@
 """Rooms and drives: the lost robot, the world without a map, Victoria Park."""
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
-from semantic_slam_lab.documentation.markdown import table, value
-from semantic_slam_lab.documentation.methods_table import Column, MethodsTable
-from semantic_slam_lab.documentation.section import Section
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.markdown import table, value
+from semantic_slam_lab.documentation.writing.methods_table import Column, MethodsTable
+from semantic_slam_lab.documentation.writing.section import Section
 
 ROOMS = MethodsTable(
     study="aliased_scenes",

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from semantic_slam_lab.documentation.kept_results import KeptResults
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
 
 TableOf = Callable[[KeptResults], str]
 

@@ -17,8 +17,8 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
 from semantic_slam.perception.frame import Detections
-from semantic_slam_lab.simulation.detector_boxes import Box, torn
-from semantic_slam_lab.simulation.detector_words import (
+from semantic_slam_lab.simulation.detectors.detector_boxes import Box, torn
+from semantic_slam_lab.simulation.detectors.detector_words import (
     NAMES,
     DetectorFaults,
     Hypotheses,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam_lab.simulation.detector_boxes import BoxFaults
+from semantic_slam_lab.simulation.detectors.detector_boxes import BoxFaults
 
 NAMES = {
     "cabinet": "refrigerator",

@@ -26,7 +26,7 @@ from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
 from semantic_slam.perception.measurement import OF_THE_FRAME, SemanticMeasurements
-from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, start
+from semantic_slam.pipeline.odometry.motion import OdometryPoint, motion_covariance, start
 from semantic_slam_lab.simulation.mujoco_scene import PlacedObject
 
 IMAGE_WIDTH = 720

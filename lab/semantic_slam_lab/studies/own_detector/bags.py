@@ -10,9 +10,9 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from semantic_slam.datasets import user_bag_import
-from semantic_slam_lab.simulation.detector_bag import write_detector_bag
-from semantic_slam_lab.simulation.detector_boxes import BoxFaults
-from semantic_slam_lab.simulation.detector_words import BY_CHANCE, BY_SIDE, BY_VIEW, NAMES, DetectorFaults
+from semantic_slam_lab.simulation.detectors.detector_bag import write_detector_bag
+from semantic_slam_lab.simulation.detectors.detector_boxes import BoxFaults
+from semantic_slam_lab.simulation.detectors.detector_words import BY_CHANCE, BY_SIDE, BY_VIEW, NAMES, DetectorFaults
 
 IMAGE_WIDTH = 720
 """Pixels; that of the shipped bag."""

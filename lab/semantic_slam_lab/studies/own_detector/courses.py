@@ -10,7 +10,7 @@ from semantic_slam.evaluation.history import best_history
 from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.viewpoint.label_model import NONE_OF_THESE
-from semantic_slam_lab.simulation.detector_words import DetectorFaults
+from semantic_slam_lab.simulation.detectors.detector_words import DetectorFaults
 
 CLASSES = (*sorted(DetectorFaults().names), NONE_OF_THESE)
 """C columns of every course."""

@@ -11,7 +11,7 @@ import yaml
 from semantic_slam.cli import bag_to_report
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.shipped import configuration_file
-from semantic_slam_lab.simulation.detector_words import NAMES
+from semantic_slam_lab.simulation.detectors.detector_words import NAMES
 from semantic_slam_lab.studies.own_detector.bags import classifier_labels, imported
 from semantic_slam_lab.studies.own_detector.courses import Drive
 

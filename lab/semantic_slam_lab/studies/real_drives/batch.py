@@ -16,7 +16,7 @@ from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.inference.models.configured_noise import ConfiguredNoise
-from semantic_slam.pipeline.motion import OdometryPoint, motion_covariance, point_between, start
+from semantic_slam.pipeline.odometry.motion import OdometryPoint, motion_covariance, point_between, start
 
 CAUCHY = 2.3849
 """Width of the kernel, in standard deviations: 95 % efficient where errors are Gaussian (Holland, Welsch 1977)."""

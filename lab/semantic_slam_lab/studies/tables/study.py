@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from semantic_slam.configuration import to_dict
 from semantic_slam_lab.repetitions import repeat
-from semantic_slam_lab.simulation.detector_words import DetectorFaults
+from semantic_slam_lab.simulation.detectors.detector_words import DetectorFaults
 from semantic_slam_lab.simulation.tables import NAMES, OTHERS, Flight
 from semantic_slam_lab.studies.result import Claim, Table, write_result
 from semantic_slam_lab.studies.tables.lost import Settled, lost

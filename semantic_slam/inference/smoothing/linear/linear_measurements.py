@@ -11,9 +11,9 @@ from semantic_slam.geometry.arrays import Array, Index, squared_norms
 from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.smoothing.charts import Charts
-from semantic_slam.inference.smoothing.located import Located, Variables
-from semantic_slam.inference.smoothing.measured import Measured, Motions, Sightings, Slopes
+from semantic_slam.inference.smoothing.linear.charts import Charts
+from semantic_slam.inference.smoothing.linear.located import Located, Variables
+from semantic_slam.inference.smoothing.linear.measured import Measured, Motions, Sightings, Slopes
 
 _jacobian_factor: Any = gtsam.JacobianFactor  # of two or three keys, which its type does not say
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.smoothing.located import Located, Variables
+from semantic_slam.inference.smoothing.linear.located import Located, Variables
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
