@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from semantic_slam.geometry.arrays import distinct_rows, row_products
+from semantic_slam.geometry.arrays import column_products, distinct_rows, row_products
 
 
 @pytest.mark.parametrize("columns", [1, 5, 32])
@@ -15,6 +15,16 @@ def test_a_row_s_product_is_the_same_in_every_batch(columns: int) -> None:
     for count in range(len(rows)):
         np.testing.assert_array_equal(row_products(rows[:count], matrix), whole[:count])
         np.testing.assert_array_equal(row_products(rows[count:], matrix), whole[count:])
+
+
+@pytest.mark.parametrize("rows", [1, 3, 9])
+def test_a_column_s_product_is_the_same_whatever_columns_stand_beside_it(rows: int) -> None:
+    random = np.random.default_rng(0)
+    matrices, columns = random.normal(size=(5, rows, 9)), random.normal(size=(5, 9, 54))
+    whole = column_products(matrices, columns)
+    np.testing.assert_allclose(whole, matrices @ columns, rtol=0.0, atol=1e-13)
+    for count in range(1, 54):
+        np.testing.assert_array_equal(column_products(matrices, columns[..., :count]), whole[..., :count])
 
 
 def test_distinct_rows_are_those_of_numpy() -> None:
