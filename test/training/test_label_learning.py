@@ -22,7 +22,7 @@ from semantic_slam.training.labels.runs import read_runs
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS
 from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView
+from semantic_slam.viewpoint.label_record import LabelView, LabelWord
 from semantic_slam.viewpoint.label_runner_up import HABITS
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
@@ -40,7 +40,7 @@ START = LabelModel(
 
 def track(number: int, words: np.ndarray, directions: np.ndarray) -> Track:
     views = [
-        LabelView(answer=int(word), shares=np.eye(4)[word], direction=int(cell), log_range=0.0)
+        LabelView(word=LabelWord(answer=int(word), shares=np.eye(4)[word]), direction=int(cell), log_range=0.0)
         for word, cell in zip(words, directions, strict=True)
     ]
     stretches = np.arange(len(views)) * STRETCHES // len(views)

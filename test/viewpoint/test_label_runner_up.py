@@ -6,7 +6,7 @@ from scipy.special import gammaln
 
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, Confusion
 from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView
+from semantic_slam.viewpoint.label_record import LabelView, LabelWord
 from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS, HABITS, NONE, RunnersUp, RunnerUp, truth_second
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
@@ -43,7 +43,7 @@ def called(words: list[tuple[int, int]], step: int = 6) -> np.ndarray:
     for number, (first, second) in enumerate(words):
         shares = np.full(WORDS, 0.02)
         shares[[first, second]] = 0.64, 0.3
-        view = LabelView(answer=first, shares=shares, direction=step * number % DIRECTIONS, log_range=0.0)
+        view = LabelView(word=LabelWord(answer=first, shares=shares), direction=step * number % DIRECTIONS, log_range=0.0)
         record = MODEL.after(record, view)
     logs = MODEL.class_log_likelihood(record)
     return np.asarray(np.exp(logs) / np.exp(logs).sum())
