@@ -173,7 +173,7 @@ def _views(told: dict[int, ToldWords], log_settings: Array) -> dict[int, ObjectV
     weights = np.exp(np.maximum(log_weights, LEAST_LOG_WEIGHT))
     weights /= weights.sum(axis=1, keepdims=True)
     shares, greatest = zip(*(one.shares for one in own), strict=True)
-    likelihood = np.log((weights[:, None] @ np.array(shares))[:, 0]) + np.array(greatest)
+    likelihood = np.log([weight @ share for weight, share in zip(weights, shares, strict=True)]) + np.array(greatest)
     return {
         number: ObjectViews(log_likelihood=likelihood[row], mutual_information=float("nan"), recent=(own[row],))
         for row, number in enumerate(numbers)
