@@ -79,9 +79,9 @@ class LabelPrior:
         return self.settings.by_score.astype(int)
 
     @cached_property
-    def by_word(self) -> Index:
-        """Settings by which the words alone count."""
-        return np.flatnonzero(self.settings.by_score == 0)
+    def by_word(self) -> Array:
+        """(R, 1) 1 where the words alone count, else 0."""
+        return 1.0 - self.settings.by_score[:, None]
 
     @cached_property
     def classes_of_rows(self) -> Index:

@@ -107,7 +107,8 @@ class ViewShares:
     def after(self) -> Array:
         """(N, R, K) counts of new answers with this one."""
         counts = self.before.copy()
-        counts[self.reported] += self.added  # each place is there once
+        for place, added in zip(self.reported, self.added, strict=True):
+            counts[place] += added
         return counts
 
     @property

@@ -110,7 +110,7 @@ class NextSecond:
 
 
 def first_gains(num_words: int, habits: Array) -> Array:
-    """(3,) log likelihood of the second word of a first view, by what its class is to it, relative to any word alike."""
+    """(3,) log likelihood of a first view's second word by what its class is to it, relative to any word alike."""
     views, expected = _expected(num_words)
     return np.asarray(np.log((habits * (expected / views)).sum(axis=1) * (num_words - 1)))
 

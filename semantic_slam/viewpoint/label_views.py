@@ -22,6 +22,10 @@ class WeighedView(Protocol):
         """(R,) sums over the rows of all views so far, with the (K,) log prior of the rows."""
 
     @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood of all views so far, of each class."""
+
+    @property
     def record(self) -> LabelRecord:
         """All views."""
 
@@ -30,16 +34,22 @@ class WeighedView(Protocol):
 class SilentView:
     """A view without a word."""
 
+    prior: LabelPrior
     record: LabelRecord
 
     @classmethod
     def of(cls, prior: LabelPrior, record: LabelRecord) -> Self:
         """Any word is as likely, whatever the object."""
-        return cls(record=replace(record, log_likelihood=record.log_likelihood - np.log(prior.num_words)))
+        return cls(prior=prior, record=replace(record, log_likelihood=record.log_likelihood - np.log(prior.num_words)))
 
     def log_evidence(self, log_rows: Array) -> Array:
         """(R,) sums over the rows."""
         return finite_log_sum_exp(self.record.log_likelihood + log_rows, axis=1)
+
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood of each class."""
+        return self.prior.by_class(self.record.log_likelihood)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +79,11 @@ class FirstView:
     def log_evidence(self, log_rows: Array) -> Array:
         """(R,) sums over the rows."""
         return finite_log_sum_exp(self.log_likelihood + log_rows, axis=1)[self.prior.by_score]
+
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood of each class."""
+        return self.prior.by_class(self.log_likelihood)[self.prior.by_score]
 
     @property
     def record(self) -> LabelRecord:
@@ -116,7 +131,7 @@ class LaterView:
         told = record.log_likelihood + np.log(likelihood)
         second = record.seconds.following(record.runner_up(view, nearest))
         if second is not None:  # scores tell of it already, where they count
-            told[prior.by_word] += second.gained[prior.classes_of_rows]
+            told += prior.by_word * second.gained[prior.classes_of_rows]
         return cls(
             prior=prior,
             before=record,
@@ -132,6 +147,11 @@ class LaterView:
     def log_evidence(self, log_rows: Array) -> Array:
         """(R,) sums over the rows."""
         return finite_log_sum_exp(self.log_likelihood + log_rows, axis=1)
+
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood of each class."""
+        return self.prior.by_class(self.log_likelihood)
 
     @property
     def record(self) -> LabelRecord:
@@ -170,7 +190,7 @@ def _first_gained(prior: LabelPrior, view: LabelView) -> Array:
     """(K,) what the second word of a first view tells of each row."""
     gains, kinds = prior.first_gains, np.full(prior.num_words, NEITHER)
     kinds[view.word.second], kinds[view.word.answer], kinds[-1] = TRUTH, RIGHT, RIGHT
-    return gains[kinds][prior.classes_of_rows]
+    return np.asarray(gains[kinds[prior.classes_of_rows]])
 
 
 def _weights(prior: LabelPrior, words: tuple[int, ...], view: LabelView) -> Array:

@@ -75,7 +75,9 @@ def test_how_often_the_truth_comes_second_is_found():
     random, tracks = np.random.default_rng(4), []
     for number, row in enumerate([0, 1, 0, 1, 0, 1]):
         own = track(number, random.choice(4, 15, p=THETA[row]), around(random, 15))
-        views = [replace(view, shares=_with_second(view.answer, row, random)) for view in own.views]
+        answers = [view.word.answer for view in own.views]
+        words = [LabelWord(answer=answer, shares=_with_second(answer, row, random)) for answer in answers]
+        views = [replace(view, word=word) for view, word in zip(own.views, words, strict=True)]
         tracks.append(replace(own, views=tuple(views)))
     habits = alike(START, BEFORE, tracks).whole.model.habits
     assert habits.sum() == pytest.approx(1.0) and habits[HABITS[0] > 0.0].sum() > 0.8

@@ -35,7 +35,9 @@ def model(*confusions: Confusion, settings: LabelSettings = ONE, edges: tuple[in
 
 
 def view(word: int, direction: int = 0, stretch: int = ANY_STRETCH) -> LabelView:
-    return LabelView(word=LabelWord(answer=word, shares=np.eye(3)[word]), direction=direction, log_range=0.0, stretch=stretch)
+    return LabelView(
+        word=LabelWord(answer=word, shares=np.eye(3)[word]), direction=direction, log_range=0.0, stretch=stretch
+    )
 
 
 def told(of: LabelModel, views: list[LabelView]) -> np.ndarray:

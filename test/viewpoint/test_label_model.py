@@ -11,7 +11,7 @@ from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STE
 from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
 from semantic_slam.viewpoint.label_record import LabelRecord, LabelView, LabelWord
 from semantic_slam.viewpoint.label_settings import LabelSettings
-from semantic_slam.viewpoint.label_weighing import WeighedViews
+from semantic_slam.viewpoint.label_views import FirstView, LaterView
 
 LABELS = ("chair", "cup", "tv")
 REPEAT_SHARES, REPEAT_RAD = (0.0, 0.5, 0.95), 0.5
@@ -119,9 +119,9 @@ def _joint(model: LabelModel, views: list[View], kinds: tuple[str, ...], share: 
 
 def test_a_first_view_counts_as_any_other_does_where_nothing_was_said_before():
     view, start = viewed(*unsure(0, [0.5, 0.3, 0.1, 0.1])), MODEL.start()
-    short, whole = (WeighedViews.of(MODEL, [start], [view], is_short=own).record(0) for own in (True, False))
+    short, whole = (kind.of(MODEL, start, view, MODEL.drawn(view)).record for kind in (FirstView, LaterView))
     assert short.words == whole.words
-    for name in ("log_likelihood", "counts", "answers", "log_ranges"):
+    for name in ("log_likelihood", "counts", "newest"):
         np.testing.assert_allclose(getattr(short, name), getattr(whole, name), rtol=1e-12, atol=0.0)
 
 

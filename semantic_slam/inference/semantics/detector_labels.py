@@ -121,25 +121,26 @@ class DetectorLabels:
     def _word(self, words: DetectorWords, number: int) -> Array:
         """(C,) log probability of one word, whatever the setting."""
         word = LabelWord(answer=int(words.answers[number]), shares=words.shares[number])
-        first = self._model.after(self._model.start(), LabelView(word=word, direction=0, log_range=0.0))
-        return self._model.class_log_likelihood(first)
+        view = LabelView(word=word, direction=0, log_range=0.0)
+        first = self._model.weighed(self._model.start(), view, self._model.drawn(view))
+        return finite_log_sum_exp(first.by_setting + self._model.settings.log_weights[:, None], axis=0)
 
     def _news(self, given: SemanticInput, before: list[dict[int, ToldWords]]) -> list[dict[int, NewWords]]:
         """For each candidate, what is told of the objects of this keyframe with its words."""
-        rows, ids = given.candidates.assignments, given.object_ids
-        places, news = view_places(given), [dict[int, NewWords]() for _ in range(len(rows))]
-        parents = rows.parents.tolist()
+        rows, ids, places = given.candidates.assignments, given.object_ids, view_places(given).tolist()
+        parents, objects, news = rows.parents.tolist(), rows.objects.tolist(), [dict[int, NewWords]() for _ in places]
         for number, index in enumerate(given.used.tolist()):
             box, known = BoxWords(self._model, self._sizes, given, index), dict[tuple[int, ...], NewWords]()
-            own = np.flatnonzero(rows.objects[:, number] >= 0)
-            steps = places[own, number].tolist()
-            for row, place, seen in zip(own.tolist(), rows.objects[own, number].tolist(), steps, strict=True):
-                last, words = before[parents[row]].get(ids[place]), news[row].get(ids[place])
-                earlier = last if words is None else words.told
-                key = (id(earlier), place, *seen)  # hypotheses share what they have in common
+            for parent, own, where, words in zip(parents, objects, places, news, strict=True):
+                place = own[number]
+                if place < 0:
+                    continue
+                last, new = before[parent].get(ids[place]), words.get(ids[place])
+                earlier = last if new is None else new.told
+                key = (id(earlier), place, *where[number])  # hypotheses share what they have in common
                 if key not in known:
-                    known[key] = box.weighed(last, earlier, place, *seen)
-                news[row][ids[place]] = known[key]
+                    known[key] = box.weighed(last, earlier, place, *where[number])
+                words[ids[place]] = known[key]
         return news
 
     def _of_all(self, told: dict[int, ToldWords]) -> Array:
@@ -150,7 +151,7 @@ class DetectorLabels:
     def _gained(self, news: dict[int, NewWords]) -> Array:
         """(R,) log evidence of the words of a keyframe under each setting; 0 where it has none."""
         gains = [own.gain for own in news.values()]
-        return np.add.reduce(gains) if gains else np.zeros(self._model.num_settings)
+        return sum(gains[1:], gains[0]) if gains else np.zeros(self._model.num_settings)
 
 
 def _size_model(models: ClassModels) -> SizeModel | None:
@@ -172,8 +173,8 @@ def _views(told: dict[int, ToldWords], log_settings: Array) -> dict[int, ObjectV
     log_weights = others - others.max(axis=1, keepdims=True)
     weights = np.exp(np.maximum(log_weights, LEAST_LOG_WEIGHT))
     weights /= weights.sum(axis=1, keepdims=True)
-    shares, greatest = zip(*(one.shares for one in own), strict=True)
-    likelihood = np.log([weight @ share for weight, share in zip(weights, shares, strict=True)]) + np.array(greatest)
+    told_of = [weight @ one.shares for weight, one in zip(weights, own, strict=True)]
+    likelihood = np.log(told_of) + np.array([one.log_greatest for one in own])
     return {
         number: ObjectViews(log_likelihood=likelihood[row], mutual_information=float("nan"), recent=(own[row],))
         for row, number in enumerate(numbers)

@@ -34,7 +34,7 @@ class BoxWords:
         log_range: int,
         range_sigma: int,
     ) -> NewWords:
-        """As of the object in a place, of which words have told ``before``, and ``earlier`` with those of this keyframe.
+        """As of the object in a place: what words told ``before``, and ``earlier`` with those of this keyframe.
 
         Seen from where ``view_places`` has it, in steps.
         """
@@ -46,7 +46,7 @@ class BoxWords:
         if sizes is not None:
             prior = prior + sizes.log_likelihood
         evidence = words.log_evidence(model.log_rows(prior))
-        return NewWords(model, words, sizes, self._track, evidence, before)
+        return NewWords(words, sizes, self._track, evidence, before)
 
     def _drawn_by(self, view: LabelView) -> Array:
         """Counts that the view draws from, found once for each sector."""

@@ -1,4 +1,4 @@
-"""What a detector's words tell of one object: those so far, and those with one more box, as long as that is not kept."""
+"""What a detector's words tell of one object: those so far, and those with one more box, which may not be kept."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,7 +7,6 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelRecord
 from semantic_slam.viewpoint.label_views import WeighedView
 from semantic_slam.viewpoint.size_model import SizeRecord
@@ -15,26 +14,19 @@ from semantic_slam.viewpoint.size_model import SizeRecord
 
 @dataclass(frozen=True, kw_only=True)
 class ToldWords:
-    """What the words of one object tell; R settings of the detector."""
+    """What the words of one object tell; R settings of the detector, C classes."""
 
-    model: LabelModel
     record: LabelRecord
     sizes: SizeRecord | None  # None: boxes tell no sizes
     track: str  # of its newest box
     log_evidence: Array  # (R,) sum over classes
+    shares: Array  # (R, C) likelihood, as shares of the greatest under any setting
+    log_greatest: Array  # (C,)
 
     @property
     def by_setting(self) -> Array:
         """(R, C) log likelihood."""
-        words = self.model.by_setting(self.record)
-        return words if self.sizes is None else words + self.sizes.log_likelihood
-
-    @cached_property
-    def shares(self) -> tuple[Array, Array]:
-        """(R, C) likelihood as shares of the greatest under any setting, and (C,) the log of that; for what is kept."""
-        logs = self.by_setting
-        greatest = logs.max(axis=0)
-        return np.exp(logs - greatest), greatest
+        return np.asarray(np.log(self.shares) + self.log_greatest)
 
 
 def told_so_far(parent: Component) -> dict[int, ToldWords]:
@@ -47,14 +39,13 @@ class NewWords:
 
     def __init__(
         self,
-        model: LabelModel,
         weighed: WeighedView,
         sizes: SizeRecord | None,
         track: str,
         log_evidence: Array,
         before: ToldWords | None,
     ) -> None:
-        self._model, self._weighed, self._sizes, self._track = model, weighed, sizes, track
+        self._weighed, self._sizes, self._track = weighed, sizes, track
         self._log_evidence = log_evidence
         self.gain = log_evidence if before is None else log_evidence - before.log_evidence
         """(R,) log evidence of the boxes of this keyframe."""
@@ -62,10 +53,15 @@ class NewWords:
     @cached_property
     def told(self) -> ToldWords:
         """The same with its record."""
+        logs = self._weighed.by_setting
+        if self._sizes is not None:
+            logs = logs + self._sizes.log_likelihood
+        greatest = logs.max(axis=0)
         return ToldWords(
-            model=self._model,
             record=self._weighed.record,
             sizes=self._sizes,
             track=self._track,
             log_evidence=self._log_evidence,
+            shares=np.exp(logs - greatest),
+            log_greatest=greatest,
         )

@@ -15,11 +15,11 @@ WIDEST = 2.0
 
 
 def view_places(given: SemanticInput) -> Index:
-    """(K, n, 3) from where the K candidates have the camera look at each of n objects: in steps, 0 where there is none.
+    """(K, n, 3) from where K candidates have the camera look at each of n objects: in steps, 0 where there is none.
 
-    The cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the logarithm
-    of the distance in metres; and its standard deviation, 0 in the plane, where no ranges are wide. A turn and a ratio of
-    distances are in the same steps.
+    The cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
+    logarithm of the distance in metres; and its standard deviation, 0 in the plane, where no ranges are wide. A turn
+    and a ratio of distances are in the same steps.
     """
     robot, objects = _states(given)
     told = [given.step.detections[index].sensor for index in given.used.tolist()]
