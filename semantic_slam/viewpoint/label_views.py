@@ -68,7 +68,7 @@ class FirstView:
 
     @classmethod
     def of(cls, prior: LabelPrior, record: LabelRecord, view: LabelView, drawn: Array) -> Self:
-        """Of an object without words; ``drawn``: see :meth:`LabelPrior.drawn`."""
+        """Weigh a view of an object without words; ``drawn`` (2, K) as :meth:`LabelPrior.drawn` finds it."""
         totals, share = prior.totals[view.stretch][prior.sector_of(view)], prior.confusions[view.stretch].outlier_share
         likelihood = (1.0 - share) * (drawn / totals) + share / prior.num_words
         told = record.log_likelihood[0] + np.log(likelihood)  # one of all settings, which are alike so far
@@ -119,7 +119,7 @@ class LaterView:
 
     @classmethod
     def of(cls, prior: LabelPrior, record: LabelRecord, view: LabelView, drawn: Array) -> Self:
-        """Of an object with words or without; ``drawn``: see :meth:`LabelPrior.drawn`."""
+        """Weigh a view of an object with words or without; ``drawn`` (2, K) as :meth:`LabelPrior.drawn` finds it."""
         word, share, nearest = view.word, prior.confusions[view.stretch].outlier_share, record.nearest(view)
         totals = prior.weighted_totals[view.stretch][prior.sector_of(view)] + record.counts.sum(axis=0)
         of_class, weights = prior.factors * drawn[prior.by_score], _weights(prior, record.words, view)

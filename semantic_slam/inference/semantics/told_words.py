@@ -23,11 +23,6 @@ class ToldWords:
     shares: Array  # (R, C) likelihood, as shares of the greatest under any setting
     log_greatest: Array  # (C,)
 
-    @property
-    def by_setting(self) -> Array:
-        """(R, C) log likelihood."""
-        return np.asarray(np.log(self.shares) + self.log_greatest)
-
 
 def told_so_far(parent: Component) -> dict[int, ToldWords]:
     """What words tell of each object of a hypothesis that has any."""
@@ -52,7 +47,7 @@ class NewWords:
 
     @cached_property
     def told(self) -> ToldWords:
-        """The same with its record."""
+        """What the words of the object tell with this box, and their record."""
         logs = self._weighed.by_setting
         if self._sizes is not None:
             logs = logs + self._sizes.log_likelihood
