@@ -38,8 +38,9 @@ def view_places(given: SemanticInput) -> Index:
         sensors = np.array(told).reshape(-1, 2)
         bearing = camera_bearing(robots, seen, sensors[numbers])
         away = np.hypot(seen[:, 0] - robots[:, 0], seen[:, 1] - robots[:, 1])
-    steps[rows, numbers, 0] = np.rint(bearing / STEP_RAD) % DIRECTIONS
-    steps[rows, numbers, 1] = np.rint(np.log(np.maximum(away, LEAST_RANGE_M)) / STEP_RAD)
+    found = np.rint(np.array([bearing, np.log(np.maximum(away, LEAST_RANGE_M))]) / STEP_RAD)
+    found[0] %= DIRECTIONS
+    steps[rows, numbers, :2] = found.T
     return steps
 
 
