@@ -11,15 +11,14 @@ habits of an object, all as likely before any fit; some have the truth second no
 relative to any word alike, so that a view without a second word tells nothing.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS
+from semantic_slam.geometry.arrays import Array
 
 TRUTH_SHARES = (0.0, 0.3, 0.6)
 """How often the truth is second where the first word is wrong, beyond what chance has there."""
@@ -56,8 +55,6 @@ class RunnersUp:
     habits: Array  # (C, H) probabilities of the habits, of an object of each class
     counts: Array  # (W, H) of words that were drawn anew
     total: Array  # (H,) of them
-    newest: Index  # (DIRECTIONS,) the second word of the newest view from each direction
-    gained: Array  # (C,) log likelihood of the last one, relative to any word alike
 
     @classmethod
     def start(cls, num_words: int, habits: Array) -> Self:
@@ -66,16 +63,13 @@ class RunnersUp:
             habits=np.repeat(habits[None], num_words, axis=0),
             counts=np.zeros((num_words, len(habits))),
             total=np.zeros(len(habits)),
-            newest=np.full(DIRECTIONS, NONE),
-            gained=np.zeros(num_words),
         )
 
-    def after(self, seen: RunnerUp, direction: int) -> Self:
-        """With one more view."""
-        newest, size = self.newest.copy(), len(self.counts)
-        newest[direction] = seen.second
+    def following(self, seen: RunnerUp) -> "NextSecond | None":
+        """What one more view tells; None where it has no second word."""
+        size = len(self.counts)
         if seen.second == NONE or size < LEAST_WORDS:
-            return replace(self, newest=newest, gained=np.zeros(size))
+            return None
         views, before = _expected(size)
         found = (before + self.counts[seen.second]) / (views + self.total - self.counts[seen.first])
         new: Array | float = 1.0
@@ -84,19 +78,41 @@ class RunnersUp:
             anew = (1.0 - repeating) * found
             found = anew + repeating * (seen.earlier == seen.second)
             new = anew[NEITHER] / found[NEITHER]
-        counts = self.counts.copy()
-        counts[seen.second] += new
-        habits = self.habits * found[NEITHER]
+        joint = self.habits * found[NEITHER]
         for row, kind in ((seen.second, TRUTH), (seen.first, RIGHT), (-1, RIGHT)):
-            habits[row] = self.habits[row] * found[kind]
-        likelihood = habits.sum(axis=1)
-        return type(self)(
-            habits=habits / likelihood[:, None],
-            counts=counts,
-            total=self.total + new,
-            newest=newest,
-            gained=np.log(likelihood * (size - 1)),
+            joint[row] = self.habits[row] * found[kind]
+        return NextSecond(before=self, second=seen.second, new=new, joint=joint, likelihood=joint.sum(axis=1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextSecond:
+    """The second word of one more view."""
+
+    before: RunnersUp
+    second: int
+    new: Array | float  # (H,) probability that it is drawn anew
+    joint: Array  # (C, H) of word and habits
+    likelihood: Array  # (C,)
+
+    @property
+    def gained(self) -> Array:
+        """(C,) log likelihood, relative to any word alike."""
+        return np.asarray(np.log(self.likelihood * (len(self.likelihood) - 1)))
+
+    @property
+    def after(self) -> RunnersUp:
+        """What is known of the object with it."""
+        counts = self.before.counts.copy()
+        counts[self.second] += self.new
+        return RunnersUp(
+            habits=self.joint / self.likelihood[:, None], counts=counts, total=self.before.total + self.new
         )
+
+
+def first_gains(num_words: int, habits: Array) -> Array:
+    """(3,) log likelihood of a first view's second word by what its class is to it, relative to any word alike."""
+    views, expected = _expected(num_words)
+    return np.asarray(np.log((habits * (expected / views)).sum(axis=1) * (num_words - 1)))
 
 
 @cache

@@ -48,4 +48,5 @@ def test_the_label_is_the_answer_whatever_scores_say():
 def test_labels_that_nobody_listed_are_one_word():
     told = words(detection("sofa", 0.5, sofa=0.5, bench=0.3, cup=0.1))
     assert told.answers.tolist() == [3]
+    np.testing.assert_allclose(told.shares, [[0.05, 0.1, 0.05, 0.8]])
     assert told.shares[0, 3] == pytest.approx(0.8)

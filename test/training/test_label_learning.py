@@ -22,7 +22,7 @@ from semantic_slam.training.labels.runs import read_runs
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS
 from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView
+from semantic_slam.viewpoint.label_record import LabelView, LabelWord
 from semantic_slam.viewpoint.label_runner_up import HABITS
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
@@ -40,7 +40,7 @@ START = LabelModel(
 
 def track(number: int, words: np.ndarray, directions: np.ndarray) -> Track:
     views = [
-        LabelView(answer=int(word), shares=np.eye(4)[word], direction=int(cell), log_range=0.0)
+        LabelView(word=LabelWord(answer=int(word), shares=np.eye(4)[word]), direction=int(cell), log_range=0.0)
         for word, cell in zip(words, directions, strict=True)
     ]
     stretches = np.arange(len(views)) * STRETCHES // len(views)
@@ -75,7 +75,9 @@ def test_how_often_the_truth_comes_second_is_found():
     random, tracks = np.random.default_rng(4), []
     for number, row in enumerate([0, 1, 0, 1, 0, 1]):
         own = track(number, random.choice(4, 15, p=THETA[row]), around(random, 15))
-        views = [replace(view, shares=_with_second(view.answer, row, random)) for view in own.views]
+        answers = [view.word.answer for view in own.views]
+        words = [LabelWord(answer=answer, shares=_with_second(answer, row, random)) for answer in answers]
+        views = [replace(view, word=word) for view, word in zip(own.views, words, strict=True)]
         tracks.append(replace(own, views=tuple(views)))
     habits = alike(START, BEFORE, tracks).whole.model.habits
     assert habits.sum() == pytest.approx(1.0) and habits[HABITS[0] > 0.0].sum() > 0.8

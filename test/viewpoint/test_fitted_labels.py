@@ -9,7 +9,7 @@ from scipy.special import gammaln
 from semantic_slam.errors import InputError
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, Confusion
 from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelView
+from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelView, LabelWord
 from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS
 from semantic_slam.viewpoint.label_settings import LabelSettings
 from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels, read_labels, save_labels
@@ -35,7 +35,9 @@ def model(*confusions: Confusion, settings: LabelSettings = ONE, edges: tuple[in
 
 
 def view(word: int, direction: int = 0, stretch: int = ANY_STRETCH) -> LabelView:
-    return LabelView(answer=word, shares=np.eye(3)[word], direction=direction, log_range=0.0, stretch=stretch)
+    return LabelView(
+        word=LabelWord(answer=word, shares=np.eye(3)[word]), direction=direction, log_range=0.0, stretch=stretch
+    )
 
 
 def told(of: LabelModel, views: list[LabelView]) -> np.ndarray:

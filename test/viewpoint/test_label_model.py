@@ -9,8 +9,9 @@ from scipy.stats import dirichlet
 
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
 from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
-from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
+from semantic_slam.viewpoint.label_record import LabelRecord, LabelView, LabelWord
 from semantic_slam.viewpoint.label_settings import LabelSettings
+from semantic_slam.viewpoint.label_views import FirstView, LaterView
 
 LABELS = ("chair", "cup", "tv")
 REPEAT_SHARES, REPEAT_RAD = (0.0, 0.5, 0.95), 0.5
@@ -41,7 +42,7 @@ def unsure(word: int, scores: list[float], direction: int = 0) -> View:
 
 
 def viewed(answer: int, shares: np.ndarray, direction: int, log_range: float) -> LabelView:
-    return LabelView(answer=answer, shares=shares, direction=direction, log_range=log_range)
+    return LabelView(word=LabelWord(answer=answer, shares=shares), direction=direction, log_range=log_range)
 
 
 def seen(model: LabelModel, views: list[View]) -> LabelRecord:
@@ -118,9 +119,9 @@ def _joint(model: LabelModel, views: list[View], kinds: tuple[str, ...], share: 
 
 def test_a_first_view_counts_as_any_other_does_where_nothing_was_said_before():
     view, start = viewed(*unsure(0, [0.5, 0.3, 0.1, 0.1])), MODEL.start()
-    short, whole = MODEL.after(start, view), MODEL.counted(start, view, MODEL.shares(start, view))
+    short, whole = (kind.of(MODEL, start, view, MODEL.drawn(view)).record for kind in (FirstView, LaterView))
     assert short.words == whole.words
-    for name in ("log_likelihood", "counts", "answers", "log_ranges"):
+    for name in ("log_likelihood", "counts", "newest"):
         np.testing.assert_allclose(getattr(short, name), getattr(whole, name), rtol=1e-12, atol=0.0)
 
 

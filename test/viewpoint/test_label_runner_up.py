@@ -6,7 +6,7 @@ from scipy.special import gammaln
 
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, Confusion
 from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView
+from semantic_slam.viewpoint.label_record import LabelView, LabelWord
 from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS, HABITS, NONE, RunnersUp, RunnerUp, truth_second
 from semantic_slam.viewpoint.label_settings import LabelSettings
 
@@ -20,12 +20,13 @@ MODEL = LabelModel(
 )
 
 
-def seconds(seen: list[tuple[RunnerUp, int]], habits: np.ndarray = EVEN_HABITS) -> tuple[RunnersUp, np.ndarray]:
+def seconds(seen: list[RunnerUp], habits: np.ndarray = EVEN_HABITS) -> tuple[RunnersUp, np.ndarray]:
     """What second words leave known of an object, and (C,) their log likelihood relative to any word alike."""
     found, told = RunnersUp.start(WORDS, habits), np.zeros(WORDS)
-    for own, direction in seen:
-        found = found.after(own, direction)
-        told = told + found.gained
+    for own in seen:
+        following = found.following(own)
+        assert following is not None
+        found, told = following.after, told + following.gained
     return found, told
 
 
@@ -43,7 +44,9 @@ def called(words: list[tuple[int, int]], step: int = 6) -> np.ndarray:
     for number, (first, second) in enumerate(words):
         shares = np.full(WORDS, 0.02)
         shares[[first, second]] = 0.64, 0.3
-        view = LabelView(answer=first, shares=shares, direction=step * number % DIRECTIONS, log_range=0.0)
+        view = LabelView(
+            word=LabelWord(answer=first, shares=shares), direction=step * number % DIRECTIONS, log_range=0.0
+        )
         record = MODEL.after(record, view)
     logs = MODEL.class_log_likelihood(record)
     return np.asarray(np.exp(logs) / np.exp(logs).sum())
@@ -53,7 +56,7 @@ def test_second_words_count_as_the_dirichlet_integral_has_it() -> None:
     """Of an object that is always called a cup, for each class and habit."""
     words = [BED, TV, BED, BED, OTHER]
     each = np.eye(len(EVEN_HABITS))
-    found = np.array([seconds([(anew(CUP, word), 7 * n) for n, word in enumerate(words)], own)[1] for own in each])
+    found = np.array([seconds([anew(CUP, word) for word in words], own)[1] for own in each])
     counts = np.bincount(words, minlength=WORDS)[1:]
     for column in range(WORDS):
         for (share, _, views), told in zip(HABITS.T, found[:, column], strict=True):
@@ -67,18 +70,15 @@ def test_second_words_count_as_the_dirichlet_integral_has_it() -> None:
 
 
 def test_second_words_have_probabilities_that_sum_to_one() -> None:
-    before, _ = seconds([(anew(CUP, TV), 0), (anew(CUP, BED), 3), (anew(TV, CUP), 9)])
-    gained = [
-        before.after(RunnerUp(first=CUP, second=word, earlier=BED, away=0.2), 4).gained
-        for word in range(WORDS)
-        if word != CUP
-    ]
+    before, _ = seconds([anew(CUP, TV), anew(CUP, BED), anew(TV, CUP)])
+    every = [RunnerUp(first=CUP, second=word, earlier=BED, away=0.2) for word in range(WORDS) if word != CUP]
+    gained = [following.gained for following in map(before.following, every) if following is not None]
+    assert len(gained) == WORDS - 1
     np.testing.assert_allclose(np.exp(gained).sum(axis=0) / 4.0, 1.0)
 
 
 def test_a_view_without_a_second_word_tells_nothing() -> None:
-    after = seconds([(anew(CUP, TV), 0)])[0].after(anew(CUP, NONE), 5)
-    np.testing.assert_array_equal(after.gained, np.zeros(WORDS))
+    assert seconds([anew(CUP, TV)])[0].following(anew(CUP, NONE)) is None
 
 
 def test_the_truth_that_comes_second_names_what_is_called_two_things() -> None:
@@ -92,13 +92,13 @@ def test_the_truth_that_comes_second_names_what_is_called_two_things() -> None:
 def test_a_robot_that_stands_hears_the_same_second_word_again() -> None:
     standing, around = (called([(TV, CUP)] * 8, step) for step in (0, 9))
     assert standing[CUP] / standing[TV] < 1.0 and around[CUP] / around[TV] < 1.0  # it is what it is called first
-    moved, still = (seconds([(anew(TV, CUP), 0), *[(again(away), 0)] * 7])[1] for away in (3.0, 0.0))
+    moved, still = (seconds([anew(TV, CUP), *[again(away)] * 7])[1] for away in (3.0, 0.0))
     assert moved[CUP] - moved[BED] > still[CUP] - still[BED] + 0.5
 
 
 def test_habits_that_are_known_tell_more() -> None:
     sure = np.where((HABITS[0] == 0.6) & (HABITS[1] == 0.0) & (HABITS[2] == 10.0), 1.0, 1e-6)
-    words = [(anew(TV, CUP), 0), (anew(BED, CUP), 20)]
+    words = [anew(TV, CUP), anew(BED, CUP)]
     known, unknown = (seconds(words, own)[1] for own in (sure / sure.sum(), EVEN_HABITS))
     assert known[CUP] - known[TV] > unknown[CUP] - unknown[TV] + 1.0
     assert seconds(words * 3)[0].habits[CUP] @ HABITS[0] > EVEN_HABITS @ HABITS[0] + 0.1

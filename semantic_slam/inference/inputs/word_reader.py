@@ -6,7 +6,7 @@ evenly among the classes that were not reported, none of which gets more than th
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.detector_words import NO_WORD, DetectorWords
 from semantic_slam.perception.measurement import SemanticMeasurements
 
@@ -22,13 +22,17 @@ class WordReader:
     def __init__(self, labels: tuple[str, ...]) -> None:
         self._numbers = {label: number for number, label in enumerate(labels)}
         self._num_words = len(labels) + 1
+        self._known: tuple[tuple[str, ...], Index] = (
+            (),
+            np.zeros(0, dtype=int),
+        )  # class names, and the words that they are
 
     def words(self, measurements: SemanticMeasurements) -> DetectorWords:
         """Words of all detections; the label is what a detection is called, else the class with the best score."""
-        columns = [self._number(name) for name in measurements.class_names]
+        every = self._scores(measurements)
         answers, shares = [], []
         for row, label in enumerate(measurements.labels):
-            told = self._scores(measurements, row, columns)
+            told = every[row]
             answer = self._number(label) if label else int(np.argmax(told)) if np.isfinite(told).any() else NO_WORD
             answers.append(answer)
             shares.append(self._shares(told, answer, float(measurements.scores[row])))
@@ -36,15 +40,22 @@ class WordReader:
             answers=np.array(answers, dtype=int), shares=np.array(shares).reshape(len(answers), self._num_words)
         )
 
+    def _columns(self, class_names: tuple[str, ...]) -> Index:
+        """The words of some classes, which one detector tells in one order."""
+        if self._known[0] != class_names:
+            self._known = class_names, np.array(list(map(self._number, class_names)), dtype=int)
+        return self._known[1]
+
     def _number(self, label: str) -> int:
         return self._numbers.get(label, self._num_words - 1)
 
-    def _scores(self, measurements: SemanticMeasurements, row: int, columns: list[int]) -> Array:
-        """(W,) scores of the words, -inf where none was reported; labels that are one word add up."""
-        told = np.full(self._num_words, -np.inf)
-        for column, score in zip(columns, measurements.class_scores[row].tolist(), strict=True):
-            if np.isfinite(score):
-                told[column] = max(told[column], 0.0) + max(score, LEAST_SCORE)
+    def _scores(self, measurements: SemanticMeasurements) -> Array:
+        """(D, W) scores of the words, -inf where none was reported; labels that are one word add up."""
+        scores, columns = measurements.class_scores, self._columns(measurements.class_names)
+        rows, names = np.nonzero(np.isfinite(scores))
+        told, words = np.full((len(scores), self._num_words), -np.inf), columns[names]
+        told[rows, words] = 0.0
+        np.add.at(told, (rows, words), np.maximum(scores[rows, names], LEAST_SCORE))
         return told
 
     def _shares(self, told: Array, answer: int, score: float) -> Array:

@@ -12,8 +12,6 @@ its words are, and besides of which object they are.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -24,50 +22,17 @@ from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.spatial.unmeasured_ranges import sizes_by_label
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.new_words import BoxWords
+from semantic_slam.inference.semantics.told_words import NewWords, ToldWords, told_so_far
 from semantic_slam.inference.semantics.track_links import NO_TRACK, TrackLinks
 from semantic_slam.inference.semantics.view_places import view_places
-from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
-from semantic_slam.viewpoint.label_confusion import STEP_RAD
 from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
-from semantic_slam.viewpoint.size_model import SizeModel, SizeRecord
+from semantic_slam.viewpoint.label_record import LabelView, LabelWord
+from semantic_slam.viewpoint.size_model import SizeModel
 
 LEAST_LOG_WEIGHT = -700.0
 """Nats behind the likeliest setting from which on others weigh no less: what no setting explains keeps a logarithm."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Told:
-    """What the words of one object tell; R settings of the detector."""
-
-    model: LabelModel
-    record: LabelRecord
-    sizes: SizeRecord | None  # None: boxes tell no sizes
-    track: str  # of its newest box
-    log_evidence: Array  # (R,) sum over classes
-
-    @classmethod
-    def of(
-        cls, model: LabelModel, record: LabelRecord, sizes: SizeRecord | None, track: str, log_prior: Array
-    ) -> "_Told":
-        """What a record tells, with the (C,) log prior of the object's class."""
-        known = log_prior if sizes is None else log_prior + sizes.log_likelihood
-        joint = record.log_likelihood + model.log_rows(known)
-        return cls(model=model, record=record, sizes=sizes, track=track, log_evidence=finite_log_sum_exp(joint, axis=1))
-
-    @property
-    def by_setting(self) -> Array:
-        """(R, C) log likelihood."""
-        words = self.model.by_setting(self.record)
-        return words if self.sizes is None else words + self.sizes.log_likelihood
-
-    @cached_property
-    def shares(self) -> tuple[Array, Array]:
-        """(R, C) likelihood as shares of the greatest under any setting, and (C,) the log of that; for what is kept."""
-        logs = self.by_setting
-        greatest = logs.max(axis=0)
-        return np.exp(logs - greatest), greatest
 
 
 class DetectorLabels:
@@ -86,22 +51,25 @@ class DetectorLabels:
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the words of each candidate, and the objects' records after it."""
-        before = [_told_so_far(parent) for parent in given.parents]
-        news, parents = self._news(given, before), given.candidates.assignments.parents.tolist()
-        of_parents = np.array([self._of_all(own) for own in before])
-        gains = [self._gained(own, before[parent]) for own, parent in zip(news, parents, strict=True)]
-        settings = of_parents[parents]  # (K, R)
-        after = settings + np.array(gains).reshape(settings.shape)
-        evidence = finite_log_sum_exp(after, axis=1) - finite_log_sum_exp(settings, axis=1)
+        before, parents = [told_so_far(parent) for parent in given.parents], given.candidates.assignments.parents
+        news, settings = self._news(given, before), np.array([self._of_all(own) for own in before])  # (P, R)
+        after = settings[parents] + np.array([self._gained(own) for own in news]).reshape(len(news), -1)
+        evidence = finite_log_sum_exp(after, axis=1) - finite_log_sum_exp(settings, axis=1)[parents]
         if self._tracks is not None:
             evidence = evidence + self._of_tracks(self._tracks, given, before)
 
         def records(rows: Sequence[int]) -> list[dict[int, ObjectViews]]:
-            return [_views(before[parents[row]] | news[row], after[row]) for row in rows]
+            every = [before[parents[row]] | {n: own.told for n, own in news[row].items()} for row in rows]
+            return [_views(told, after[row]) for told, row in zip(every, rows, strict=True)]
 
-        return replace(SemanticEvidence.of(evidence, []), records=records)
+        return SemanticEvidence(
+            log_weights=evidence,
+            effective_sample_sizes=np.full(len(news), np.nan),
+            records=records,
+            robot=[None] * len(news),
+        )
 
-    def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, _Told]]) -> Array:
+    def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, ToldWords]]) -> Array:
         """(K,) log evidence of the tracks of each candidate's boxes."""
         rows, evidence = given.candidates.assignments, np.zeros(len(given.candidates.assignments))
         tracks = [given.step.names[index] for index in given.used.tolist()]
@@ -152,60 +120,38 @@ class DetectorLabels:
 
     def _word(self, words: DetectorWords, number: int) -> Array:
         """(C,) log probability of one word, whatever the setting."""
-        view = LabelView(answer=int(words.answers[number]), shares=words.shares[number], direction=0, log_range=0.0)
-        by_setting = self._model.by_setting(self._model.after(self._model.start(), view))
-        return finite_log_sum_exp(by_setting + self._model.settings.log_weights[:, None], axis=0)
+        word = LabelWord(answer=int(words.answers[number]), shares=words.shares[number])
+        view = LabelView(word=word, direction=0, log_range=0.0)
+        first = self._model.weighed(self._model.start(), view, self._model.drawn(view))
+        return finite_log_sum_exp(first.by_setting + self._model.settings.log_weights[:, None], axis=0)
 
-    def _news(self, given: SemanticInput, before: list[dict[int, _Told]]) -> list[dict[int, _Told]]:
+    def _news(self, given: SemanticInput, before: list[dict[int, ToldWords]]) -> list[dict[int, NewWords]]:
         """For each candidate, what is told of the objects of this keyframe with its words."""
-        rows, words = given.candidates.assignments, given.step.words
-        assert words is not None
-        places, news = view_places(given), [dict[int, _Told]() for _ in range(len(rows))]
-        stretch = self._model.stretch_of(given.step.stamp_ns)
-        known: dict[tuple[int, ...], _Told] = {}
+        rows, ids, places = given.candidates.assignments, given.object_ids, view_places(given).tolist()
+        parents, objects, news = rows.parents.tolist(), rows.objects.tolist(), [dict[int, NewWords]() for _ in places]
         for number, index in enumerate(given.used.tolist()):
-            for row in np.flatnonzero(rows.objects[:, number] >= 0).tolist():
-                place = int(rows.objects[row, number])
-                object_id = given.object_ids[place]
-                earlier = news[row].get(object_id, before[rows.parents[row]].get(object_id))
-                seen = int(places.directions[row, number]), int(places.log_ranges[row, number])
-                wide = int(places.range_sigmas[row, number])
-                key = (id(earlier), index, place, *seen, wide)  # hypotheses share what they have in common
+            box, known = BoxWords(self._model, self._sizes, given, index), dict[tuple[int, ...], NewWords]()
+            for parent, own, where, words in zip(parents, objects, places, news, strict=True):
+                place = own[number]
+                if place < 0:
+                    continue
+                last, new = before[parent].get(ids[place]), words.get(ids[place])
+                earlier = last if new is None else new.told
+                key = (id(earlier), place, *where[number])  # hypotheses share what they have in common
                 if key not in known:
-                    view = LabelView(
-                        answer=int(words.answers[index]),
-                        shares=words.shares[index],
-                        direction=seen[0],
-                        log_range=STEP_RAD * float(seen[1]),
-                        stretch=stretch,
-                    )
-                    sizes = self._with_size(earlier, words, index, view.log_range, STEP_RAD * wide)
-                    told = self._model.start() if earlier is None else earlier.record, view
-                    record, track = self._model.after(*told), given.step.names[index]
-                    known[key] = _Told.of(self._model, record, sizes, track, given.log_class_prior[place])
-                news[row][object_id] = known[key]
+                    known[key] = box.weighed(last, earlier, place, *where[number])
+                words[ids[place]] = known[key]
         return news
 
-    def _with_size(
-        self, before: _Told | None, words: DetectorWords, index: int, log_range: float, sigma: float
-    ) -> SizeRecord | None:
-        """What boxes tell of one object with one more, at a range; as before where that one shows no size."""
-        if self._sizes is None or words.log_angles is None:
-            return None
-        record = (before and before.sizes) or self._sizes.start()
-        shown = float(words.log_angles[index]) + log_range
-        return record if np.isnan(shown) else self._sizes.after(record, shown, sigma**2)
-
-    def _of_all(self, told: dict[int, _Told]) -> Array:
+    def _of_all(self, told: dict[int, ToldWords]) -> Array:
         """(R,) log probability of each setting with the evidence of all words of a hypothesis."""
         every = [told[number].log_evidence for number in sorted(told)]  # in one order, whoever rebuilt the hypothesis
-        return np.asarray(self._model.settings.log_weights + np.sum(every, axis=0))
+        return np.asarray(self._model.settings.log_weights + np.add.reduce(every))
 
-    def _gained(self, news: dict[int, _Told], before: dict[int, _Told]) -> Array:
+    def _gained(self, news: dict[int, NewWords]) -> Array:
         """(R,) log evidence of the words of a keyframe under each setting; 0 where it has none."""
-        nothing = np.zeros(self._model.num_settings)
-        gains = [own.log_evidence - (before[n].log_evidence if n in before else nothing) for n, own in news.items()]
-        return np.sum(gains, axis=0) if gains else nothing
+        gains = [own.gain for own in news.values()]
+        return sum(gains[1:], gains[0]) if gains else np.zeros(self._model.num_settings)
 
 
 def _size_model(models: ClassModels) -> SizeModel | None:
@@ -218,11 +164,7 @@ def _size_model(models: ClassModels) -> SizeModel | None:
     return SizeModel.of(names, known, new.sigma_log_size, new.sigma_log_view, share)
 
 
-def _told_so_far(parent: Component) -> dict[int, _Told]:
-    return {number: views.recent[0] for number, views in parent.views.items()}
-
-
-def _views(told: dict[int, _Told], log_settings: Array) -> dict[int, ObjectViews]:
+def _views(told: dict[int, ToldWords], log_settings: Array) -> dict[int, ObjectViews]:
     """The records of all objects, for each of which the others tell how the detector is set; ``log_settings`` (R,)."""
     if not told:
         return {}
@@ -231,8 +173,8 @@ def _views(told: dict[int, _Told], log_settings: Array) -> dict[int, ObjectViews
     log_weights = others - others.max(axis=1, keepdims=True)
     weights = np.exp(np.maximum(log_weights, LEAST_LOG_WEIGHT))
     weights /= weights.sum(axis=1, keepdims=True)
-    shares, greatest = zip(*(one.shares for one in own), strict=True)
-    likelihood = np.log((weights[:, None] @ np.array(shares))[:, 0]) + np.array(greatest)
+    told_of = [weight @ one.shares for weight, one in zip(weights, own, strict=True)]
+    likelihood = np.log(told_of) + np.array([one.log_greatest for one in own])
     return {
         number: ObjectViews(log_likelihood=likelihood[row], mutual_information=float("nan"), recent=(own[row],))
         for row, number in enumerate(numbers)

@@ -49,7 +49,7 @@ class EmbeddingViews:
                 object_id = given.object_ids[int(rows.objects[row, number])]
                 before = records[row].get(object_id, given.parents[parent].views.get(object_id))
                 record = self._known.get(object_id, self._nothing) if before is None else _record(before)
-                view = _View(index, int(places.directions[row, number]), int(places.log_ranges[row, number]))
+                view = _View(index, *places[row, number, :2].tolist())
                 added, records[row][object_id] = shared[parent].with_view(record, object_id, view, ratios)
                 total[row] += added
         return SemanticEvidence.of(total, records)

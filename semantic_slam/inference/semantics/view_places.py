@@ -1,10 +1,8 @@
 """From where candidates have the camera look at their objects, in steps, so that hypotheses that agree share work."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.interface import SemanticInput
@@ -16,22 +14,18 @@ WIDEST = 2.0
 """Standard deviation of the logarithm of a range from which on it is as good as unknown."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ViewPlaces:
-    """From where the K candidates have the camera look at each of n objects."""
+def view_places(given: SemanticInput) -> Index:
+    """(K, n, 3) from where K candidates have the camera look at each of n objects: in steps, 0 where there is none.
 
-    directions: Array  # (K, n) cells of the direction from object to camera, in map
-    log_ranges: Array  # (K, n) of the distance in metres, in steps
-    range_sigmas: Array  # (K, n) of that logarithm, in steps; 0 in the plane, where no ranges are wide
-
-
-def view_places(given: SemanticInput) -> ViewPlaces:
-    """A turn and a ratio of distances in the same steps, of which there are DIRECTIONS around an object."""
+    The cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
+    logarithm of the distance in metres; and its standard deviation, 0 in the plane, where no ranges are wide. A turn
+    and a ratio of distances are in the same steps.
+    """
     robot, objects = _states(given)
     told = [given.step.detections[index].sensor for index in given.used.tolist()]
     rows, numbers = np.nonzero(given.candidates.assignments.objects >= 0)
     robots, seen = robot[rows], objects[rows, numbers]
-    spaces, sigmas = given.parents[0].spaces, np.zeros(objects.shape[:2], dtype=int)
+    spaces, steps = given.parents[0].spaces, np.zeros((*objects.shape[:2], 3), dtype=int)
     if spaces.name == "spatial":
         places = seen[:, : spaces.storage.landmark]  # rows of a stack are as wide as the wider kind
         from_here = spaces.viewpoints(robots, places, np.array(told).reshape(-1, 3)[numbers])
@@ -39,15 +33,15 @@ def view_places(given: SemanticInput) -> ViewPlaces:
         spread = given.candidates.assignments.column("object_covariances")[rows, numbers]
         own = spaces.landmark.position_rows
         wide = largest_sigmas(spread[:, own, own]) / np.maximum(away, LEAST_RANGE_M)
-        sigmas[rows, numbers] = np.ceil(np.minimum(wide, WIDEST) / STEP_RAD).astype(int)
+        steps[rows, numbers, 2] = np.ceil(np.minimum(wide, WIDEST) / STEP_RAD)
     else:
         sensors = np.array(told).reshape(-1, 2)
-        bearing = camera_bearing(robots, np.column_stack([seen[:, :2], np.zeros(len(rows))]), sensors[numbers])
+        bearing = camera_bearing(robots, seen, sensors[numbers])
         away = np.hypot(seen[:, 0] - robots[:, 0], seen[:, 1] - robots[:, 1])
-    directions, log_ranges = np.zeros(objects.shape[:2], dtype=int), np.zeros(objects.shape[:2], dtype=int)
-    directions[rows, numbers] = np.rint(bearing / STEP_RAD).astype(int) % DIRECTIONS
-    log_ranges[rows, numbers] = np.rint(np.log(np.maximum(away, LEAST_RANGE_M)) / STEP_RAD).astype(int)
-    return ViewPlaces(directions=directions, log_ranges=log_ranges, range_sigmas=sigmas)
+    found = np.rint(np.array([bearing, np.log(np.maximum(away, LEAST_RANGE_M))]) / STEP_RAD)
+    found[0] %= DIRECTIONS
+    steps[rows, numbers, :2] = found.T
+    return steps
 
 
 def _states(given: SemanticInput) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE
 from semantic_slam.viewpoint.label_model import LabelModel
 from semantic_slam.viewpoint.label_record import LabelRecord, LabelView, ViewShares
+from semantic_slam.viewpoint.label_views import LaterView
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,12 +85,12 @@ def replayed(model: LabelModel, track: Track, views: Sequence[LabelView]) -> Rep
     """Some views of a track, in their order."""
     record, shares = model.start(), []
     for view in views:
-        if view.answer < 0:
+        if view.word.answer < 0:
             record = model.after(record, view)
             continue
-        own = model.shares(record, view)
-        shares.append((view, own))
-        record = model.counted(record, view, own)
+        weighed = LaterView.of(model, record, view, model.drawn(view))
+        shares.append((view, weighed.shares))
+        record = weighed.record
     log_prior = np.log(model.class_shares) if track.log_prior is None else track.log_prior
     return Replayed(
         record=record, log_rows=model.log_rows(log_prior), is_mapped=track.log_prior is not None, shares=shares

@@ -83,7 +83,7 @@ def _words(own: Pass, track: Track, fold: int) -> Iterator[tuple[Array, int]]:
     kept, left = views_of(track, fold)
     told = replayed(own.model, track, kept)
     for view in left:
-        if view.answer >= 0:
+        if view.word.answer >= 0:
             probabilities = own.model.word_probabilities(told.record, view)
-            yield np.einsum("r,rk,rkw->w", own.weights, told.rows, probabilities), view.answer
+            yield np.einsum("r,rk,rkw->w", own.weights, told.rows, probabilities), view.word.answer
         told = with_views(own.model, told, [view])

@@ -23,7 +23,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.same_outline import joined
 from semantic_slam.training.labels.runs import Run
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, STEP_RAD
-from semantic_slam.viewpoint.label_record import LabelView
+from semantic_slam.viewpoint.label_record import LabelView, LabelWord
 
 LEAST_WEIGHT = 0.01
 """Tracks that are less likely are left out."""
@@ -109,8 +109,7 @@ class _Reader:
         words = self._words.words(measured.take(np.array([row])))
         direction, away = self._seen_from(number, keyframe, measured)
         return LabelView(
-            answer=int(words.answers[0]),
-            shares=words.shares[0],
+            word=LabelWord(answer=int(words.answers[0]), shares=words.shares[0]),
             direction=round(direction / STEP_RAD) % DIRECTIONS,
             log_range=STEP_RAD * round(np.log(max(away, LEAST_RANGE_M)) / STEP_RAD),
         )

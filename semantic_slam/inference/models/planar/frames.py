@@ -14,21 +14,24 @@ def object_in_body(x: Array, o: Array) -> Array:
 
 def camera_in_object(x: Array, o: Array, sensor: Array) -> Array:
     """(B, 2) positions of the camera in the objects' frames; ``sensor`` (2,) or (B, 2) in the body frame."""
+    sin, cos = sine_cosine(o[..., 2])
+    return _turned_back(sin, cos, *_from_object(x, o, sensor))
+
+
+def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
+    """(K,) directions in map from (K, 2) or (K, 3) objects to the cameras of (K, 3) robots."""
+    ahead, left = _from_object(robot, objects, sensor)
+    return np.asarray(np.arctan2(left, ahead))
+
+
+def _from_object(x: Array, o: Array, sensor: Array) -> tuple[Array, Array]:
+    """(B,) how far the cameras are from the objects along both axes of map."""
     ahead, left = x[..., 0] - o[..., 0], x[..., 1] - o[..., 1]
     if sensor.any():
         sin, cos = sine_cosine(x[..., 2])
         ahead = ahead + cos * sensor[..., 0] - sin * sensor[..., 1]
         left = left + sin * sensor[..., 0] + cos * sensor[..., 1]
-    sin, cos = sine_cosine(o[..., 2])
-    return _turned_back(sin, cos, ahead, left)
-
-
-def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
-    """(K,) directions in map from (K, 3) objects to the cameras of (K, 3) robots."""
-    upright = objects.copy()
-    upright[:, 2] = 0.0
-    camera = camera_in_object(robot, upright, sensor)
-    return np.asarray(np.arctan2(camera[:, 1], camera[:, 0]))
+    return ahead, left
 
 
 def _turned_back(sin: Array, cos: Array, x: Array, y: Array) -> Array:

@@ -1,0 +1,62 @@
+"""What a detector's words tell of one object: those so far, and those with one more box, which may not be kept."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.viewpoint.label_record import LabelRecord
+from semantic_slam.viewpoint.label_views import WeighedView
+from semantic_slam.viewpoint.size_model import SizeRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToldWords:
+    """What the words of one object tell; R settings of the detector, C classes."""
+
+    record: LabelRecord
+    sizes: SizeRecord | None  # None: boxes tell no sizes
+    track: str  # of its newest box
+    log_evidence: Array  # (R,) sum over classes
+    shares: Array  # (R, C) likelihood, as shares of the greatest under any setting
+    log_greatest: Array  # (C,)
+
+
+def told_so_far(parent: Component) -> dict[int, ToldWords]:
+    """What words tell of each object of a hypothesis that has any."""
+    return {number: views.recent[0] for number, views in parent.views.items()}
+
+
+class NewWords:
+    """What the words of one object tell with one more box, whose record is made where it is kept."""
+
+    def __init__(
+        self,
+        weighed: WeighedView,
+        sizes: SizeRecord | None,
+        track: str,
+        log_evidence: Array,
+        before: ToldWords | None,
+    ) -> None:
+        self._weighed, self._sizes, self._track = weighed, sizes, track
+        self._log_evidence = log_evidence
+        self.gain = log_evidence if before is None else log_evidence - before.log_evidence
+        """(R,) log evidence of the boxes of this keyframe."""
+
+    @cached_property
+    def told(self) -> ToldWords:
+        """What the words of the object tell with this box, and their record."""
+        logs = self._weighed.by_setting
+        if self._sizes is not None:
+            logs = logs + self._sizes.log_likelihood
+        greatest = logs.max(axis=0)
+        return ToldWords(
+            record=self._weighed.record,
+            sizes=self._sizes,
+            track=self._track,
+            log_evidence=self._log_evidence,
+            shares=np.exp(logs - greatest),
+            log_greatest=greatest,
+        )

@@ -1,0 +1,205 @@
+"""One more view of an object: how likely it is, and the record with it, which is made where it is kept.
+
+Most views are weighed as being of several objects, and kept as being of few.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import finite_log_sum_exp
+from semantic_slam.viewpoint.label_prior import LabelPrior
+from semantic_slam.viewpoint.label_record import LabelRecord, LabelView, ViewShares
+from semantic_slam.viewpoint.label_runner_up import NEITHER, NONE, RIGHT, TRUTH, NextSecond, RunnerUp
+
+
+class WeighedView(Protocol):
+    """A view of an object under each of R settings and K rows."""
+
+    def log_evidence(self, log_rows: Array) -> Array:
+        """(R,) sums over the rows of all views so far, with the (K,) log prior of the rows."""
+
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood of all views so far, of each class."""
+
+    @property
+    def record(self) -> LabelRecord:
+        """All views."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SilentView:
+    """A view without a word."""
+
+    prior: LabelPrior
+    record: LabelRecord
+
+    @classmethod
+    def of(cls, prior: LabelPrior, record: LabelRecord) -> Self:
+        """Any word is as likely, whatever the object."""
+        return cls(prior=prior, record=replace(record, log_likelihood=record.log_likelihood - np.log(prior.num_words)))
+
+    def log_evidence(self, log_rows: Array) -> Array:
+        """(R,) sums over the rows."""
+        return finite_log_sum_exp(self.record.log_likelihood + log_rows, axis=1)
+
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood of each class."""
+        return self.prior.by_class(self.record.log_likelihood)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstView:
+    """The first word of an object: there is none to repeat, and how many counts a row has cancels.
+
+    So settings differ by whether scores count, of which there are 2 kinds: those of words alone, and those of scores.
+    """
+
+    prior: LabelPrior
+    before: LabelRecord
+    view: LabelView
+    totals: Array  # (K,) counts of each row
+    likelihood: Array  # (2, K) of the word
+    log_likelihood: Array  # (2, K) of all views
+
+    @classmethod
+    def of(cls, prior: LabelPrior, record: LabelRecord, view: LabelView, drawn: Array) -> Self:
+        """Weigh a view of an object without words; ``drawn`` (2, K) as :meth:`LabelPrior.drawn` finds it."""
+        totals, share = prior.totals[view.stretch][prior.sector_of(view)], prior.confusions[view.stretch].outlier_share
+        likelihood = (1.0 - share) * (drawn / totals) + share / prior.num_words
+        told = record.log_likelihood[0] + np.log(likelihood)  # one of all settings, which are alike so far
+        if view.word.second != NONE:
+            told[0] += _first_gained(prior, view)
+        return cls(prior=prior, before=record, view=view, totals=totals, likelihood=likelihood, log_likelihood=told)
+
+    def log_evidence(self, log_rows: Array) -> Array:
+        """(R,) sums over the rows."""
+        return finite_log_sum_exp(self.log_likelihood + log_rows, axis=1)[self.prior.by_score]
+
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood of each class."""
+        return self.prior.by_class(self.log_likelihood)[self.prior.by_score]
+
+    @property
+    def record(self) -> LabelRecord:
+        """The first words."""
+        view, before, by_score = self.view, self.before, self.prior.by_score
+        word, share = view.word, self.prior.confusions[view.stretch].outlier_share
+        words, new = list(word.reported), (1.0 - share) / (self.totals * self.likelihood)
+        meant = np.array([[float(one == word.answer) for one in words], word.shares[words]])  # (2, N)
+        counts = (self.prior.prior_of(view).T[words, None] * meant.T[..., None]) * new
+        second = before.seconds.following(RunnerUp(first=word.answer, second=word.second, earlier=NONE, away=0.0))
+        return LabelRecord(
+            log_likelihood=self.log_likelihood[by_score],
+            words=word.reported,
+            counts=counts[:, by_score],
+            newest=before.newest_with(view),
+            seconds=before.seconds if second is None else second.after,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaterView:
+    """One more word of an object."""
+
+    prior: LabelPrior
+    before: LabelRecord
+    view: LabelView
+    totals: Array  # (R, K) counts of each row
+    anew: Array  # (R, 1) probability that nothing is repeated
+    inlier: Array  # (R, K) likelihood of the word with it new and no outlier
+    likelihood: Array  # (R, K) of the word
+    log_likelihood: Array  # (R, K) of all views
+    second: NextSecond | None
+
+    @classmethod
+    def of(cls, prior: LabelPrior, record: LabelRecord, view: LabelView, drawn: Array) -> Self:
+        """Weigh a view of an object with words or without; ``drawn`` (2, K) as :meth:`LabelPrior.drawn` finds it."""
+        word, share, nearest = view.word, prior.confusions[view.stretch].outlier_share, record.nearest(view)
+        totals = prior.weighted_totals[view.stretch][prior.sector_of(view)] + record.counts.sum(axis=0)
+        of_class, weights = prior.factors * drawn[prior.by_score], _weights(prior, record.words, view)
+        new = (of_class + np.einsum("rn,nrk->rk", weights, record.counts)) / totals
+        repeating, earlier = prior.repeats(record, nearest)
+        anew = 1.0 - repeating
+        inlier, outlier = (anew * (1.0 - share)) * new, anew * (share / prior.num_words)
+        likelihood = inlier + (outlier + repeating if earlier == word.answer else outlier)
+        told = record.log_likelihood + np.log(likelihood)
+        second = record.seconds.following(record.runner_up(view, nearest))
+        if second is not None:  # scores tell of it already, where they count
+            told += prior.by_word * second.gained[prior.classes_of_rows]
+        return cls(
+            prior=prior,
+            before=record,
+            view=view,
+            totals=totals,
+            anew=anew,
+            inlier=inlier,
+            likelihood=likelihood,
+            log_likelihood=told,
+            second=second,
+        )
+
+    def log_evidence(self, log_rows: Array) -> Array:
+        """(R,) sums over the rows."""
+        return finite_log_sum_exp(self.log_likelihood + log_rows, axis=1)
+
+    @property
+    def by_setting(self) -> Array:
+        """(R, C) log likelihood of each class."""
+        return self.prior.by_class(self.log_likelihood)
+
+    @property
+    def record(self) -> LabelRecord:
+        """All words."""
+        shares = self.shares
+        return LabelRecord(
+            log_likelihood=self.log_likelihood,
+            words=shares.words,
+            counts=shares.after,
+            newest=self.before.newest_with(self.view),
+            seconds=self.before.seconds if self.second is None else self.second.after,
+        )
+
+    @property
+    def shares(self) -> ViewShares:
+        """What the view may be."""
+        prior, view, record = self.prior, self.view, self.before
+        reported, share = view.word.reported, prior.confusions[view.stretch].outlier_share
+        words = (*record.words, *[word for word in reported if word not in record.words])
+        places, before = [words.index(word) for word in reported], _with_room(record.counts, len(words))
+        base = prior.factors * prior.prior_of(view).T[reported, None]
+        meant = (base + before[places]) * _weights(prior, reported, view).T[..., None] / self.totals
+        return ViewShares(
+            words=words,
+            before=before,
+            reported=places,
+            likelihood=self.likelihood,
+            base=base,
+            added=meant * (self.anew * (1.0 - share) / self.likelihood),
+            joint_inlier=self.inlier,
+            joint_outlier=self.anew * (share / prior.num_words),
+        )
+
+
+def _first_gained(prior: LabelPrior, view: LabelView) -> Array:
+    """(K,) what the second word of a first view tells of each row."""
+    gains, kinds = prior.first_gains, np.full(prior.num_words, NEITHER)
+    kinds[view.word.second], kinds[view.word.answer], kinds[-1] = TRUTH, RIGHT, RIGHT
+    return np.asarray(gains[kinds[prior.classes_of_rows]])
+
+
+def _weights(prior: LabelPrior, words: tuple[int, ...], view: LabelView) -> Array:
+    """(R, N) how far a view means each word: by the word alone, or by its scores."""
+    is_answer = [float(word == view.word.answer) for word in words]
+    return np.array([is_answer, view.word.shares[list(words)]])[prior.by_score]
+
+
+def _with_room(counts: Array, num_words: int) -> Array:
+    """(N, R, K) counts of more words, 0 of those that are new."""
+    new = num_words - len(counts)
+    return counts if new == 0 else np.concatenate([counts, np.zeros((new, *counts.shape[1:]))])
