@@ -13,10 +13,11 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.relocation.likely_poses import likely_poses, num_seen
 from semantic_slam.inference.relocation.new_ground import NewGround
-from semantic_slam.inference.relocation.places import Places, told
+from semantic_slam.inference.relocation.places import Account, Places, account
 from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
 from semantic_slam.inference.world.carried import carried_to, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -38,6 +39,7 @@ class _Suspect:
 
     log_ratio: float  # of it and those after it that were unexpected, too, reference to belief
     looks: int = 0  # of those due that are over
+    looked: int = 0  # keyframes at the last of them
     num_seen: int = 0  # detections since, at the last of them
 
 
@@ -49,6 +51,7 @@ class Recovery:
         self._new_ground = NewGround(replay) if replay.association.tracks_objects else None
         self._places = Places(replay)
         self._num_noted = 0  # keyframes
+        self._num_expected = 0  # the newest of them
         self._misfit: _Suspect | None = None  # that goes on
         self._suspects: dict[int, _Suspect] = {}  # by keyframe before which the robot may have been carried
         self._begun = 0  # keyframes before which suspects are followed on new ground, where they may be
@@ -65,19 +68,30 @@ class Recovery:
         """Note how much likelier the newest keyframe was under the reference than under the belief, in nats."""
         if not self.is_on:
             return
-        if log_ratio > 0.0:
-            self._misfit = self._misfit or _Suspect(0.0)
-            self._misfit.log_ratio += log_ratio
-            if self._num_noted and self._misfit.log_ratio == log_ratio:
-                self._suspects[self._num_noted] = self._misfit
-        else:
-            self._misfit = None
+        self._num_expected += 1
+        if self._new_ground is not None or self._replay.steps[-1].detections:  # of what is not seen no map tells
+            self._judge(log_ratio)
         self._num_noted += 1
 
-    def found(self, live: Mapping[int, Hypothesis], log_evidence: float, ratio: float) -> dict[int, Hypothesis]:
+    def _judge(self, log_ratio: float) -> None:
+        """Begin a suspect, or go on with it, where the newest keyframe was not expected."""
+        if log_ratio <= 0.0:
+            self._misfit = None
+            return
+        self._num_expected = 0
+        if self._misfit is not None:
+            self._misfit.log_ratio += log_ratio
+            return
+        self._misfit = _Suspect(log_ratio)
+        if self._num_noted:
+            self._suspects[self._num_noted] = self._misfit
+
+    def found(
+        self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array], log_evidence: float, ratio: float
+    ) -> dict[int, Hypothesis]:
         """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
 
-        ``log_evidence``: what weights are relative to.
+        ``poses`` (7,) of the robot in each live one; ``log_evidence``: what weights are relative to.
         """
         if not self.is_on:
             return {}
@@ -88,7 +102,7 @@ class Recovery:
         if due is not None:
             self._look(due, live)
         self._places.go_on(self._log_best, self._log_unplaced)
-        weighed = self._weighing(live)
+        weighed = self._weighing(live, poses)
         (followed,) = self._replay.log_joints([best.lineage]) if weighed else (None,)
         if followed is None:
             return {}
@@ -112,14 +126,18 @@ class Recovery:
         assert self._replay.problem.carried is not None
         return self._replay.problem.carried.frame(self._origins[grounds[0]], len(grounds))
 
-    def _weighing(self, live: Mapping[int, Hypothesis]) -> list[Revised]:
+    def _weighing(self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array]) -> list[Revised]:
         """The histories that may weigh enough, and are not among the live ones."""
         on_new_ground = [] if self._new_ground is None else [own.progress for own in self._new_ground.followed]
-        least, known = self._log_best - self._log_ratio - MARGIN, {told(own.lineage) for own in live.values()}
+        least = self._log_best - self._log_ratio - MARGIN
+        likely = [own for own in [*self._places.through, *on_new_ground] if own.log_joint >= least]
+        if not likely:
+            return []
+        known = [Account.of(own.lineage, planar_from_pose_vector(poses[number])) for number, own in live.items()]
         return [
             self._replay.finished(replace(own, component=own.component.fork()))
-            for own in [*self._places.through, *on_new_ground]
-            if own.log_joint >= least and own.number not in live and told(own.lineage) not in known
+            for own in likely
+            if own.number not in live and not any(map(account(own).is_like, known))
         ]
 
     def _follow(self, live: Mapping[int, Hypothesis]) -> None:
@@ -143,9 +161,15 @@ class Recovery:
         """The most promising of the keyframes that are to be looked at now, unless an earlier look goes on first."""
         now = len(self._replay.steps)
         self._suspects = {at: own for at, own in self._suspects.items() if own.looks < len(LOOKS)}
-        due = {at: self._promise(at) for at, own in self._suspects.items() if now - at > LOOKS[own.looks]}
+        due = {at: self._promise(at) for at, own in self._suspects.items() if self._is_due(at, own, now)}
         at = max(due, key=lambda at: due[at], default=None)
         return None if at is None or due[at] <= self._promised() else at
+
+    def _is_due(self, since: int, suspect: _Suspect, now: int) -> bool:
+        """Whether to look; among objects that all are on the map only where what is followed explains too little."""
+        if self._new_ground is not None or not suspect.looks:
+            return now - since > LOOKS[suspect.looks]
+        return now - suspect.looked > LOOKS[0] and self._num_expected < now - suspect.looked
 
     def _promised(self) -> float:
         """How promising what catches up is: it gives way where another keyframe is likelier by what was seen since."""
@@ -179,7 +203,7 @@ class Recovery:
         before = self._replay.before(self._not_carried_lately(live, since), since)
         if before is None or num_seen(steps) == suspect.num_seen:
             return
-        self._looked_at, suspect.num_seen = since, num_seen(steps)
+        self._looked_at, suspect.looked, suspect.num_seen = since, len(self._replay.steps), num_seen(steps)
         self._places.begin(before, self._points(before, since))
 
     def _points(self, before: Progress, since: int) -> list[int | None]:
