@@ -27,8 +27,8 @@ LOOKS = (3, 6, 10, 15, 20, 27, 35)
 """Keyframes after an unexpected one after which to look where the robot may have been carried to."""
 SOON = 40
 """Keyframes in which the robot is not carried twice, while there is a history in which it is not."""
-MARGIN = 3.0
-"""Nats below what would enter that a history is weighed exactly: what it weighs is told roughly."""
+MARGIN = 1.0
+"""Nats below what would enter that a history is weighed exactly: what the best one weighs by itself is told roughly."""
 LEAST_OBJECTS = 2
 """Objects of its own from which on a robot on new ground may be placed by them."""
 
@@ -39,7 +39,7 @@ class _Suspect:
 
     log_ratio: float  # of it and those after it that were unexpected, too, reference to belief
     looks: int = 0  # of those due that are over
-    looked: int = 0  # keyframes at the last of them
+    looked: int = 0  # keyframes at the last of them, or when a history entered that may explain it
     num_seen: int = 0  # detections since, at the last of them
 
 
@@ -57,6 +57,7 @@ class Recovery:
         self._begun = 0  # keyframes before which suspects are followed on new ground, where they may be
         self._looked_at = 0  # keyframe of the suspect whose places catch up
         self._log_best = self._log_ratio = 0.0  # log P(history, Z_1:k) of the best live one, and what enters beside it
+        self._log_surplus = 0.0  # of its weight, with that of near copies, to that, when it was told last
         self._origins: dict[int, Array] = {}  # (3,) before each keyframe from which on a history is on new ground
 
     @property
@@ -96,19 +97,23 @@ class Recovery:
         if not self.is_on:
             return {}
         best = next(iter(live.values()))
-        self._log_best, self._log_ratio = best.log_weight + log_evidence, float(np.log(ratio))
+        self._log_best, self._log_ratio = best.log_weight + log_evidence - self._log_surplus, float(np.log(ratio))
+        if self._new_ground is not None and self._begins:
+            self._weigh(best, log_evidence)
         self._follow(live)
         due = self._due()
         if due is not None:
             self._look(due, live)
         self._places.go_on(self._log_best, self._log_unplaced)
         weighed = self._weighing(live, poses)
-        (followed,) = self._replay.log_joints([best.lineage]) if weighed else (None,)
-        if followed is None:
+        if not weighed or not self._weigh(best, log_evidence):
             return {}
-        gains = {own.number: own.log_joint - followed.log_joint for own in weighed}
+        gains = {own.number: own.log_joint - self._log_best for own in weighed}
         entering = [own for own in weighed if gains[own.number] >= -self._log_ratio]
         self._places.give_up(own.number for own in entering)
+        if entering:
+            for suspect in self._suspects.values():
+                suspect.looked = len(self._replay.steps)
         return {
             own.number: Hypothesis(
                 owner=best.owner,
@@ -125,6 +130,20 @@ class Recovery:
         """Where the frame may lie of a robot that was set down on new ground before some keyframes."""
         assert self._replay.problem.carried is not None
         return self._replay.problem.carried.frame(self._origins[grounds[0]], len(grounds))
+
+    @property
+    def _begins(self) -> list[int]:
+        """Suspects from which on the robot is not followed on new ground yet."""
+        return sorted(at for at in self._suspects if at >= self._begun)
+
+    def _weigh(self, best: Hypothesis, log_evidence: float) -> bool:
+        """Tell what the best live hypothesis weighs by itself, without its near copies; whether that is possible."""
+        (followed,) = self._replay.log_joints([best.lineage])
+        if followed is None:
+            return False
+        self._log_surplus = best.log_weight + log_evidence - followed.log_joint
+        self._log_best = followed.log_joint
+        return True
 
     def _weighing(self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array]) -> list[Revised]:
         """The histories that may weigh enough, and are not among the live ones."""
@@ -144,7 +163,7 @@ class Recovery:
         """Follow the robot on new ground from the suspects on."""
         if self._new_ground is None:
             return
-        for since in sorted(at for at in self._suspects if at >= self._begun):
+        for since in self._begins:
             before = self._new_ground.begin(self._not_carried_lately(live, since), since)
             self._origins |= {since: before} if before is not None else {}
         self._begun = self._num_noted
@@ -167,9 +186,9 @@ class Recovery:
 
     def _is_due(self, since: int, suspect: _Suspect, now: int) -> bool:
         """Whether to look; among objects that all are on the map only where what is followed explains too little."""
-        if self._new_ground is not None or not suspect.looks:
+        if self._new_ground is not None:
             return now - since > LOOKS[suspect.looks]
-        return now - suspect.looked > LOOKS[0] and self._num_expected < now - suspect.looked
+        return now - max(since, suspect.looked) > LOOKS[0] and self._num_expected < now - suspect.looked
 
     def _promised(self) -> float:
         """How promising what catches up is: it gives way where another keyframe is likelier by what was seen since."""
@@ -184,11 +203,10 @@ class Recovery:
         """
         if self._new_ground is None:
             return self._suspects[since].log_ratio
-        own, carried = self._new_ground.at(since), self._replay.problem.carried
-        if own is None or carried is None or own.num_recognisable < LEAST_OBJECTS:
+        own = self._new_ground.at(since)
+        if own is None or own.num_recognisable < LEAST_OBJECTS:
             return -np.inf
-        is_promising = own.log_most(carried.log_place) >= self._log_best - self._log_ratio
-        return own.progress.log_joint if is_promising else -np.inf
+        return own.progress.log_joint if own.progress.log_joint >= self._log_best - self._log_ratio else -np.inf
 
     def _not_carried_lately(self, live: Mapping[int, Hypothesis], since: int) -> Lineage:
         """The likeliest history in which the robot was not carried lately before a keyframe, or else the likeliest."""
