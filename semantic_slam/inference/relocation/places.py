@@ -90,14 +90,17 @@ class Places:
 
 @dataclass(frozen=True)
 class Account:
-    """What a history says: whether the robot was carried, what it has seen, and where it is."""
+    """What a history says: whether the robot was carried, what it has seen, and where it is.
+
+    To which point of the lattice it was carried is left out: from those beside each other it comes to one place.
+    """
 
     seen: tuple[tuple[tuple[int, ...], int], ...]  # association of each keyframe, and whether it was carried before it
     pose: Array  # (3,)
 
     @classmethod
     def of(cls, lineage: Lineage, pose: Array) -> "Account":
-        """Of a history after which the robot is at ``pose``; to which of two places near each other it came is one."""
+        """The account of a history after which the robot is at ``pose``."""
         return cls(tuple((step.association, min(carried_to(step), FIRST_POINT)) for step in lineage[1:]), pose)
 
     def is_like(self, other: "Account") -> bool:
@@ -106,12 +109,12 @@ class Account:
 
 
 def account(own: Progress | Revised) -> Account:
-    """Of a history that was replayed."""
+    """What a history says that was replayed."""
     return Account.of(own.lineage, own.component.newest_robot()[:3])
 
 
 def _different(histories: Iterable[Progress]) -> list[Progress]:
-    """Those that are unlike each other, of two the first one."""
+    """Histories that are unlike each other, of two that are alike the first one."""
     kept, accounts = list[Progress](), list[Account]()
     for own in histories:
         said = account(own)

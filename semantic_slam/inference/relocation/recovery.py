@@ -98,11 +98,12 @@ class Recovery:
             return {}
         best = next(iter(live.values()))
         self._log_best, self._log_ratio = best.log_weight + log_evidence - self._log_surplus, float(np.log(ratio))
-        if self._new_ground is not None and self._begins:
+        if self._begins:
             self._weigh(best, log_evidence)
         self._follow(live)
         due = self._due()
         if due is not None:
+            self._weigh(best, log_evidence)
             self._look(due, live)
         self._places.go_on(self._log_best, self._log_unplaced)
         weighed = self._weighing(live, poses)
@@ -133,11 +134,14 @@ class Recovery:
 
     @property
     def _begins(self) -> list[int]:
-        """Suspects from which on the robot is not followed on new ground yet."""
-        return sorted(at for at in self._suspects if at >= self._begun)
+        """Suspects from which on the robot is not followed on new ground yet, where it may be on such."""
+        return [] if self._new_ground is None else sorted(at for at in self._suspects if at >= self._begun)
 
     def _weigh(self, best: Hypothesis, log_evidence: float) -> bool:
-        """Tell what the best live hypothesis weighs by itself, without its near copies; whether that is possible."""
+        """Tell what the best live hypothesis weighs by itself, without its near copies; whether that is possible.
+
+        What is kept of its replay is where looks begin.
+        """
         (followed,) = self._replay.log_joints([best.lineage])
         if followed is None:
             return False
