@@ -20,7 +20,8 @@ from semantic_slam.inference.world.carried import carried_to, with_carried
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([-1.0, -3.0, 0.4])
 BEFORE, AFTER = 5, 6
 KNOWN = {"initial_pose": {"mean": START.tolist(), "sigma": [0.01, 0.01, 0.01]}}
-CARRIED = {"revision": {"carried_probability": 1e-3, "carried_m": 5.0}, **KNOWN}
+MAY_BE = {"revision": {"carried_probability": 1e-3, "carried_m": 5.0}}
+CARRIED = {**MAY_BE, **KNOWN}
 TRIANGLE = np.array([[3.0, 1.0], [6.0, 2.0], [1.0, 3.0]])
 ONE = np.array([[3.0, -2.0]])
 NOTHING = np.full((1, 2), 99.0)
@@ -77,6 +78,14 @@ def test_about_one_object_alone_it_may_stand_anywhere() -> None:
     assert np.exp(last.log_weights).max() < 0.5
     mean = np.exp(last.log_weights) @ around
     assert np.exp(last.log_weights) @ ((around - mean) ** 2).sum(axis=1) > 1.0
+
+
+def test_who_is_not_carried_believes_the_same() -> None:
+    world = make_world(START, BEFORE, places=TRIANGLE)
+    closed = {"association": "enumerated", "semantic_model": {"kind": "none"}, **KNOWN}
+    engines = [Engine(Configuration.of(**closed, **own), map_of(TRIANGLE)) for own in ({}, MAY_BE)]
+    for keyframe in world.keyframes:
+        assert_same(*(engine.process(keyframe) for engine in engines))
 
 
 def test_histories_that_have_seen_the_same_are_one_only_near_each_other() -> None:
