@@ -22,7 +22,7 @@ class RevisionConfiguration:
     carried_probability: float = parameter(
         0.0,
         "from one keyframe to the next, that the robot is lifted and set down elsewhere, of which odometry tells"
-        " nothing; 0: it never is",
+        " nothing; 0: it never is, and one that is carried is not found again",
         minimum=0.0,
         maximum=0.1,
     )

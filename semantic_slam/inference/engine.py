@@ -197,10 +197,11 @@ class Engine:
         if self.revision.is_due():
             found |= self.revision.revised(self.live, reported.ids, best, ratio)
         found |= self.relocation.placed(self.live, self.log_evidence, ratio)
-        found |= self.recovery.found(self.live, self.log_evidence, ratio)
+        poses = {number: components[number].pose for number in self.live}
+        found |= self.recovery.found(self.live, poses, self.log_evidence, ratio)
         if not found:
             return components, reported
-        places = {number: components[number].pose[:3] for number in self.live}
+        places = {number: pose[:3] for number, pose in poses.items()}
         together, log_found = normalised(with_revised(self.live, found, places, self.problem))
         self.pool.offer({n: own.replayed for n, own in together.items() if own.replayed is not None})
         children, answers = self.rounds.commit(step.index, together)

@@ -12,16 +12,11 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.revision.replay import Lineage, Progress, Replay
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.carried import NEW_GROUND
-from semantic_slam.inference.world.starts import STAND_IN_SIGMAS
 
 MOST = 6
 """Histories that are followed at most."""
 HOPELESS = 20.0
 """Nats behind the best live hypothesis from which on one is given up."""
-RECOGNISED = 4.5
-"""Nats that recognising an object gains at most: it is where one is known to a decimetre or two, and none is born."""
-WELL_PLACED = np.array([0.1, 0.1, 0.05])
-"""Standard deviations of x, y [m] and yaw [rad] that a robot has when it has recognised some."""
 RATHER_EXISTS = 0.5
 
 
@@ -40,11 +35,6 @@ class Followed:
         before = np.isin(known.ids, list(self.progress.component.left_behind))
         exists = known.existence > RATHER_EXISTS
         return int(min((exists & before).sum(), (exists & ~before).sum()))
-
-    def log_most(self, log_placed: float) -> float:
-        """About the most that a history may weigh in which it is placed, ``log_placed`` of a point of the lattice."""
-        log_sharper = float(np.log(WELL_PLACED / STAND_IN_SIGMAS).sum())
-        return self.progress.log_joint + RECOGNISED * self.num_recognisable + log_placed + log_sharper
 
 
 class NewGround:

@@ -5,14 +5,17 @@ followed on for a while: what is seen next may tell.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
-from semantic_slam.inference.revision.replay import Lineage, Progress, Replay
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.relocation.likelihood_field import differ
+from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.carried import FIRST_POINT, carried_to
 
 AHEAD, HOPELESS = 2, 12.0
 """Keyframes that places are replayed at a time, and nats behind the best of them from which on one is given up."""
-FORGOTTEN, MOST = 20.0, 8
+FORGOTTEN, MOST = 20.0, 16
 """Nats behind the best live hypothesis from which on one that is through is given up, and how many are kept."""
 STEPS_PER_KEYFRAME = 40
 """Keyframes that are replayed in one, all that catch up together."""
@@ -49,8 +52,7 @@ class Places:
         caught_up = self._caught_up(log_unplaced)
         on = [own for own in map(self._to_newest, self.through) if own is not None]
         every = sorted([*on, *caught_up], key=lambda own: (-own.log_joint, own.number))
-        different = {told(own.lineage): own for own in reversed(every) if own.log_joint > log_best - FORGOTTEN}
-        self.through = [own for own in every if different.get(told(own.lineage)) is own][:MOST]
+        self.through = _different(own for own in every if own.log_joint > log_best - FORGOTTEN)[:MOST]
 
     def give_up(self, numbers: Iterable[int]) -> None:
         """Follow some of those that are through no more."""
@@ -86,9 +88,40 @@ class Places:
             return None
 
 
-def told(lineage: Lineage) -> object:
-    """What a history says of the robot's being carried, and of what it has seen."""
-    return tuple((step.association, min(carried_to(step), FIRST_POINT)) for step in lineage[1:])
+@dataclass(frozen=True)
+class Account:
+    """What a history says: whether the robot was carried, what it has seen, and where it is.
+
+    To which point of the lattice it was carried is left out: from those beside each other it comes to one place.
+    """
+
+    seen: tuple[tuple[tuple[int, ...], int], ...]  # association of each keyframe, and whether it was carried before it
+    pose: Array  # (3,)
+
+    @classmethod
+    def of(cls, lineage: Lineage, pose: Array) -> "Account":
+        """The account of a history after which the robot is at ``pose``."""
+        return cls(tuple((step.association, min(carried_to(step), FIRST_POINT)) for step in lineage[1:]), pose)
+
+    def is_like(self, other: "Account") -> bool:
+        """Whether two histories are one: about one object a robot that sees nothing else may be anywhere."""
+        return self.seen == other.seen and not differ(self.pose, other.pose)
+
+
+def account(own: Progress | Revised) -> Account:
+    """What a history says that was replayed."""
+    return Account.of(own.lineage, own.component.newest_robot()[:3])
+
+
+def _different(histories: Iterable[Progress]) -> list[Progress]:
+    """Histories that are unlike each other, of two that are alike the first one."""
+    kept, accounts = list[Progress](), list[Account]()
+    for own in histories:
+        said = account(own)
+        if not any(map(said.is_like, accounts)):
+            kept.append(own)
+            accounts.append(said)
+    return kept
 
 
 def _likely(group: Sequence[Progress | None], log_least: float) -> list[Progress]:

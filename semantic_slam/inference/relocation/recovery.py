@@ -13,10 +13,11 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.relocation.likely_poses import likely_poses, num_seen
 from semantic_slam.inference.relocation.new_ground import NewGround
-from semantic_slam.inference.relocation.places import Places, told
+from semantic_slam.inference.relocation.places import Account, Places, account
 from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
 from semantic_slam.inference.world.carried import carried_to, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -26,8 +27,8 @@ LOOKS = (3, 6, 10, 15, 20, 27, 35)
 """Keyframes after an unexpected one after which to look where the robot may have been carried to."""
 SOON = 40
 """Keyframes in which the robot is not carried twice, while there is a history in which it is not."""
-MARGIN = 3.0
-"""Nats below what would enter that a history is weighed exactly: what it weighs is told roughly."""
+MARGIN = 1.0
+"""Nats below what would enter that a history is weighed exactly: what the best one weighs by itself is told roughly."""
 LEAST_OBJECTS = 2
 """Objects of its own from which on a robot on new ground may be placed by them."""
 
@@ -38,6 +39,7 @@ class _Suspect:
 
     log_ratio: float  # of it and those after it that were unexpected, too, reference to belief
     looks: int = 0  # of those due that are over
+    looked: int = 0  # keyframes at the last of them, or when a history entered that may explain it
     num_seen: int = 0  # detections since, at the last of them
 
 
@@ -49,11 +51,13 @@ class Recovery:
         self._new_ground = NewGround(replay) if replay.association.tracks_objects else None
         self._places = Places(replay)
         self._num_noted = 0  # keyframes
+        self._num_expected = 0  # the newest of them
         self._misfit: _Suspect | None = None  # that goes on
         self._suspects: dict[int, _Suspect] = {}  # by keyframe before which the robot may have been carried
         self._begun = 0  # keyframes before which suspects are followed on new ground, where they may be
         self._looked_at = 0  # keyframe of the suspect whose places catch up
         self._log_best = self._log_ratio = 0.0  # log P(history, Z_1:k) of the best live one, and what enters beside it
+        self._log_surplus = 0.0  # of its weight, with that of near copies, to that, when it was told last
         self._origins: dict[int, Array] = {}  # (3,) before each keyframe from which on a history is on new ground
 
     @property
@@ -65,36 +69,52 @@ class Recovery:
         """Note how much likelier the newest keyframe was under the reference than under the belief, in nats."""
         if not self.is_on:
             return
-        if log_ratio > 0.0:
-            self._misfit = self._misfit or _Suspect(0.0)
-            self._misfit.log_ratio += log_ratio
-            if self._num_noted and self._misfit.log_ratio == log_ratio:
-                self._suspects[self._num_noted] = self._misfit
-        else:
-            self._misfit = None
+        self._num_expected += 1
+        if self._new_ground is not None or self._replay.steps[-1].detections:  # of what is not seen no map tells
+            self._judge(log_ratio)
         self._num_noted += 1
 
-    def found(self, live: Mapping[int, Hypothesis], log_evidence: float, ratio: float) -> dict[int, Hypothesis]:
+    def _judge(self, log_ratio: float) -> None:
+        """Begin a suspect, or go on with it, where the newest keyframe was not expected."""
+        if log_ratio <= 0.0:
+            self._misfit = None
+            return
+        self._num_expected = 0
+        if self._misfit is not None:
+            self._misfit.log_ratio += log_ratio
+            return
+        self._misfit = _Suspect(log_ratio)
+        if self._num_noted:
+            self._suspects[self._num_noted] = self._misfit
+
+    def found(
+        self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array], log_evidence: float, ratio: float
+    ) -> dict[int, Hypothesis]:
         """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
 
-        ``log_evidence``: what weights are relative to.
+        ``poses`` (7,) of the robot in each live one; ``log_evidence``: what weights are relative to.
         """
         if not self.is_on:
             return {}
         best = next(iter(live.values()))
-        self._log_best, self._log_ratio = best.log_weight + log_evidence, float(np.log(ratio))
+        self._log_best, self._log_ratio = best.log_weight + log_evidence - self._log_surplus, float(np.log(ratio))
+        if self._begins:
+            self._weigh(best, log_evidence)
         self._follow(live)
         due = self._due()
         if due is not None:
+            self._weigh(best, log_evidence)
             self._look(due, live)
         self._places.go_on(self._log_best, self._log_unplaced)
-        weighed = self._weighing(live)
-        (followed,) = self._replay.log_joints([best.lineage]) if weighed else (None,)
-        if followed is None:
+        weighed = self._weighing(live, poses)
+        if not weighed or not self._weigh(best, log_evidence):
             return {}
-        gains = {own.number: own.log_joint - followed.log_joint for own in weighed}
+        gains = {own.number: own.log_joint - self._log_best for own in weighed}
         entering = [own for own in weighed if gains[own.number] >= -self._log_ratio]
         self._places.give_up(own.number for own in entering)
+        if entering:
+            for suspect in self._suspects.values():
+                suspect.looked = len(self._replay.steps)
         return {
             own.number: Hypothesis(
                 owner=best.owner,
@@ -112,21 +132,42 @@ class Recovery:
         assert self._replay.problem.carried is not None
         return self._replay.problem.carried.frame(self._origins[grounds[0]], len(grounds))
 
-    def _weighing(self, live: Mapping[int, Hypothesis]) -> list[Revised]:
+    @property
+    def _begins(self) -> list[int]:
+        """Suspects from which on the robot is not followed on new ground yet, where it may be on such."""
+        return [] if self._new_ground is None else sorted(at for at in self._suspects if at >= self._begun)
+
+    def _weigh(self, best: Hypothesis, log_evidence: float) -> bool:
+        """Tell what the best live hypothesis weighs by itself, without its near copies; whether that is possible.
+
+        What is kept of its replay is where looks begin.
+        """
+        (followed,) = self._replay.log_joints([best.lineage])
+        if followed is None:
+            return False
+        self._log_surplus = best.log_weight + log_evidence - followed.log_joint
+        self._log_best = followed.log_joint
+        return True
+
+    def _weighing(self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array]) -> list[Revised]:
         """The histories that may weigh enough, and are not among the live ones."""
         on_new_ground = [] if self._new_ground is None else [own.progress for own in self._new_ground.followed]
-        least, known = self._log_best - self._log_ratio - MARGIN, {told(own.lineage) for own in live.values()}
+        least = self._log_best - self._log_ratio - MARGIN
+        likely = [own for own in [*self._places.through, *on_new_ground] if own.log_joint >= least]
+        if not likely:
+            return []
+        known = [Account.of(own.lineage, planar_from_pose_vector(poses[number])) for number, own in live.items()]
         return [
             self._replay.finished(replace(own, component=own.component.fork()))
-            for own in [*self._places.through, *on_new_ground]
-            if own.log_joint >= least and own.number not in live and told(own.lineage) not in known
+            for own in likely
+            if own.number not in live and not any(map(account(own).is_like, known))
         ]
 
     def _follow(self, live: Mapping[int, Hypothesis]) -> None:
         """Follow the robot on new ground from the suspects on."""
         if self._new_ground is None:
             return
-        for since in sorted(at for at in self._suspects if at >= self._begun):
+        for since in self._begins:
             before = self._new_ground.begin(self._not_carried_lately(live, since), since)
             self._origins |= {since: before} if before is not None else {}
         self._begun = self._num_noted
@@ -143,9 +184,15 @@ class Recovery:
         """The most promising of the keyframes that are to be looked at now, unless an earlier look goes on first."""
         now = len(self._replay.steps)
         self._suspects = {at: own for at, own in self._suspects.items() if own.looks < len(LOOKS)}
-        due = {at: self._promise(at) for at, own in self._suspects.items() if now - at > LOOKS[own.looks]}
+        due = {at: self._promise(at) for at, own in self._suspects.items() if self._is_due(at, own, now)}
         at = max(due, key=lambda at: due[at], default=None)
         return None if at is None or due[at] <= self._promised() else at
+
+    def _is_due(self, since: int, suspect: _Suspect, now: int) -> bool:
+        """Whether to look; among objects that all are on the map only where what is followed explains too little."""
+        if self._new_ground is not None:
+            return now - since > LOOKS[suspect.looks]
+        return now - max(since, suspect.looked) > LOOKS[0] and self._num_expected < now - suspect.looked
 
     def _promised(self) -> float:
         """How promising what catches up is: it gives way where another keyframe is likelier by what was seen since."""
@@ -160,11 +207,10 @@ class Recovery:
         """
         if self._new_ground is None:
             return self._suspects[since].log_ratio
-        own, carried = self._new_ground.at(since), self._replay.problem.carried
-        if own is None or carried is None or own.num_recognisable < LEAST_OBJECTS:
+        own = self._new_ground.at(since)
+        if own is None or own.num_recognisable < LEAST_OBJECTS:
             return -np.inf
-        is_promising = own.log_most(carried.log_place) >= self._log_best - self._log_ratio
-        return own.progress.log_joint if is_promising else -np.inf
+        return own.progress.log_joint if own.progress.log_joint >= self._log_best - self._log_ratio else -np.inf
 
     def _not_carried_lately(self, live: Mapping[int, Hypothesis], since: int) -> Lineage:
         """The likeliest history in which the robot was not carried lately before a keyframe, or else the likeliest."""
@@ -179,7 +225,7 @@ class Recovery:
         before = self._replay.before(self._not_carried_lately(live, since), since)
         if before is None or num_seen(steps) == suspect.num_seen:
             return
-        self._looked_at, suspect.num_seen = since, num_seen(steps)
+        self._looked_at, suspect.looked, suspect.num_seen = since, len(self._replay.steps), num_seen(steps)
         self._places.begin(before, self._points(before, since))
 
     def _points(self, before: Progress, since: int) -> list[int | None]:

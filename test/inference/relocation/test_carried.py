@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.lost_world import STEP, LostWorld, configuration, errors, make_world, map_of
+from worlds.lost_world import PLACES, STEP, LostWorld, configuration, errors, make_world, map_of
 from worlds.same_beliefs import assert_same
 
 from semantic_slam import Engine
@@ -12,6 +12,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.relocation.places import Account
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.carried import carried_to, with_carried
@@ -19,14 +20,16 @@ from semantic_slam.inference.world.carried import carried_to, with_carried
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([-1.0, -3.0, 0.4])
 BEFORE, AFTER = 5, 6
 KNOWN = {"initial_pose": {"mean": START.tolist(), "sigma": [0.01, 0.01, 0.01]}}
-CARRIED = {"revision": {"carried_probability": 1e-3, "carried_m": 5.0}, **KNOWN}
+MAY_BE = {"revision": {"carried_probability": 1e-3, "carried_m": 5.0}}
+CARRIED = {**MAY_BE, **KNOWN}
 TRIANGLE = np.array([[3.0, 1.0], [6.0, 2.0], [1.0, 3.0]])
+ONE = np.array([[3.0, -2.0]])
 NOTHING = np.full((1, 2), 99.0)
 
 
-def carried_world() -> LostWorld:
+def carried_world(places: np.ndarray = PLACES) -> LostWorld:
     """A drive, and another one from elsewhere that goes on with it."""
-    worlds = make_world(START, BEFORE), make_world(THERE, AFTER, seed=1)
+    worlds = make_world(START, BEFORE, places=places), make_world(THERE, AFTER, places=places, seed=1)
     first, second = (own.keyframes for own in worlds)
     apart_ns = first[1].stamp_ns - first[0].stamp_ns
     moved = [replace(own, index=own.index + BEFORE, stamp_ns=own.stamp_ns + BEFORE * apart_ns) for own in second]
@@ -63,6 +66,34 @@ def test_it_is_found_where_it_was_set_down(in_open_world: tuple[Engine, list[Hyb
 @pytest.mark.slow
 def test_it_is_found_among_objects_that_are_all_on_the_map() -> None:
     assert_found(*driven(Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)))
+
+
+def test_about_one_object_alone_it_may_stand_anywhere() -> None:
+    closed = Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)
+    world, engine = carried_world(ONE), Engine(closed, map_of(ONE))
+    last = [engine.process(keyframe) for keyframe in world.keyframes][-1]
+    assert engine.carried > 0.99
+    around = last.poses[:, :2] - ONE[0]
+    np.testing.assert_allclose(np.hypot(*around.T), np.hypot(*(world.truth[-1, :2] - ONE[0])), atol=0.3)
+    assert np.exp(last.log_weights).max() < 0.5
+    mean = np.exp(last.log_weights) @ around
+    assert np.exp(last.log_weights) @ ((around - mean) ** 2).sum(axis=1) > 1.0
+
+
+def test_who_is_not_carried_believes_the_same() -> None:
+    world = make_world(START, BEFORE, places=TRIANGLE)
+    closed = {"association": "enumerated", "semantic_model": {"kind": "none"}, **KNOWN}
+    engines = [Engine(Configuration.of(**closed, **own), map_of(TRIANGLE)) for own in ({}, MAY_BE)]
+    for keyframe in world.keyframes:
+        assert_same(*(engine.process(keyframe) for engine in engines))
+
+
+def test_histories_that_have_seen_the_same_are_one_only_near_each_other() -> None:
+    lineage = (LineageStep((3,), (-1,)), with_carried(LineageStep((3,), (-1,)), 7))
+    here, beside, away = (Account.of(lineage, START + np.array([x, 0.0, 0.0])) for x in (0.0, 0.2, 2.0))
+    turned = Account.of(lineage, START + np.array([0.0, 0.0, 1.0]))
+    assert here.is_like(beside) and not here.is_like(away) and not here.is_like(turned)
+    assert not here.is_like(Account.of((lineage[0], LineageStep((3,), (-1,))), START))
 
 
 def test_who_is_never_carried_is_not_found_again() -> None:

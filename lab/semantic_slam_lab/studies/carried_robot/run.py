@@ -1,8 +1,9 @@
 """One drive in which the robot is carried: when it is noticed, and whether the robot is found again."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam_lab.repetitions import keyed_generator
+from semantic_slam_lab.studies.carried_robot.recognition import share_recognised
 from semantic_slam_lab.studies.faulty_rooms.closed import configuration
 from semantic_slam_lab.studies.faulty_rooms.closed_room import HALF_VIEW_RAD, REACH_M, make_room
 from semantic_slam_lab.studies.faulty_rooms.open_room import LOOP_RADIUS_M, open_room
@@ -46,6 +48,7 @@ class Drive:
     engine: Engine
     keyframes: Sequence[Keyframe]
     truth: Array  # (K, 3)
+    labels: Sequence[Sequence[int]]  # K: what each detection is of; negative: of nothing
     carried_at: int  # K: it never was
 
 
@@ -57,6 +60,7 @@ class Driven:
     noticed_after: int | None  # keyframes from the first one after it was carried on, until that is told; None: never
     false_alarms: int  # keyframes before it was carried in which that was told, or that data are unexplained
     found_after: int | None  # keyframes, from which on the robot stays found; None: not at the end
+    recognised: float | None  # share, at the end, of its detections since of what it knew; None: there were none
     error_m: float  # of the heaviest hypothesis's position at the end; NaN: the run ended early
     probability: float  # at the end, of positions near the true one
     is_sure_and_wrong: bool  # at the end
@@ -89,6 +93,7 @@ def driven(world: str, method: Method, seed: int) -> Driven:
         seed=seed,
         noticed_after=since[0] if since else None,
         false_alarms=sum(k < drive.carried_at for k in told),
+        recognised=None if fault else share_recognised(_likeliest(drive.engine), drive.labels, drive.carried_at),
         found_after=len(after) - _length_of_end(after) if after and after[-1] else None,
         error_m=error_m,
         probability=probability,
@@ -97,6 +102,11 @@ def driven(world: str, method: Method, seed: int) -> Driven:
         slowest_s=max(spent),
         fault=fault,
     )
+
+
+def _likeliest(engine: Engine) -> list[tuple[int, ...]]:
+    """Objects that the detections of each keyframe are of, as the heaviest hypothesis has it."""
+    return [step.association for step in next(iter(engine.live.values())).lineage]
 
 
 def found(belief: HybridBelief, truth: Array) -> tuple[float, float]:
@@ -117,10 +127,10 @@ def _length_of_end(near: Sequence[bool]) -> int:
     return next((n for n, own in enumerate(reversed(near)) if not own), len(near))
 
 
-def saved_drive(method: Method, seed: int) -> Drive:
-    """Around furniture that is on a map, classes unknown, in a world in which objects come and go."""
+def map_drive(name: str, method: Method, seed: int) -> Drive:
+    """Around furniture that is on a map, classes unknown, with a shipped configuration."""
     sensor = {"max_range_m": REACH_M, "field_of_view_rad": 2.0 * HALF_VIEW_RAD}
-    own = with_values(configuration("second_session"), {"open_world": sensor})
+    own = with_values(configuration(name), {"open_world": sensor})
     random, before = keyed_generator("carried_robot", "closed", seed), make_room(seed, SAVED_BEFORE).truth[-1, :2]
     while True:
         x, y, yaw = (*random.uniform(WALL_M, 6.0 - WALL_M, size=2), random.uniform(-np.pi, np.pi))
@@ -138,7 +148,7 @@ def saved_drive(method: Method, seed: int) -> Drive:
         initial_covariance=np.diag(START_SIGMAS**2),
     )
     at = SAVED_BEFORE if method.is_carried else SAVED_WHOLE
-    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, carried_at=at)
+    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, labels=room.associations, carried_at=at)
 
 
 def open_drive(method: Method, seed: int) -> Drive:
@@ -154,7 +164,7 @@ def open_drive(method: Method, seed: int) -> Drive:
     room = open_room(own, OPEN_BEFORE + OPEN_AFTER, random, carried if method.is_carried else None)
     engine = Engine(own, initial_pose=room.truth[0], initial_covariance=np.diag(START_SIGMAS**2))
     at = OPEN_BEFORE if method.is_carried else len(room.keyframes)
-    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, carried_at=at)
+    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, labels=room.labels, carried_at=at)
 
 
 def with_values(own: Configuration, overrides: Mapping[str, Mapping[str, Any]]) -> Configuration:
@@ -165,4 +175,9 @@ def with_values(own: Configuration, overrides: Mapping[str, Mapping[str, Any]]) 
     return from_dict(values, "study")
 
 
-DRIVES = {"saved map": saved_drive, "own map": open_drive}
+DRIVES: Mapping[str, Callable[[Method, int], Drive]] = {
+    "saved map": partial(map_drive, "second_session"),
+    "known map": partial(map_drive, "known_map"),
+    "default": partial(map_drive, "default"),
+    "own map": open_drive,
+}

@@ -51,9 +51,9 @@ def sessions(number: int, seed: int) -> dict[str, Judged]:
     before, after = record_scene(number), record_scene(number, objects=change.objects)
     random = np.random.default_rng([number, seed, 32])
     old = _map(before, Configuration(), _survey(before, random), _start(before, LOST_SIGMA, random), LOST_SIGMA)
-    settings = load_configuration(configuration_file("second_session"))
-    here = _map(after, settings, map_prior_of(old), _start(after, KNOWN_SIGMA, random), KNOWN_SIGMA)
-    lost = _map(after, settings, None, _start(after, LOST_SIGMA, random), LOST_SIGMA)
+    on_map, without = (load_configuration(configuration_file(name)) for name in ("second_session", "open_world"))
+    here = _map(after, on_map, map_prior_of(old), _start(after, KNOWN_SIGMA, random), KNOWN_SIGMA)
+    lost = _map(after, without, None, _start(after, LOST_SIGMA, random), LOST_SIGMA)
     return {
         name: judged(difference(Comparison.of(old, new)), change, before)
         for name, new in zip(STARTS, (here, lost), strict=True)
