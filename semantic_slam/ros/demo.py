@@ -67,7 +67,7 @@ def output_of(arguments: argparse.Namespace) -> AbstractContextManager[Path]:
     """Where to write; raises InputError."""
     if not arguments.resume:
         return claimed_report(arguments.out, [arguments.bag, arguments.config], arguments.overwrite)
-    from semantic_slam.pipeline.journal.journal.journal import FILE
+    from semantic_slam.pipeline.journal.journal import FILE
 
     if not (arguments.out / JOURNAL / FILE).exists():
         raise InputError(f"{arguments.out}: no demo was broken off there; leave out --resume")

@@ -45,9 +45,9 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.assembly.frame_count import FrameCount
 from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.gravity.imu_use import unused_because
-from semantic_slam.pipeline.journal.journal.journal import Record
-from semantic_slam.pipeline.journal.journal.journal_of_run import open_journal
-from semantic_slam.pipeline.journal.journal.journaled_pool import JournaledPool
+from semantic_slam.pipeline.journal.journal import Record
+from semantic_slam.pipeline.journal.journal_of_run import open_journal
+from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.provenance import source_text
 from semantic_slam.pipeline.session import Session

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from semantic_slam.pipeline.journal.journal.recorded_keyframes import recorded_keyframes
 from semantic_slam_lab.simulation.detectors.inertial import Imu
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, TableTops, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
@@ -24,6 +23,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.inertial import imu_message
 from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
 from semantic_slam.pipeline.offline import run_bag
 
 DRIFT_RAD = 0.015

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from semantic_slam.pipeline.journal.journal.journal import Journal, NoJournal, Record
-from semantic_slam.pipeline.journal.journal.journaled_pool import JournaledPool
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.configuration import Configuration, from_dict
@@ -24,6 +22,8 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.assembly.frame_count import FrameCount
+from semantic_slam.pipeline.journal.journal import Journal, NoJournal, Record
+from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 
 PLACES = ((3.0, 0.5), (3.5, -0.6), (2.0, 1.0))
 NUM_KEYFRAMES = 3

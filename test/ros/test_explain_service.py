@@ -10,7 +10,6 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from semantic_slam.pipeline.journal.journal.recorded_keyframes import recorded_keyframes
 from semantic_slam_msgs.srv import Explain
 from worlds.bag_factory import of_topic, write_bag
 from worlds.places import place_entries
@@ -21,6 +20,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
+from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.services.explain_service import ExplainService
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.pipeline.journal.journal.journal import Journal, NoJournal
+from semantic_slam.pipeline.journal.journal import Journal, NoJournal
 from semantic_slam.version import __version__
 
 

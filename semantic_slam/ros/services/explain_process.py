@@ -18,7 +18,7 @@ from semantic_slam.evaluation.record import Record
 from semantic_slam.evaluation.trajectory import Trajectory
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
-from semantic_slam.pipeline.journal.journal.kept_run import read_kept
+from semantic_slam.pipeline.journal.kept_run import read_kept
 from semantic_slam.ros.launching.processes import end_with
 
 NICENESS = 10

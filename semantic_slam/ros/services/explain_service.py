@@ -19,7 +19,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages.codec import encode
-from semantic_slam.pipeline.journal.journal.kept_run import KeptRun
+from semantic_slam.pipeline.journal.kept_run import KeptRun
 from semantic_slam.ros.services.answering import newest, row_of
 
 
