@@ -58,12 +58,13 @@ def row_products(rows: Array, matrix: Array) -> Array:
 
 
 def column_products(matrices: Array, columns: Array) -> Array:
-    """(..., m, n) products of (..., m, k) with (..., k, n): each column's to the last bit the same, likewise."""
+    """(..., m, n) products of (..., m, k) with (..., k, n): each column's to the last bit the same in every company.
+
+    Padded and laid out row by row, as :func:`row_products` is padded.
+    """
     missing = -columns.shape[-1] % TILE
-    if not missing:
-        return np.asarray(matrices @ columns)
     padded = np.concatenate([columns, np.zeros((*columns.shape[:-1], missing))], axis=-1)
-    return np.asarray((matrices @ padded)[..., : columns.shape[-1]])
+    return np.asarray((matrices @ np.ascontiguousarray(padded))[..., : columns.shape[-1]])
 
 
 def diagonals(matrices: Array) -> Array:

@@ -5,6 +5,7 @@ from array import array
 from collections import deque
 
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.nameless_file import NamelessFile
 
 
@@ -55,6 +56,7 @@ class KeptSteps:
             self._ends.append(self._disk.length)
 
     def __getitem__(self, keyframe: int) -> Step:
+        """Raises LostComponentError where the disk fails."""
         if keyframe < self.first:
             raise IndexError(f"keyframe {keyframe} is forgotten; the oldest that is kept is {self.first}")
         at = keyframe - self._first_in_memory
@@ -62,7 +64,11 @@ class KeptSteps:
 
     def _from_disk(self, keyframe: int) -> Step:
         begin, end = self._ends[keyframe : keyframe + 2]
-        step: Step = pickle.loads(self._disk.read(end - begin, begin))  # which nobody else can have written
+        try:
+            data = self._disk.read(end - begin, begin)
+        except OSError as fault:
+            raise LostComponentError(f"keyframe {keyframe} cannot be read from disk again ({fault.strerror})") from None
+        step: Step = pickle.loads(data)  # which nobody else can have written
         return step
 
     def forget_before(self, keyframe: int) -> None:

@@ -24,7 +24,8 @@ def test_a_column_s_product_is_the_same_whatever_columns_stand_beside_it(rows: i
     whole = column_products(matrices, columns)
     np.testing.assert_allclose(whole, matrices @ columns, rtol=0.0, atol=1e-13)
     for count in range(1, 54):
-        np.testing.assert_array_equal(column_products(matrices, columns[..., :count]), whole[..., :count])
+        chosen = np.sort(random.permutation(54)[:count])
+        np.testing.assert_array_equal(column_products(matrices, columns[..., chosen]), whole[..., chosen])
 
 
 def test_distinct_rows_are_those_of_numpy() -> None:

@@ -43,11 +43,11 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
     yield closed.unmapped_objects > 0, "set closed_world.unmapped_objects: 0"
     yield closed.displaced_share > 0.0, "set closed_world.displaced_share: 0"
     yield configuration.history.is_on, "set history.horizon_keyframes: 0"
+    yield revision.carried_probability > 0.0, "set revision.carried_probability: 0"
     if not association.tracks_objects:
         yield configuration.odometry.sigma_level_rad > 0.0, "set odometry.sigma_level_rad: 0, or association: open"
         return
     yield revision.lost_every_keyframes > 0, "set revision.lost_every_keyframes: 0"
-    yield revision.carried_probability > 0.0, "set revision.carried_probability: 0"
     yield errors.correlated_share > 0.0, "set detection_errors.correlated_share: 0"
     yield perception.sigma_range_scale > 0.0, "set perception.sigma_range_scale: 0"
     yield world.learn_region, "set open_world.learn_region: false"

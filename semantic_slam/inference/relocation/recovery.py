@@ -76,7 +76,7 @@ class Recovery:
 
     def _judge(self, log_ratio: float) -> None:
         """Begin a suspect, or go on with it, where the newest keyframe was not expected."""
-        if log_ratio <= 0.0:
+        if not log_ratio > 0.0:
             self._misfit = None
             return
         self._num_expected = 0
@@ -183,10 +183,14 @@ class Recovery:
     def _due(self) -> int | None:
         """The most promising of the keyframes that are to be looked at now, unless an earlier look goes on first."""
         now = len(self._replay.steps)
-        self._suspects = {at: own for at, own in self._suspects.items() if own.looks < len(LOOKS)}
+        self._suspects = {at: own for at, own in self._suspects.items() if self._is_open(at, own, now)}
         due = {at: self._promise(at) for at, own in self._suspects.items() if self._is_due(at, own, now)}
         at = max(due, key=lambda at: due[at], default=None)
         return None if at is None or due[at] <= self._promised() else at
+
+    def _is_open(self, since: int, suspect: _Suspect, now: int) -> bool:
+        """Whether a suspect may be looked at yet, or again; among objects that all are on the map not for ever."""
+        return suspect.looks < len(LOOKS) and (self._new_ground is not None or now - since <= LOOKS[0] + LOOKS[-1])
 
     def _is_due(self, since: int, suspect: _Suspect, now: int) -> bool:
         """Whether to look; among objects that all are on the map only where what is followed explains too little."""

@@ -53,7 +53,7 @@ class DetectorLabels:
         """Log evidence of the words of each candidate, and the objects' records after it."""
         before, parents = [told_so_far(parent) for parent in given.parents], given.candidates.assignments.parents
         news, settings = self._news(given, before), np.array([self._of_all(own) for own in before])  # (P, R)
-        after = settings[parents] + np.array([self._gained(own) for own in news]).reshape(len(news), -1)
+        after = settings[parents] + np.array([self._gained(own) for own in news]).reshape(settings[parents].shape)
         evidence = finite_log_sum_exp(after, axis=1) - finite_log_sum_exp(settings, axis=1)[parents]
         if self._tracks is not None:
             evidence = evidence + self._of_tracks(self._tracks, given, before)

@@ -25,6 +25,11 @@ def check_horizon(configuration: Configuration) -> None:
             f"history.horizon_keyframes is {horizon}: histories are revised up to keyframe {revision.horizon};"
             " set it to revision.horizon or more"
         )
+    if revision.carried_probability > 0.0:
+        raise InputError(
+            "history.horizon_keyframes is not for a robot that may be carried, of which all keyframes are replayed;"
+            " set revision.carried_probability: 0, or the horizon to 0"
+        )
     if configuration.semantic_model.kind in ASK_OLD_POSES:
         raise InputError(
             f"history.horizon_keyframes: semantic_model.kind {configuration.semantic_model.kind} weighs views at poses"

@@ -1,5 +1,6 @@
 """A robot that is carried in mid-drive, of which odometry tells nothing, is found where it was set down."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,10 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.relocation.places import Account
+from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.carried import carried_to, with_carried
@@ -27,12 +31,12 @@ ONE = np.array([[3.0, -2.0]])
 NOTHING = np.full((1, 2), 99.0)
 
 
-def carried_world(places: np.ndarray = PLACES) -> LostWorld:
+def carried_world(places: np.ndarray = PLACES, before: int = BEFORE) -> LostWorld:
     """A drive, and another one from elsewhere that goes on with it."""
-    worlds = make_world(START, BEFORE, places=places), make_world(THERE, AFTER, places=places, seed=1)
+    worlds = make_world(START, before, places=places), make_world(THERE, AFTER, places=places, seed=1)
     first, second = (own.keyframes for own in worlds)
     apart_ns = first[1].stamp_ns - first[0].stamp_ns
-    moved = [replace(own, index=own.index + BEFORE, stamp_ns=own.stamp_ns + BEFORE * apart_ns) for own in second]
+    moved = [replace(own, index=own.index + before, stamp_ns=own.stamp_ns + before * apart_ns) for own in second]
     truth = np.concatenate([own.truth for own in worlds])
     return LostWorld([*first, *moved], truth, [*worlds[0].names, *worlds[1].names])
 
@@ -80,12 +84,44 @@ def test_about_one_object_alone_it_may_stand_anywhere() -> None:
     assert np.exp(last.log_weights) @ ((around - mean) ** 2).sum(axis=1) > 1.0
 
 
-def test_who_is_not_carried_believes_the_same() -> None:
-    world = make_world(START, BEFORE, places=TRIANGLE)
+def once_wrong(world: LostWorld, at: int) -> list[Keyframe]:
+    """The drive with all bearings of one keyframe off by a third of a radian."""
+    seen = world.keyframes[at].measurements
+    wrong = replace(seen, bearings_rad=seen.bearings_rad + 0.35)
+    return [replace(own, measurements=wrong) if own.index == at else own for own in world.keyframes]
+
+
+def looks_of(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Keyframes before which it is looked where the robot may have been carried, as they come."""
+    found, look = [], Recovery._look
+
+    def noted(own: Recovery, since: int, live: Mapping[int, Hypothesis]) -> None:
+        if own is engine.recovery:
+            found.append(since)
+        look(own, since, live)
+
+    monkeypatch.setattr(Recovery, "_look", noted)
+    return found
+
+
+def test_who_is_not_carried_believes_the_same_though_it_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    keyframes = once_wrong(make_world(START, 10, places=TRIANGLE), 3)
     closed = {"association": "enumerated", "semantic_model": {"kind": "none"}, **KNOWN}
     engines = [Engine(Configuration.of(**closed, **own), map_of(TRIANGLE)) for own in ({}, MAY_BE)]
-    for keyframe in world.keyframes:
+    looks = looks_of(engines[1], monkeypatch)
+    for keyframe in keyframes:
         assert_same(*(engine.process(keyframe) for engine in engines))
+    assert looks
+
+
+def test_what_did_not_fit_long_ago_is_no_longer_looked_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = carried_world(before=50)
+    closed = Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)
+    engine = Engine(closed, map_of())
+    looks = looks_of(engine, monkeypatch)
+    for keyframe in once_wrong(world, 5):
+        engine.process(keyframe)
+    assert looks[:2] == [5, 50]
 
 
 def test_histories_that_have_seen_the_same_are_one_only_near_each_other() -> None:

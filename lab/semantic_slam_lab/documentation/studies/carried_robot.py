@@ -45,12 +45,12 @@ SECTIONS = (
         "A robot that is carried",
         "After 20 keyframes on a map, or 40 without one, the robot is lifted and set down 3 m or more away, any"
         " way round, and odometry says that it stood still; 20 or 40 keyframes follow."
-        " `revision.carried_probability` is 0.001. With a map: `config/second_session.yaml` (saved map),"
-        " `known_map.yaml` and `default.yaml`, each with the sensor's range of these rooms; own map:"
+        " `revision.carried_probability` is 0.001. Saved map: `config/second_session.yaml`, and, where there are rows"
+        " of them, `known_map.yaml` and `default.yaml`, each with the sensor's range of these rooms; own map:"
         " `config/open_world.yaml`. Noticed: the belief says with more than 0.5 that the robot was carried or that"
-        " its data are unexplained. Found again: to the end within 0.5 m, with more than 0.5. Recognises: at the"
-        " end nine tenths of what it has seen since of what it knew before have their names of before; on its own"
-        " map, which is bent, a robot that does so may be farther than 0.5 m from its true place. Sure and wrong:"
+        " its data are unexplained. Found again: to the end within 0.5 m, with more than 0.5. Recognises, where it is"
+        " told: at the end nine tenths of what it has seen since of what it knew before have their names of before; on its"
+        " own map, which is bent, a robot that does so may be farther than 0.5 m from its true place. Sure and wrong:"
         " at the end one hypothesis has more than 0.9 and excludes the true position (one in a thousand). False"
         " alarms are keyframes in which such is said of a robot that was not carried.",
         (("", rooms),),
