@@ -49,9 +49,9 @@ SECTIONS = (
         " of them, `known_map.yaml` and `default.yaml`, each with the sensor's range of these rooms; own map:"
         " `config/open_world.yaml`. Noticed: the belief says with more than 0.5 that the robot was carried or that"
         " its data are unexplained. Found again: to the end within 0.5 m, with more than 0.5. Recognises, where it is"
-        " told: at the end nine tenths of what it has seen since of what it knew before have their names of before; on its"
-        " own map, which is bent, a robot that does so may be farther than 0.5 m from its true place. Sure and wrong:"
-        " at the end one hypothesis has more than 0.9 and excludes the true position (one in a thousand). False"
+        " told: at the end nine tenths of what it has seen since of what it knew before have their names of before; on"
+        " its own map, which is bent, a robot that does so may be farther than 0.5 m from its true place. Sure and"
+        " wrong: at the end one hypothesis has more than 0.9 and excludes the true position (one in a thousand). False"
         " alarms are keyframes in which such is said of a robot that was not carried.",
         (("", rooms),),
     ),

@@ -27,6 +27,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
         "study": "second_session",
         "seed": seed,
         "config": to_dict(load_configuration(configuration_file("second_session"))),
+        "config_without_map": to_dict(load_configuration(configuration_file("open_world"))),
         "revision": revision(),
         "quick": quick,
         "summary": {start: _summary(rooms, start) for start in STARTS},
