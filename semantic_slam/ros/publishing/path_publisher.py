@@ -1,5 +1,6 @@
 """The robot's path: its newest poses on a topic, all of them from the service ``~/get_path``."""
 
+from array import array
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from semantic_slam.ros.publishing.views import MAP, path_view
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, private_name, ros_type
 
+SIZE = 7
+"""Numbers of a pose."""
 NEWEST = 1000
 """Poses that a message holds: each is sent again with every keyframe that follows."""
 
@@ -24,27 +27,34 @@ class PathPublisher:
     def __init__(self, node: Node) -> None:
         self._outlet = Outlet(node, private_name(topics.PATH), topics.TYPES[topics.PATH], qos.latched())
         self._service = node.create_service(GetPath, "~/get_path", self._answer)
-        self._stamps_ns: list[int] = []
-        self._poses: list[Array] = []  # (7,)
+        self.begin()
 
     def begin(self) -> None:
         """Another run begins."""
-        self._stamps_ns, self._poses = [], []
+        self._stamps_ns, self._poses = array("q"), array("d")  # numbers alone: what a pose is part of is not kept
 
     def publish(self, estimate: PoseEstimate) -> None:
         """The newest poses, with one more."""
         self._stamps_ns.append(estimate.stamp_ns)
-        self._poses.append(estimate.pose)
-        self._outlet.send(serialize(path_view(self._stamps_ns[-NEWEST:], np.array(self._poses[-NEWEST:]))))
+        self._poses.extend(estimate.pose.tolist())
+        newest = self._stamps_ns[-NEWEST:].tolist()
+        self._outlet.send(serialize(path_view(newest, _rows(self._poses[-NEWEST * SIZE :]))))
 
     def wait_for_acknowledgement(self) -> None:
         self._outlet.wait_for_acknowledgement()
 
     def _answer(self, _: Any, response: Any) -> Any:
         kind = ros_type("geometry_msgs/msg/PoseStamped")
-        known = zip(list(self._stamps_ns), list(self._poses), strict=False)  # the worker may be adding one
+        poses = _rows(self._poses[: SIZE * len(self._stamps_ns)])  # the worker may be adding one
+        known = zip(self._stamps_ns[: len(poses)].tolist(), poses, strict=True)
         response.poses = [_filled(kind(), *own) for own in known]
         return response
+
+
+def _rows(numbers: "array[float]") -> Array:
+    """(K, 7) poses, as many as are whole."""
+    whole = len(numbers) // SIZE
+    return np.array(numbers[: whole * SIZE]).reshape(whole, SIZE)
 
 
 def _filled(message: Any, stamp_ns: int, pose: Array) -> Any:
