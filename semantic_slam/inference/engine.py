@@ -190,12 +190,11 @@ class Engine:
         """Histories enter with what they weigh: with objects that are one, or that place a robot, lost or carried."""
         if self.revision.is_on or self.relocation.is_on or self.recovery.is_on:
             self.steps.append(step)
-            self.revision.note_keyframe()
         best = components[next(iter(self.live))].objects
         ratio = self.problem.pruning.ratio
         found: dict[int, Hypothesis] = {}
-        if self.revision.is_due():
-            found |= self.revision.revised(self.live, reported.ids, best, ratio)
+        if self.revision.is_on:
+            found |= self.revision.revised(self.live, reported.ids, best, self.log_evidence, ratio)
         found |= self.relocation.placed(self.live, self.log_evidence, ratio)
         poses = {number: components[number].pose for number in self.live}
         found |= self.recovery.found(self.live, poses, self.log_evidence, ratio)

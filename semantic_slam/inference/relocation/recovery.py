@@ -142,7 +142,7 @@ class Recovery:
 
         What is kept of its replay is where looks begin.
         """
-        (followed,) = self._replay.log_joints([best.lineage])
+        followed = self._replay.followed(best.lineage)
         if followed is None:
             return False
         self._log_surplus = best.log_weight + log_evidence - followed.log_joint

@@ -14,8 +14,8 @@ from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.relocation.placements import Placements
 from semantic_slam.inference.relocation.stretches import parted, stretches
-from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
-from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.revision.catching_up import CatchingUp
+from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 AGAIN = 30
@@ -45,7 +45,7 @@ class Relocation:
         self._looks = 0
         self._tried: dict[object, int] = {}
         self._lost: _Lost | None = None
-        self._waiting: list[Progress] = []
+        self._catching_up = CatchingUp(replay)
 
     @property
     def is_on(self) -> bool:
@@ -64,10 +64,10 @@ class Relocation:
         if self._is_due(live):
             self._look(live, log_evidence, log_least)
         found: dict[int, Hypothesis] = {}
-        for own in self._caught_up():
+        for _, own in self._catching_up.go_on(STEPS_PER_KEYFRAME):
             assert self._lost is not None
-            log_weight = own.log_joint + self._lost.log_surplus
-            if own.number not in live and log_weight >= log_least:
+            log_weight = -np.inf if own is None else own.log_joint + self._lost.log_surplus
+            if own is not None and own.number not in live and log_weight >= log_least:
                 lost = self._likeliest_lost(live)
                 found[own.number] = Hypothesis(
                     owner=best.owner,
@@ -82,7 +82,7 @@ class Relocation:
     def _is_due(self, live: Mapping[int, Hypothesis]) -> bool:
         """Whether the newest keyframe is one after which to look: more seldom where all histories are placed."""
         count, every = len(self._replay.steps), self.settings.lost_every_keyframes
-        if self._waiting or not 1 < count <= self.settings.horizon:
+        if not self._catching_up.is_idle or not 1 < count <= self.settings.horizon:
             return False
         apart = every if self._likeliest_lost(live) else SELDOM * every
         return (count + every // 2) % apart == 0  # not in keyframes in which objects are merged
@@ -121,23 +121,19 @@ class Relocation:
             again = now - self._tried.get(placement.what, -AGAIN) >= AGAIN
             if placement.log_gain >= least and again:
                 self._tried[placement.what] = now
-                self._waiting.append(self._replay.begun(placement.lineage))
+                self._catching_up.add([placement.lineage])
 
     def _followed(self, live: Mapping[int, Hypothesis], log_evidence: float) -> Revised | None:
         """The likeliest history that is not placed, replayed."""
         lost, before = self._likeliest_lost(live), self._lost
-        lineage = lost.lineage if lost is not None else None
-        if lineage is None and before is not None:
-            lineage = self._replay.continued(before.lineage)
-        if lineage is None:
-            return None
-        (followed,) = self._replay.log_joints([lineage])
+        known = lost or before
+        followed = self._replay.followed(known.lineage) if known is not None else None
         if followed is None:
             return None
         surplus = before.log_surplus if before is not None else 0.0
         if lost is not None:  # it may stand for near copies: what comes from it stands for as many
             surplus = lost.log_weight + log_evidence - followed.log_joint
-        self._lost = _Lost(lineage, surplus)
+        self._lost = _Lost(followed.lineage, surplus)
         return followed
 
     def _forgetful(self, lost: Revised) -> tuple[Revised, bool]:
@@ -146,23 +142,5 @@ class Relocation:
         lineage = parted(lost.lineage, stretches(steps), self._registry.first_new_id)
         if lineage == lost.lineage:
             return lost, False
-        (found,) = self._parted.log_joints([lineage])
+        found = self._parted.followed(lineage)
         return (lost, False) if found is None else (found, True)
-
-    def _caught_up(self) -> list[Revised]:
-        """The placements that are through, after some keyframes more of those that wait."""
-        left, found = STEPS_PER_KEYFRAME, list[Revised]()
-        now = len(self._replay.steps)
-        while self._waiting and left > 0:
-            own = self._waiting.pop(0)
-            count = min(left, now - own.at)
-            left -= count
-            try:
-                own = self._replay.advanced(own, count)
-            except LostComponentError:
-                continue
-            if own.at == now:
-                found.append(self._replay.finished(own))
-            else:
-                self._waiting.insert(0, own)
-        return found

@@ -1,6 +1,6 @@
 """Histories replayed from the prior: what each weighs, log P(history, Z_1:k), and the component it leads to."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -57,8 +57,8 @@ class Replay:
     association: AssociationStrategy
     steps: list[Step] = field(default_factory=list)  # so far
     registry: ObjectRegistry | None = None  # what a history names and has given up begins anew by it; None: impossible
-    _kept: dict[int, Progress] = field(default_factory=dict)  # of the history that was replayed first in the last round
-    _beside: dict[int, Progress] = field(default_factory=dict)  # of the others: one may be followed from now on
+    _kept: dict[int, Progress] = field(default_factory=dict)  # of the history that was followed last
+    _beside: dict[int, Progress] = field(default_factory=dict)  # of others since: one may be followed from now on
 
     @property
     def may_move(self) -> bool:
@@ -66,41 +66,26 @@ class Replay:
         moving = self.problem.moving
         return moving.is_on and any(moving.shares(step.labels).any() for step in self.steps)
 
-    def log_joints(self, lineages: Sequence[Lineage]) -> list[Revised | None]:
-        """What each weighs; None for one that is impossible. The next round begins where these were."""
-        first, *others = lineages
-        known, along = self._kept | self._beside, set(self._numbers(first))
-        found = [self._replayed(first, known)]
-        self._kept = {number: own for number, own in known.items() if number in along and stays(own.at, len(first))}
-        again = {number for lineage in others for number in self._numbers(lineage)}  # tried a moment ago, maybe
-        known = self._kept | {number: own for number, own in known.items() if number in again}
-        found += [self._replayed(lineage, known) for lineage in others]
-        self._beside = {
-            number: own for number, own in known.items() if number not in self._kept and stays(own.at, len(first))
-        }
-        return found
+    def followed(self, lineage: Lineage) -> Revised | None:
+        """What a history weighs, with its likeliest continuation where it ends earlier; None: it is impossible.
+
+        Some of it is kept, and nothing of what other histories do not share with it.
+        """
+        own = self.resumed(lineage)
+        try:
+            while own.at < len(self.steps):
+                own = self.further(own)
+        except LostComponentError:
+            return None
+        known, along = self._kept | self._beside, set(self._numbers(own.lineage))
+        self._kept = {number: it for number, it in known.items() if number in along and stays(it.at, own.at)}
+        self._beside.clear()
+        return self.finished(own)
 
     def forget(self) -> None:
         """Keep nothing of what was replayed: the next round begins at the prior."""
         self._kept.clear()
         self._beside.clear()
-
-    def _replayed(self, lineage: Lineage, kept: dict[int, Progress] | None = None) -> Revised | None:
-        try:
-            return self.finished(self._to(lineage, kept))
-        except LostComponentError:
-            return None
-
-    def _to(self, lineage: Lineage, kept: dict[int, Progress] | None = None) -> Progress:
-        """A history up to where it ends, and along it what is to be ``kept``; None: nothing."""
-        known, numbers = self._kept if kept is None else kept, self._numbers(lineage)
-        begin = max((at for at, number in enumerate(numbers) if number in known), default=0)
-        own = replace(known[numbers[begin]], lineage=lineage) if begin else self.begun(lineage)
-        while own.at < len(lineage):
-            own = self.advanced(own, 1, in_place=own.number not in known)
-            if kept is not None and own.at % CHECKPOINT == 0:
-                kept[own.number] = own
-        return own
 
     def begun(self, lineage: Lineage) -> Progress:
         """A history before the first keyframe."""
@@ -124,12 +109,34 @@ class Replay:
                 own = self._next(own, step, own.lineage[own.at], in_place=in_place)
         return own
 
+    def resumed(self, lineage: Lineage) -> Progress:
+        """A history as far as it was replayed before, or before the first keyframe."""
+        known = self._kept | self._beside
+        number = next((number for number in reversed(self._numbers(lineage)) if number in known), None)
+        return self.begun(lineage) if number is None else replace(known[number], lineage=lineage)
+
+    def further(self, own: Progress) -> Progress:
+        """A history after one keyframe more, some of which is kept: it may be followed from now on.
+
+        Raises LostComponentError where it is impossible.
+        """
+        own = self.advanced(own, 1, in_place=not self._is_kept(own))
+        if own.at % CHECKPOINT == 0 and stays(own.at, len(self.steps)):
+            self._beside[own.number] = own
+        return own
+
     def before(self, lineage: Lineage, keyframe: int) -> Progress | None:
         """A history before a keyframe, which nobody may advance in place; None where it is impossible."""
+        own = self.resumed(lineage[:keyframe])
         try:
-            return self._to(lineage[:keyframe])
+            while own.at < keyframe:
+                own = self.advanced(own, 1, in_place=not self._is_kept(own))
         except LostComponentError:
             return None
+        return own
+
+    def _is_kept(self, own: Progress) -> bool:
+        return own.number in self._kept or own.number in self._beside
 
     def carried(self, own: Progress, point: int) -> Progress:
         """A history with the likeliest keyframe more, before which the robot was carried to a point.
@@ -153,13 +160,6 @@ class Replay:
             log_joint=own.log_joint + float(expansion.log_psi[row]),
             expected_births=own.expected_births + expansion.keyframe.expected_births,
         )
-
-    def continued(self, lineage: Lineage) -> Lineage | None:
-        """A history with its likeliest continuation through all keyframes since; None where it is impossible."""
-        try:
-            return self.advanced(self._to(lineage), len(self.steps), in_place=False).lineage
-        except LostComponentError:
-            return None
 
     def finished(self, own: Progress) -> Revised:
         """What a history weighs that was replayed through all keyframes so far."""

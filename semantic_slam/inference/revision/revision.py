@@ -2,7 +2,8 @@
 which the robot took one object for another when it came back; in space those in which an object is none.
 
 A revised history is replayed from the prior, and so is the one that it comes from: it enters with the ratio of their
-P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before.
+P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before. It is replayed beside the
+keyframes, a few keyframes of its own in each, and enters once it has caught up.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,11 +23,13 @@ from semantic_slam.inference.open_world.mover_proposals import (
     with_standing,
 )
 from semantic_slam.inference.pruning import Kinds, shared_out
+from semantic_slam.inference.revision.catching_up import CatchingUp
 from semantic_slam.inference.revision.dissolving import Dissolving
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
-from semantic_slam.inference.revision.replay import Lineage, Replay
+from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
 from semantic_slam.inference.revision.returns import Returns
 from semantic_slam.inference.revision.tried import Group, Tried
+from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
@@ -47,59 +50,85 @@ class Revision:
         self._tried, self._stood = (Tried(AGAIN * settings.every_keyframes) for _ in range(2))
         self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
         self._dissolving = Dissolving(settings.proposals, replay, registry)
+        self._catching_up = CatchingUp(replay)
+        self._log_surplus = 0.0  # of the weight of what was looked at last, with that of near copies, to its own
 
     @property
     def is_on(self) -> bool:
         """Whether anything is ever revised."""
         return self.settings.every_keyframes > 0
 
-    def note_keyframe(self) -> None:
-        """Give up what replays keep, once there are more keyframes than are ever revised."""
-        if len(self._replay.steps) > self.settings.horizon:
-            self._replay.forget()
-
-    def is_due(self) -> bool:
-        """Whether the newest keyframe is one after which to revise."""
-        every, count = self.settings.every_keyframes, len(self._replay.steps)
-        return every > 0 and count % every == 0 and count <= self.settings.horizon
-
     def revised(
-        self, live: Mapping[int, Hypothesis], ids: Sequence[int], objects: ObjectTable, ratio: float
+        self,
+        live: Mapping[int, Hypothesis],
+        ids: Sequence[int],
+        objects: ObjectTable,
+        log_evidence: float,
+        ratio: float,
     ) -> dict[int, Hypothesis]:
         """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
 
-        ``objects`` (O, ...) of the best live hypothesis, over the ``ids``. Its weight may stand for near copies that
-        were merged into it; a revised one stands for as many, so that it weighs by its ratio to the best one's own.
+        ``objects`` (O, ...) of the best live hypothesis, over the ``ids``; ``log_evidence``: what weights are relative
+        to. The best one's weight may stand for near copies that were merged into it; a revised one stands for as many.
         """
         best = next(iter(live.values()))
-        if self._replay.problem.spaces.name == "spatial":
-            lineages = self._without_objects(best.lineage)
-        else:
-            lineages = self._proposals(best.lineage, ids, objects) + self._with_movers(best.lineage)
-            lineages += self._splits(best.lineage, ratio)
-        if not lineages:
-            return {}
-        followed, *others = self._replay.log_joints([best.lineage, *lineages])
-        if followed is None:
-            return {}
-        gains = [(own, own.log_joint - followed.log_joint) for own in others if own is not None]
-        return {
-            own.number: Hypothesis(
-                owner=best.owner,
-                log_weight=best.log_weight + gain,
-                parent_id=own.parent_id,
-                lineage=own.lineage,
-                revises=best,
-                replayed=own.component,
-            )
-            for own, gain in gains
-            if own.number not in live and gain >= -float(np.log(ratio))
-        }
+        if len(self._replay.steps) > self.settings.horizon:
+            self._replay.forget()
+        if self._is_due():
+            self._look(best, ids, objects, log_evidence, ratio)
+        found: dict[int, Hypothesis] = {}
+        for asked, own in self._catching_up.go_on():
+            gain = -np.inf if own is None else own.log_joint + self._log_surplus - log_evidence - best.log_weight
+            if self._is_likely(asked, gain, ratio) and own is not None and own.number not in live:
+                found[own.number] = Hypothesis(
+                    owner=best.owner,
+                    log_weight=best.log_weight + gain,
+                    parent_id=own.parent_id,
+                    lineage=own.lineage,
+                    revises=best,
+                    replayed=own.component,
+                )
+        return found
 
-    def _proposals(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
+    def _is_due(self) -> bool:
+        """Whether the newest keyframe is one after which to look: none waits that an earlier look has found."""
+        every, count = self.settings.every_keyframes, len(self._replay.steps)
+        return count % every == 0 and count <= self.settings.horizon and self._catching_up.is_idle
+
+    def _is_likely(self, asked: Lineage, gain: float, ratio: float) -> bool:
+        """Whether a history weighs enough by its ``gain`` [nats] to the best live one; in space only if it gains."""
+        if not self._is_in_space:
+            return gain >= -float(np.log(ratio))
+        if gain <= 0.0:
+            self._dissolving.note(asked)
+            return False
+        self._catching_up.give_up()
+        return True
+
+    @property
+    def _is_in_space(self) -> bool:
+        return self._replay.problem.spaces.name == "spatial"
+
+    def _look(
+        self, best: Hypothesis, ids: Sequence[int], objects: ObjectTable, log_evidence: float, ratio: float
+    ) -> None:
+        """Let histories catch up that may be likelier than the best live one."""
+        followed = self._replay.followed(best.lineage)
+        if followed is None:
+            return
+        self._log_surplus = best.log_weight + log_evidence - followed.log_joint
+        if self._is_in_space:
+            self._catching_up.add(self._dissolving.histories(followed))
+            return
+        self._catching_up.add(self._proposals(followed, ids, objects))
+        self._catching_up.add(self._with_movers(followed))
+        self._catching_up.add(self._returns.histories(followed, ratio))
+
+    def _proposals(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """All pairs at once first, where there are several, and then one by one, the nearest first."""
+        lineage = followed.lineage
         near = [pair for pair in near_pairs(ids, objects, lineage) if self._may_be_one(pair, lineage)]
-        pairs = self._not_hopeless(lineage, self._tried.news(near, lineage))[: self.settings.proposals]
+        pairs = _not_hopeless(followed.component, self._tried.news(near, lineage))[: self.settings.proposals]
         self._tried.note(pairs, len(self._replay.steps))
         together = apart(pairs, lineage)
         chosen = [[pair] for pair in pairs]
@@ -107,40 +136,16 @@ class Revision:
             chosen.insert(0, together)
         return [merged(lineage, own) for own in chosen]
 
-    def _not_hopeless(self, lineage: Lineage, pairs: Sequence[Pair]) -> list[Pair]:
-        """Pairs that may be one by what the history knows of one relative to the other.
-
-        A replay costs a hundred times as much as to ask, and most pairs that are near where the drive has been far from
-        its start are surely two.
-        """
-        (followed,) = self._replay.log_joints([lineage]) if pairs else (None,)
-        if followed is None:
-            return []
-        distances = relative_distances(followed.component, pairs)
-        return [pair for pair, distance in zip(pairs, distances, strict=True) if distance <= HOPELESS_DISTANCE]
-
     def _may_be_one(self, pair: Pair, lineage: Lineage) -> bool:
         """Whether the younger object of a pair is not on the map, and the older not where the robot never was."""
         problem, (older, younger) = self._replay.problem, pair
         on_map = problem.map_ids
         return younger not in on_map and (older not in on_map or problem.is_placed(lineage))
 
-    def _splits(self, lineage: Lineage, ratio: float) -> list[Lineage]:
-        """Histories in which a return was of another object."""
-        (followed,) = self._replay.log_joints([lineage]) if self.settings.splits else (None,)
-        return self._returns.histories(followed, ratio) if followed is not None else []
-
-    def _without_objects(self, lineage: Lineage) -> list[Lineage]:
-        """A likelier history in which objects are none; without any where there is none."""
-        (followed,) = self._replay.log_joints([lineage])
-        found = None if followed is None else self._dissolving.history(followed)
-        return [] if found is None else [found]
-
-    def _with_movers(self, lineage: Lineage) -> list[Lineage]:
+    def _with_movers(self, followed: Revised) -> list[Lineage]:
         """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""
-        problem, now = self._replay.problem, len(self._replay.steps)
-        (followed,) = self._replay.log_joints([lineage]) if self._replay.may_move else (None,)
-        if followed is None or followed.component.tracked is None:
+        problem, now, lineage = self._replay.problem, len(self._replay.steps), followed.lineage
+        if not self._replay.may_move or followed.component.tracked is None:
             return []
         first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
         steps, trail = self._replay.steps, followed.component.tracked.trail
@@ -161,6 +166,18 @@ class Revision:
         if len(found) > 1:
             found.insert(0, reduce(changed, chosen, lineage))
         return found
+
+
+def _not_hopeless(component: Component, pairs: Sequence[Pair]) -> list[Pair]:
+    """Pairs that may be one by what the history knows of one relative to the other.
+
+    A replay costs a hundred times as much as to ask, and most pairs that are near where the drive has been far from
+    its start are surely two.
+    """
+    if not pairs:
+        return []
+    distances = relative_distances(component, pairs)
+    return [pair for pair, distance in zip(pairs, distances, strict=True) if distance <= HOPELESS_DISTANCE]
 
 
 def with_revised(

@@ -27,7 +27,7 @@ def test_what_a_blind_history_took_for_ghosts_is_proposed_and_weighs_more(seed: 
     groups = mover_proposals(lineage, steps, world.truth, 0, moving, blind.problem.open_world)
     assert {name for group in groups[:2] for n in group for name in names[n]} & {10, 11}
     replay = Replay(knowing.problem, knowing.association(knowing.problem, blind.registry), steps)
-    before, after = replay.log_joints([lineage, with_mover(lineage, groups[0])])
+    before, after = map(replay.followed, (lineage, with_mover(lineage, groups[0])))
     assert before is not None and after is not None
     assert after.log_joint > before.log_joint + 10.0
 
@@ -81,5 +81,5 @@ def test_what_stands_and_was_taken_to_move_is_proposed_to_stand_and_weighs_more(
     right = with_standing(wrong, (posts[0],))
     assert right == lineage
     replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), steps)
-    before, after = replay.log_joints([wrong, right])
+    before, after = map(replay.followed, (wrong, right))
     assert before is not None and after is not None and after.log_joint > before.log_joint

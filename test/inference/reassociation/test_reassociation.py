@@ -72,7 +72,8 @@ def test_a_change_weighs_in_closed_form_what_a_replay_of_the_drive_says() -> Non
     found, times = looks._changes(steps[LOOK], held.component), Counter(Sighted.of(held.component.smoother).objects)
     changes = [own for own in found if times[own[3]] > 1]
     own, lineage = looks.revised(steps[LOOK], held.component, changes), next(iter(engine.live.values())).lineage
-    before, after = Replay(engine.problem, association, steps[:LOOK]).log_joints([lineage, revised(lineage, changes)])
+    replay = Replay(engine.problem, association, steps[:LOOK])
+    before, after = map(replay.followed, (lineage, revised(lineage, changes)))
     assert own.log_gain == pytest.approx(after.log_joint - before.log_joint, abs=BOUND)
     assert own.log_gain > 30.0
     np.testing.assert_allclose(own.component.tracked.states, after.component.tracked.states, atol=0.02)

@@ -158,11 +158,11 @@ def test_such_a_history_weighs_what_the_integral_over_all_places_does() -> None:
     replay, carried, (names,) = Replay(engine.problem, association, steps), engine.problem.carried, after.names
     assert carried is not None and len(names) == 3
     first = LineageStep((), ())
-    (begun,) = replay.log_joints([(first,)])
+    begun = replay.before((first,), 1)
     robot = se2.compose(START, STEP)
     point = carried.point(se2.between(robot, after.truth[0]))
     assert begun is not None and point is not None
-    (found,) = replay.log_joints([(first, with_carried(LineageStep(names, (-1, -1, -1)), point))])
+    found = replay.followed((first, with_carried(LineageStep(names, (-1, -1, -1)), point)))
     assert found is not None
     odds = np.log(1e-3 / (1.0 - 1e-3)) + 3.0 * np.log(0.9)
     expected = odds + _by_grid(robot, after.truth[0], steps[1].detections, TRIANGLE[list(names)])

@@ -82,11 +82,11 @@ def test_such_a_history_weighs_what_a_first_keyframe_does() -> None:
     first, lineage = engine.registry.first_new_id(BEFORE), _named(world)
     seen = tuple(range(first, first + len(ELSEWHERE)))
     step = with_carried(LineageStep(seen, (-1,) * len(seen)), NEW_GROUND)
-    (before,), (after,) = replay.log_joints([lineage]), replay.log_joints([(*lineage, step)])
+    before, after = replay.before(lineage, BEFORE), replay.followed((*lineage, step))
     fresh = Engine(configuration(initial_pose={"mean": [0.0, 0.0, 0.0], "sigma": [0.01, 0.01, 0.01]}))
     alone = replace(world.keyframes[BEFORE], index=0)
     seen = tuple(range(fresh.registry.first_new_id(0), fresh.registry.first_new_id(0) + len(ELSEWHERE)))
-    (begun,) = _replay(fresh, [alone]).log_joints([(LineageStep(seen, (-1,) * len(seen)),)])
+    begun = _replay(fresh, [alone]).followed((LineageStep(seen, (-1,) * len(seen)),))
     assert before is not None and after is not None and begun is not None
     odds = float(np.log(PROBABILITY / (1.0 - PROBABILITY)))
     assert after.log_joint - before.log_joint == pytest.approx(odds + begun.log_joint, abs=0.02)

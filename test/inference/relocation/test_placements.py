@@ -129,8 +129,8 @@ def test_a_history_that_ends_is_followed_where_it_is_likeliest_to_go_on() -> Non
     assert lost is not None
     assert all(engine.problem.is_placed(live.lineage) for live in engine.live.values())
     replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), engine.steps)
-    found = replay.continued(lost.lineage)
+    found = replay.followed(lost.lineage)
     assert found is not None
-    assert found[: len(lost.lineage)] == lost.lineage
-    assert len(found) == len(engine.steps)
-    assert not engine.problem.is_placed(found)
+    assert found.lineage[: len(lost.lineage)] == lost.lineage
+    assert len(found.lineage) == len(engine.steps)
+    assert not engine.problem.is_placed(found.lineage)

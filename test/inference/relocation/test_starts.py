@@ -86,7 +86,7 @@ def test_a_history_weighs_what_the_integral_over_all_initial_poses_does() -> Non
     number = starts.number(start)
     assert number is not None
     lineage = (LineageStep(names, (-1, -1, -1), engine.problem.with_start(0, number)),)
-    (found,) = replay.log_joints([lineage])
+    found = replay.followed(lineage)
     assert found is not None
     expected = _by_grid(engine, step, start, TRIANGLE[list(names)])
     assert found.log_joint - _detected(3) == pytest.approx(expected, abs=0.1)

@@ -55,7 +55,7 @@ def walked() -> tuple[Engine, Replay, Revised]:
     walk(engine)
     association = engine.association(engine.problem, engine.registry)
     replay = Replay(engine.problem, association, engine.steps, engine.registry)
-    (own,) = replay.log_joints([next(iter(engine.live.values())).lineage])
+    own = replay.followed(next(iter(engine.live.values())).lineage)
     assert own is not None
     assert all(step.association == (0, 1, 2, 3) for step in own.lineage)
     return engine, replay, own
@@ -73,17 +73,16 @@ def with_one_that_is_none(engine: Engine, lineage: Lineage) -> Lineage:
 def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tuple[Engine, Replay, Revised]) -> None:
     engine, replay, right = walked
     wrong = with_one_that_is_none(engine, right.lineage)
-    _, followed = replay.log_joints([right.lineage, wrong])
+    followed = replay.followed(wrong)
     assert followed is not None and followed.log_joint < right.log_joint - 20.0
-    found = Dissolving(4, replay, engine.registry).history(followed)
-    assert found == right.lineage
+    assert Dissolving(4, replay, engine.registry).histories(followed) == [right.lineage]
 
 
 def test_objects_that_are_some_are_left_alone(walked: tuple[Engine, Replay, Revised]) -> None:
     engine, replay, right = walked
     view = Hindsight.of(replay, engine.registry, right)
     assert dissolved(view) == []
-    assert Dissolving(4, replay, engine.registry).history(right) is None
+    assert Dissolving(4, replay, engine.registry).histories(right) == []
     assert lineage_of(view, view.owners) == right.lineage
 
 
@@ -92,23 +91,23 @@ def test_what_lost_is_tried_again_where_twice_as_much_speaks_for_it(
 ) -> None:
     """An object that is one, of which more and more is held against it."""
     engine, replay, right = walked
-    asked, log_joints = [], Replay.log_joints
-    monkeypatch.setattr(Replay, "log_joints", lambda own, lineages: asked.append(1) or log_joints(own, lineages))
     dissolving, counts = Dissolving(4, replay, engine.registry), []
     for gain in (10.0, 19.0, 21.0):
         monkeypatch.setattr(
             "semantic_slam.inference.revision.dissolving.dissolved",
             lambda view, gain=gain: [replace(without(view, view.owners, 0), gain=gain)],
         )
-        assert dissolving.history(right) is None
-        counts.append(len(asked))
-    assert counts == [1, 1, 2]
+        found = dissolving.histories(right)
+        counts.append(len(found))
+        for history in found:
+            dissolving.note(history)
+    assert counts == [1, 0, 1]
 
 
 def test_what_the_map_has_is_never_none(walked: tuple[Engine, Replay, Revised]) -> None:
     engine, replay, right = walked
     wrong = with_one_that_is_none(engine, right.lineage)
-    _, followed = replay.log_joints([right.lineage, wrong])
+    followed = replay.followed(wrong)
     assert followed is not None
     view = Hindsight.of(replay, engine.registry, followed)
     (found,) = dissolved(view)
@@ -127,8 +126,8 @@ def test_an_object_that_was_given_up_begins_anew(walked: tuple[Engine, Replay, R
     for k in range(late, NUM_KEYFRAMES):
         steps[k] = replace(steps[k], association=(0, *steps[k].association[1:]))
     strict = Replay(engine.problem, replay.association, engine.steps)
-    assert strict.log_joints([right.lineage, tuple(steps)])[1] is None
-    own = replay.log_joints([right.lineage, tuple(steps)])[1]
+    assert strict.followed(tuple(steps)) is None
+    own = replay.followed(tuple(steps))
     assert own is not None
     assert {step.association[0] for step in own.lineage[late:]} == {born[late]}
 

@@ -138,7 +138,7 @@ def test_a_drive_solved_at_once_is_where_its_history_has_it(
     lost: tuple[WholeDrive, Runs, np.ndarray, Replay, tuple[LineageStep, ...]],
 ) -> None:
     drive, runs, path, replay, lineage = lost
-    (followed,) = replay.log_joints([lineage])
+    followed = replay.followed(lineage)
     assert followed is not None
     assert followed.component.tracked is not None
     found = solved(drive, runs.objects[runs.detections], path)

@@ -1,6 +1,7 @@
 """Association revised afterwards: objects that are one become one, with the weight that they would have had."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Commit, Components
+from semantic_slam.inference.revision.catching_up import CatchingUp
 from semantic_slam.inference.revision.pairs import merged, relative_distances, seen_together
 from semantic_slam.inference.revision.replay import CHECKPOINT, Replay
 from semantic_slam.inference.smoothing import trunks
@@ -133,7 +135,7 @@ def test_the_evidence_is_that_of_the_history_that_is_left() -> None:
     engine, beliefs = return_with_drift({"every_keyframes": 1})
     ((number, own),) = engine.live.items()
     replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), engine.steps)
-    (found,) = replay.log_joints([own.lineage])
+    found = replay.followed(own.lineage)
     assert found is not None
     assert found.number == number
     assert engine.log_evidence == pytest.approx(found.log_joint, abs=1e-6)
@@ -168,20 +170,48 @@ def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> Non
     engine, replay = followed_in_a_room(12)
     live = list(engine.live.items())[:3]
     assert len(live) == 3
-    found = replay.log_joints([own.lineage for _, own in live])
+    found = [replay.followed(own.lineage) for _, own in live]
     expected = [own.log_weight + engine.log_evidence for _, own in live]
     assert [own.number for own in found if own is not None] == [number for number, _ in live]
     np.testing.assert_allclose([own.log_joint for own in found if own is not None], expected, atol=1e-9)
-    assert replay.log_joints([own.lineage for _, own in live]) == found  # from where the last round was
+    assert replay.followed(live[-1][1].lineage) == found[-1]  # from where it was followed before
 
 
-def test_a_history_that_was_replayed_beside_another_goes_on_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_history_that_caught_up_is_followed_from_there_on(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, replay = followed_in_a_room(CHECKPOINT)
     first, other = [own.lineage for own in engine.live.values()][:2]
-    found = replay.log_joints([first, other])
+    waiting = CatchingUp(replay)
+    replay.followed(first)
+    waiting.add([other])
+    (level,) = waiting.go_on(CHECKPOINT)
     monkeypatch.setattr(Replay, "advanced", None)
-    assert replay.log_joints([first, other]) == found
-    assert replay.log_joints([other]) == found[1:]
+    assert replay.followed(other) == level.own
+
+
+def test_histories_that_wait_catch_up_a_few_keyframes_at_a_time() -> None:
+    """With what they weigh, one after the other; what is impossible among them holds nobody up."""
+    engine, replay = followed_in_a_room(12)
+    first, other = [own.lineage for own in engine.live.values()][:2]
+    impossible = (replace(first[0], association=(10**6,) * len(first[0].association)), *first[1:])
+    waiting = CatchingUp(replay)
+    waiting.add([first, impossible, other])
+    looks = [waiting.go_on(5) for _ in range(5)]
+    assert [[level.asked for level in found] for found in looks] == [[], [], [first, impossible], [], [other]]
+    assert waiting.is_idle
+    levels = [level.own for found in looks for level in found]
+    assert levels[1] is None
+    assert [levels[0], levels[2]] == [replay.followed(first), replay.followed(other)]
+
+
+def test_a_history_that_waits_goes_on_as_is_likeliest_for_it() -> None:
+    engine, replay = followed_in_a_room(12)
+    best = next(iter(engine.live.values())).lineage
+    waiting = CatchingUp(replay)
+    waiting.add([best[:9]])
+    ((_, own),) = waiting.go_on(12)
+    assert own is not None
+    assert own.lineage[:9] == best[:9]
+    assert len(own.lineage) == 12
 
 
 @pytest.mark.slow
