@@ -24,8 +24,6 @@ SELDOM = 2
 """How many times as many keyframes there are between looks where all histories are placed."""
 MARGIN = 60.0
 """Nats below what would enter that a placement is still replayed: what it may weigh is told roughly."""
-STEPS_PER_KEYFRAME = 40
-"""Keyframes that are replayed in one, all placements together."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class Relocation:
         if self._is_due(live):
             self._look(live, log_evidence, log_least)
         found: dict[int, Hypothesis] = {}
-        for _, own in self._catching_up.go_on(STEPS_PER_KEYFRAME):
+        for _, own in self._catching_up.go_on():
             assert self._lost is not None
             log_weight = -np.inf if own is None else own.log_joint + self._lost.log_surplus
             if own is not None and own.number not in live and log_weight >= log_least:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
 
-STEPS_PER_KEYFRAME = 30
+STEPS_PER_KEYFRAME = 25
 """Keyframes that are replayed in one, all histories that wait together: a fraction of a second of CPU."""
 
 
