@@ -41,7 +41,9 @@ class RevisionConfiguration:
         minimum=0,
     )
     horizon: int = parameter(
-        600, "keyframes up to which histories are revised: each revised one is replayed from the start", minimum=1
+        600,
+        "keyframes up to which histories are revised: each revised one is replayed from the start, 25 keyframes in each",
+        minimum=1,
     )
     reassociate_every_keyframes: int = parameter(
         0,
