@@ -42,7 +42,7 @@ class CatchingUp:
         self._waiting.clear()
 
     def go_on(self, count: int = STEPS_PER_KEYFRAME) -> list[Level]:
-        """Those that are level after at most ``count`` keyframes more of them all."""
+        """Histories that are level after at most ``count`` keyframes more of them all."""
         found, now = list[Level](), len(self._replay.steps)
         while self._waiting and count > 0:
             asked, own = self._waiting.popleft()
