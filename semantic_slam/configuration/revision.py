@@ -42,7 +42,8 @@ class RevisionConfiguration:
     )
     horizon: int = parameter(
         600,
-        "keyframes up to which histories are revised: each revised one is replayed from the start, 25 keyframes in each",
+        "keyframes up to which histories are revised: each revised one is replayed from the start,"
+        " 25 keyframes of it in each",
         minimum=1,
     )
     reassociate_every_keyframes: int = parameter(

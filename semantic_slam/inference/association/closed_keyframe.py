@@ -54,9 +54,9 @@ class ClosedKeyframe:
     new: Sequence[dict[int, GaussianPrior]] = field(default_factory=tuple)  # P: objects that this keyframe introduces
 
     @property
-    def expected_births(self) -> float:
-        """None: what is not on the map is not expected."""
-        return 0.0
+    def expected_births(self) -> Array:
+        """(P,) none: what is not on the map is not expected."""
+        return np.zeros(len(self.parents))
 
     def associate(self) -> Candidates:
         """Objects of a large map that no detection can be of are not looked at, unless the result says they must be."""

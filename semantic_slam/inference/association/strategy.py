@@ -55,8 +55,8 @@ class PredictedKeyframe(Protocol):
         """(n,) detections that take part; the others are clutter in every candidate."""
 
     @property
-    def expected_births(self) -> float:
-        """Detections of objects that nobody knows yet, as the first parent expects them."""
+    def expected_births(self) -> Array:
+        """(P,) detections that each parent expects of objects that nobody knows yet."""
 
     def associate(self) -> Candidates:
         """The associations of the detections to objects, as far as the gates admit."""

@@ -136,10 +136,9 @@ class OpenKeyframe:
         )
 
     @property
-    def expected_births(self) -> float:
-        """First detections that the first parent expects."""
-        first = self.predictions[0]
-        return float(first.rates.average(first.expected_births))
+    def expected_births(self) -> Array:
+        """(P,) first detections that each parent expects."""
+        return np.array([own.rates.average(own.expected_births) for own in self.predictions])
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """Births, detections and misses; and what gravity tells, which is as likely whatever is detected."""

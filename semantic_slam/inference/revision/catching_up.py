@@ -1,10 +1,11 @@
 """Histories that are replayed beside the keyframes, a few keyframes of theirs in each, until they are level with these.
 
-Keyframes that come meanwhile continue such a history as is likeliest for it.
+Through keyframes of which such a history says nothing, as those that come meanwhile, its likeliest continuations go on
+side by side; the likeliest one is what becomes of it.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
@@ -12,6 +13,10 @@ from semantic_slam.inference.smoothing.errors import LostComponentError
 
 STEPS_PER_KEYFRAME = 25
 """Keyframes that are replayed in one, all histories that wait together: a fraction of a second of CPU."""
+
+
+BRANCHES = 4
+"""Continuations that go on side by side."""
 
 
 class Level(NamedTuple):
@@ -26,7 +31,7 @@ class CatchingUp:
 
     def __init__(self, replay: Replay) -> None:
         self._replay = replay
-        self._waiting: deque[tuple[Lineage, Progress | None]] = deque()  # None: it has not begun
+        self._waiting: deque[tuple[Lineage, list[Progress]]] = deque()  # none yet: it has not begun
 
     @property
     def is_idle(self) -> bool:
@@ -35,7 +40,7 @@ class CatchingUp:
 
     def add(self, lineages: Iterable[Lineage]) -> None:
         """Let histories wait after those that do already."""
-        self._waiting.extend((lineage, None) for lineage in lineages)
+        self._waiting.extend((lineage, []) for lineage in lineages)
 
     def give_up(self) -> None:
         """Let none wait any longer."""
@@ -45,17 +50,23 @@ class CatchingUp:
         """Histories that are level after at most ``count`` keyframes more of them all."""
         found, now = list[Level](), len(self._replay.steps)
         while self._waiting and count > 0:
-            asked, own = self._waiting.popleft()
-            own = own or self._replay.resumed(asked)
+            asked, front = self._waiting.popleft()
+            front = front or [self._replay.resumed(asked)]
             try:
-                while own.at < now and count > 0:
-                    count -= 1
-                    own = self._replay.further(own)
+                while front[0].at < now and count > 0:
+                    count -= len(front)
+                    front = self._next(asked, front)
             except LostComponentError:
                 found.append(Level(asked, None))
                 continue
-            if own.at == now:
-                found.append(Level(asked, self._replay.finished(own)))
+            if front[0].at == now:
+                found.append(Level(asked, self._replay.finished(front[0])))
             else:
-                self._waiting.appendleft((asked, own))
+                self._waiting.appendleft((asked, front))
         return found
+
+    def _next(self, asked: Lineage, front: Sequence[Progress]) -> list[Progress]:
+        """One keyframe more. Raises LostComponentError where that is impossible."""
+        if front[0].at < len(asked):
+            return [self._replay.further(front[0])]
+        return self._replay.branched(front, BRANCHES)

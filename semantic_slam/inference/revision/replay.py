@@ -1,6 +1,6 @@
 """Histories replayed from the prior: what each weighs, log P(history, Z_1:k), and the component it leads to."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -121,9 +121,33 @@ class Replay:
         Raises LostComponentError where it is impossible.
         """
         own = self.advanced(own, 1, in_place=not self._is_kept(own))
-        if own.at % CHECKPOINT == 0 and stays(own.at, len(self.steps)):
-            self._beside[own.number] = own
+        self._keep(own)
         return own
+
+    def branched(self, front: Sequence[Progress], most: int) -> list[Progress]:
+        """The likeliest ``most`` continuations of some histories through one keyframe, the likeliest first.
+
+        All have come as far, and none names the next step; some of them is kept, as by :meth:`further`.
+        Raises LostComponentError where there is none.
+        """
+        expander, held = (
+            Expander(self.problem, self.association),
+            [WeightedComponent(own.component, 0.0) for own in front],
+        )
+        expansion = expander.expand(self.steps[front[0].at], [own.number for own in front], held)
+        log_joints = np.array([own.log_joint for own in front])[expansion.assignments.parents] + expansion.log_psi
+        rows = np.argsort(-log_joints, kind="stable")[:most].tolist()
+        grown = expander.grow(expansion, rows, in_place=not any(map(self._is_kept, front)))
+        found = [
+            self._continued(front[expansion.assignments.parents[row]], expansion, row, own)
+            for row, own in zip(rows, grown, strict=True)
+            if isinstance(own, Component)
+        ]
+        if not found:
+            raise LostComponentError("no continuation of a history can be solved")
+        for own in found:
+            self._keep(own)
+        return found
 
     def before(self, lineage: Lineage, keyframe: int) -> Progress | None:
         """A history before a keyframe, which nobody may advance in place; None where it is impossible."""
@@ -134,6 +158,10 @@ class Replay:
         except LostComponentError:
             return None
         return own
+
+    def _keep(self, own: Progress) -> None:
+        if own.at % CHECKPOINT == 0 and stays(own.at, len(self.steps)):
+            self._beside[own.number] = own
 
     def _is_kept(self, own: Progress) -> bool:
         return own.number in self._kept or own.number in self._beside
@@ -152,13 +180,19 @@ class Replay:
         expansion = expander.expand(step, [own.number], [held], named, carried)
         row = int(np.argmax(expansion.log_psi)) if named is None else self._row(own, step, expansion)
         (grown,) = expander.grow(expansion, [row], in_place=in_place)
+        return self._continued(own, expansion, row, certain(grown))
+
+    @staticmethod
+    def _continued(own: Progress, expansion: Expansion, row: int, component: Component) -> Progress:
+        """A history with one candidate more, which it names already or names now."""
+        parent = int(expansion.assignments.parents[row])
         return Progress(
-            lineage=(*own.lineage, expansion.steps[row]) if named is None else own.lineage,
+            lineage=own.lineage if own.at < len(own.lineage) else (*own.lineage, expansion.steps[row]),
             at=own.at + 1,
             number=expansion.ids[row],
-            component=certain(grown),
+            component=component,
             log_joint=own.log_joint + float(expansion.log_psi[row]),
-            expected_births=own.expected_births + expansion.keyframe.expected_births,
+            expected_births=own.expected_births + float(expansion.keyframe.expected_births[parent]),
         )
 
     def finished(self, own: Progress) -> Revised:

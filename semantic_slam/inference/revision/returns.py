@@ -34,7 +34,11 @@ class Returns:
         self._tried = Tried(patience)
 
     def histories(self, followed: Revised, ratio: float) -> list[Lineage]:
-        """Histories that may weigh at least the ``ratio``-th part of the one ``followed``, likeliest first."""
+        """Histories that may weigh at least the ``ratio``-th part of the one ``followed``, likeliest first.
+
+        After these their beginnings, up to the return: what was seen since may have been taken otherwise, had the robot
+        been known to be elsewhere.
+        """
         if self._settings.splits == 0:
             return []
         view = _View.of(self._replay, self._registry, followed)
@@ -53,7 +57,10 @@ class Returns:
         self._note([view.group(parting) for parting, _, gain in found if gain < least])
         likely = sorted((own for own in found if own[2] >= least), key=lambda own: -own[2])[:MOST_REPLAYED]
         self._note([view.group(parting) for parting, _, _ in likely])
-        return [view.renamed(objects) for _, objects, _ in likely]
+        named = [(parting, view.renamed(objects)) for parting, objects, _ in likely]
+        return [history for _, history in named] + [
+            history[: view.returns_at(parting) + 1] for parting, history in named
+        ]
 
     def _note(self, groups: Sequence[Group]) -> None:
         """Remember returns that are tried now."""
@@ -95,6 +102,10 @@ class _View:
             born=born,
             map_ids=map_ids,
         )
+
+    def returns_at(self, parting: Parting) -> int:
+        """The keyframe of the return."""
+        return int(self.runs.keyframes[parting.returned])
 
     def group(self, parting: Parting) -> Group:
         """What tells a parting from others: the object, what it would be, and how much of it."""

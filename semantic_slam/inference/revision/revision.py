@@ -74,6 +74,7 @@ class Revision:
         best = next(iter(live.values()))
         if len(self._replay.steps) > self.settings.horizon:
             self._replay.forget()
+            self._catching_up.give_up()
         if self._is_due():
             self._look(best, ids, objects, log_evidence, ratio)
         found: dict[int, Hypothesis] = {}

@@ -16,7 +16,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Commit, Components
-from semantic_slam.inference.revision.catching_up import CatchingUp
+from semantic_slam.inference.revision.catching_up import BRANCHES, CatchingUp
 from semantic_slam.inference.revision.pairs import merged, relative_distances, seen_together
 from semantic_slam.inference.revision.replay import CHECKPOINT, Replay
 from semantic_slam.inference.smoothing import trunks
@@ -204,14 +204,23 @@ def test_histories_that_wait_catch_up_a_few_keyframes_at_a_time() -> None:
 
 
 def test_a_history_that_waits_goes_on_as_is_likeliest_for_it() -> None:
+    """By the end, which need not be likeliest on the way."""
     engine, replay = followed_in_a_room(12)
     best = next(iter(engine.live.values())).lineage
     waiting = CatchingUp(replay)
-    waiting.add([best[:9]])
-    ((_, own),) = waiting.go_on(12)
-    assert own is not None
-    assert own.lineage[:9] == best[:9]
+    waiting.add([best[:4]])
+    ((_, own),) = waiting.go_on(12 * BRANCHES)
+    greedy = replay.followed(best[:4])
+    assert own is not None and greedy is not None
+    assert own.lineage[:4] == best[:4]
     assert len(own.lineage) == 12
+    assert own.log_joint >= greedy.log_joint
+    named = replay.followed(own.lineage)
+    assert named is not None
+    assert (named.number, named.parent_id, named.lineage) == (own.number, own.parent_id, own.lineage)
+    np.testing.assert_allclose(
+        [named.log_joint, named.expected_births], [own.log_joint, own.expected_births], atol=1e-9
+    )
 
 
 @pytest.mark.slow
