@@ -90,8 +90,9 @@ class Engine:
         association = self.association(self.problem, self.registry)
         self.steps: list[Step] = []  # so far, where histories are replayed
         anew = self.registry if self.problem.spaces.name == "spatial" else None
-        replay = Replay(self.problem, association, self.steps, anew)
-        self.revision = Revision(self.problem.revision, replay, self.registry)
+        self.revision = Revision(
+            self.problem.revision, lambda: Replay(self.problem, association, self.steps, anew), self.registry
+        )
         self.relocation = Relocation(
             self.problem.revision, Replay(self.problem, association, self.steps), self.registry
         )
@@ -190,17 +191,17 @@ class Engine:
         """Histories enter with what they weigh: with objects that are one, or that place a robot, lost or carried."""
         if self.revision.is_on or self.relocation.is_on or self.recovery.is_on:
             self.steps.append(step)
-        best = components[next(iter(self.live))].objects
         ratio = self.problem.pruning.ratio
+        poses = {number: components[number].pose for number in self.live}
+        places = {number: pose[:3] for number, pose in poses.items()}
         found: dict[int, Hypothesis] = {}
         if self.revision.is_on:
-            found |= self.revision.revised(self.live, reported.ids, best, self.log_evidence, ratio)
+            objects = {number: components[number].objects for number in self.live}
+            found |= self.revision.revised(self.live, places, reported.ids, objects, self.log_evidence)
         found |= self.relocation.placed(self.live, self.log_evidence, ratio)
-        poses = {number: components[number].pose for number in self.live}
         found |= self.recovery.found(self.live, poses, self.log_evidence, ratio)
         if not found:
             return components, reported
-        places = {number: pose[:3] for number, pose in poses.items()}
         together, log_found = normalised(with_revised(self.live, found, places, self.problem))
         self.pool.offer({n: own.replayed for n, own in together.items() if own.replayed is not None})
         children, answers = self.rounds.commit(step.index, together)

@@ -5,7 +5,7 @@ side by side; the likeliest one is what becomes of it.
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
@@ -46,9 +46,9 @@ class CatchingUp:
         """Let none wait any longer."""
         self._waiting.clear()
 
-    def go_on(self, count: int = STEPS_PER_KEYFRAME) -> list[Level]:
-        """Histories that are level after at most ``count`` keyframes more of them all."""
-        found, now = list[Level](), len(self._replay.steps)
+    def go_on(self, count: int = STEPS_PER_KEYFRAME) -> Iterator[Level]:
+        """Histories that are level after at most ``count`` keyframes more, also of what is added meanwhile."""
+        now = len(self._replay.steps)
         while self._waiting and count > 0:
             asked, front = self._waiting.popleft()
             front = front or [self._replay.resumed(asked)]
@@ -57,13 +57,12 @@ class CatchingUp:
                     count -= len(front)
                     front = self._next(asked, front)
             except LostComponentError:
-                found.append(Level(asked, None))
+                yield Level(asked, None)
                 continue
             if front[0].at == now:
-                found.append(Level(asked, self._replay.finished(front[0])))
+                yield Level(asked, self._replay.finished(front[0]))
             else:
                 self._waiting.appendleft((asked, front))
-        return found
 
     def _next(self, asked: Lineage, front: Sequence[Progress]) -> list[Progress]:
         """One keyframe more. Raises LostComponentError where that is impossible."""

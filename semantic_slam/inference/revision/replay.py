@@ -77,10 +77,14 @@ class Replay:
                 own = self.further(own)
         except LostComponentError:
             return None
-        known, along = self._kept | self._beside, set(self._numbers(own.lineage))
-        self._kept = {number: it for number, it in known.items() if number in along and stays(it.at, own.at)}
-        self._beside.clear()
+        self.keep_along(own.lineage)
         return self.finished(own)
+
+    def keep_along(self, lineage: Lineage) -> None:
+        """Keep nothing of what other histories do not share with one."""
+        known, along, now = self._kept | self._beside, set(self._numbers(lineage)), len(self.steps)
+        self._kept = {number: own for number, own in known.items() if number in along and stays(own.at, now)}
+        self._beside.clear()
 
     def forget(self) -> None:
         """Keep nothing of what was replayed: the next round begins at the prior."""

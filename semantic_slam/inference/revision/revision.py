@@ -8,7 +8,6 @@ keyframes, a few keyframes of its own in each, and enters once it has caught up.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 
@@ -16,169 +15,70 @@ from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.object_table import ObjectTable
-from semantic_slam.inference.open_world.mover_proposals import (
-    mover_proposals,
-    standing_proposals,
-    with_mover,
-    with_standing,
-)
 from semantic_slam.inference.pruning import Kinds, shared_out
-from semantic_slam.inference.revision.catching_up import CatchingUp
-from semantic_slam.inference.revision.dissolving import Dissolving
-from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
-from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
-from semantic_slam.inference.revision.returns import Returns
-from semantic_slam.inference.revision.tried import Group, Tried
-from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.revision.looking_back import LookingBack
+from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
-HOPELESS_DISTANCE = 8.0
-"""Mahalanobis distance between two objects, relative to each other, from which on a replay is spared.
-
-What speaks for a merge against it, a birth less and misses less, is tens of nats at most.
-"""
-AGAIN = 3
-"""Rounds of revision after which what was tried, and seen since, may be tried again."""
-
 
 class Revision:
-    """Proposes and weighs histories in which objects of the best one are the same."""
+    """Looks back from the best history, and in turn from the best one in which the robot is elsewhere."""
 
-    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
-        self.settings, self._replay = settings, replay
-        self._tried, self._stood = (Tried(AGAIN * settings.every_keyframes) for _ in range(2))
-        self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
-        self._dissolving = Dissolving(settings.proposals, replay, registry)
-        self._catching_up = CatchingUp(replay)
-        self._log_surplus = 0.0  # of the weight of what was looked at last, with that of near copies, to its own
+    def __init__(
+        self, settings: RevisionConfiguration, make_replay: Callable[[], Replay], registry: ObjectRegistry
+    ) -> None:
+        """``make_replay``: replays the histories of all steps so far."""
+        self._settings, self._replay = settings, make_replay()
+        self._from_best = LookingBack(settings, self._replay, registry)
+        self._from_elsewhere = LookingBack(settings, make_replay(), registry)
 
     @property
     def is_on(self) -> bool:
         """Whether anything is ever revised."""
-        return self.settings.every_keyframes > 0
+        return self._settings.every_keyframes > 0
 
     def revised(
         self,
         live: Mapping[int, Hypothesis],
+        places: Mapping[int, Array],
         ids: Sequence[int],
-        objects: ObjectTable,
+        objects: Mapping[int, ObjectTable],
         log_evidence: float,
-        ratio: float,
     ) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
+        """New hypotheses that weigh as much as pruning asks of the one that each revises.
 
-        ``objects`` (O, ...) of the best live hypothesis, over the ``ids``; ``log_evidence``: what weights are relative
-        to. The best one's weight may stand for near copies that were merged into it; a revised one stands for as many.
+        ``places`` (3,) of the robot [m] and ``objects`` (O, ...), over the ``ids``, of each live one; ``log_evidence``:
+        what weights are relative to.
         """
-        best = next(iter(live.values()))
-        if len(self._replay.steps) > self.settings.horizon:
-            self._replay.forget()
-            self._catching_up.give_up()
-        if self._is_due():
-            self._look(best, ids, objects, log_evidence, ratio)
-        found: dict[int, Hypothesis] = {}
-        for asked, own in self._catching_up.go_on():
-            gain = -np.inf if own is None else own.log_joint + self._log_surplus - log_evidence - best.log_weight
-            if self._is_likely(asked, gain, ratio) and own is not None and own.number not in live:
-                found[own.number] = Hypothesis(
-                    owner=best.owner,
-                    log_weight=best.log_weight + gain,
-                    parent_id=own.parent_id,
-                    lineage=own.lineage,
-                    revises=best,
-                    replayed=own.component,
-                )
-        return found
+        ratio, looks = self._replay.problem.pruning.ratio, (self._from_best, self._from_elsewhere)
+        if len(self._replay.steps) > self._settings.horizon:
+            for own in looks:
+                own.give_up()
+        subjects = self._subjects(live, places)
+        for own, subject in zip(looks, subjects, strict=True):
+            if subject is not None and own.is_idle:
+                own.begin(subject)
+        found = [own.found(live, ids, objects, log_evidence, ratio) for own in looks]
+        return found[0] | found[1]
 
-    def _is_due(self) -> bool:
-        """Whether the newest keyframe is one after which to look: none waits that an earlier look has found."""
-        every, count = self.settings.every_keyframes, len(self._replay.steps)
-        return count % every == 0 and count <= self.settings.horizon and self._catching_up.is_idle
+    def _subjects(
+        self, live: Mapping[int, Hypothesis], places: Mapping[int, Array]
+    ) -> tuple[Hypothesis | None, Hypothesis | None]:
+        """Which histories to look at after the newest keyframe: the best one, and the best one elsewhere."""
+        every, count = self._settings.every_keyframes, len(self._replay.steps)
+        if count > self._settings.horizon:
+            return None, None
+        best = next(iter(live.values())) if count % every == 0 else None
+        return best, self._elsewhere(live, places) if (count + every // 2) % every == 0 else None
 
-    def _is_likely(self, asked: Lineage, gain: float, ratio: float) -> bool:
-        """Whether a history weighs enough by its ``gain`` [nats] to the best live one; in space only if it gains."""
-        if not self._is_in_space:
-            return gain >= -float(np.log(ratio))
-        if gain <= 0.0:
-            self._dissolving.note(asked)
-            return False
-        self._catching_up.give_up()
-        return True
-
-    @property
-    def _is_in_space(self) -> bool:
-        return self._replay.problem.spaces.name == "spatial"
-
-    def _look(
-        self, best: Hypothesis, ids: Sequence[int], objects: ObjectTable, log_evidence: float, ratio: float
-    ) -> None:
-        """Let histories catch up that may be likelier than the best live one."""
-        followed = self._replay.followed(best.lineage)
-        if followed is None:
-            return
-        self._log_surplus = best.log_weight + log_evidence - followed.log_joint
-        if self._is_in_space:
-            self._catching_up.add(self._dissolving.histories(followed))
-            return
-        self._catching_up.add(self._proposals(followed, ids, objects))
-        self._catching_up.add(self._with_movers(followed))
-        self._catching_up.add(self._returns.histories(followed, ratio))
-
-    def _proposals(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
-        """All pairs at once first, where there are several, and then one by one, the nearest first."""
-        lineage = followed.lineage
-        near = [pair for pair in near_pairs(ids, objects, lineage) if self._may_be_one(pair, lineage)]
-        pairs = _not_hopeless(followed.component, self._tried.news(near, lineage))[: self.settings.proposals]
-        self._tried.note(pairs, len(self._replay.steps))
-        together = apart(pairs, lineage)
-        chosen = [[pair] for pair in pairs]
-        if len(together) > 1:
-            chosen.insert(0, together)
-        return [merged(lineage, own) for own in chosen]
-
-    def _may_be_one(self, pair: Pair, lineage: Lineage) -> bool:
-        """Whether the younger object of a pair is not on the map, and the older not where the robot never was."""
-        problem, (older, younger) = self._replay.problem, pair
-        on_map = problem.map_ids
-        return younger not in on_map and (older not in on_map or problem.is_placed(lineage))
-
-    def _with_movers(self, followed: Revised) -> list[Lineage]:
-        """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""
-        problem, now, lineage = self._replay.problem, len(self._replay.steps), followed.lineage
-        if not self._replay.may_move or followed.component.tracked is None:
-            return []
-        first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
-        steps, trail = self._replay.steps, followed.component.tracked.trail
-        since = now - AGAIN * self.settings.every_keyframes
-        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
-        alone = standing_proposals(lineage, steps, trail, problem.moving, since)
-        return self._each_and_all(lineage, groups, self._tried, with_mover) + self._each_and_all(
-            lineage, alone, self._stood, with_standing
-        )
-
-    def _each_and_all(
-        self, lineage: Lineage, groups: Sequence[Group], tried: Tried, changed: Callable[[Lineage, Group], Lineage]
-    ) -> list[Lineage]:
-        """The history changed for each of the ``groups`` that were not ``tried``, and for all at once first."""
-        chosen = tried.news(groups, lineage)[: self.settings.proposals]
-        tried.note(chosen, len(self._replay.steps))
-        found = [changed(lineage, group) for group in chosen]
-        if len(found) > 1:
-            found.insert(0, reduce(changed, chosen, lineage))
-        return found
-
-
-def _not_hopeless(component: Component, pairs: Sequence[Pair]) -> list[Pair]:
-    """Pairs that may be one by what the history knows of one relative to the other.
-
-    A replay costs a hundred times as much as to ask, and most pairs that are near where the drive has been far from
-    its start are surely two.
-    """
-    if not pairs:
-        return []
-    distances = relative_distances(component, pairs)
-    return [pair for pair, distance in zip(pairs, distances, strict=True) if distance <= HOPELESS_DISTANCE]
+    def _elsewhere(self, live: Mapping[int, Hypothesis], places: Mapping[int, Array]) -> Hypothesis | None:
+        """The best history in which the robot is elsewhere than in the best one, where pruning tells places apart."""
+        limits, first = self._replay.problem.pruning, next(iter(live))
+        if limits.place_m <= 0.0:
+            return None
+        away = (n for n in live if np.linalg.norm(places[n] - places[first]) > limits.place_m)
+        return next((live[n] for n in away), None)
 
 
 def with_revised(
@@ -190,13 +90,13 @@ def with_revised(
     """Live and revised hypotheses, heaviest first, as many as pruning keeps; weights in the live ones' unit.
 
     What goes for them is a variant, not what pruning keeps for being of another kind. ``places`` (3,) of the live ones'
-    robots [m]: a revised history is held to be where the one is that it revises.
+    robots [m].
     """
     limits = problem.pruning
     every = sorted({**live, **found}.items(), key=lambda item: (-item[1].log_weight, item[0]))
     if limits.place_m <= 0.0:
         return dict(every[: limits.max_hypotheses])
-    rows = [places[number] if number in live else places[_revised(own, live)] for number, own in every]
+    rows = [places[number] if number in live else _place(own, problem) for number, own in every]
     kinds = Kinds(
         positions=np.array(rows),
         beginnings=np.array([problem.beginning(own.lineage) for _, own in every]),
@@ -204,9 +104,10 @@ def with_revised(
     return dict([every[row] for row in shared_out(kinds, limits.max_hypotheses)])
 
 
-def _revised(own: Hypothesis, live: Mapping[int, Hypothesis]) -> int:
-    """The live one that a hypothesis revises."""
-    return next(number for number, other in live.items() if own.revises is other)
+def _place(own: Hypothesis, problem: Problem) -> Array:
+    """(3,) position [m] of the robot in a history that was replayed."""
+    assert own.replayed is not None
+    return np.asarray(problem.spaces.robot.poses(own.replayed.newest_robot()[None])[0, :3])
 
 
 def normalised(hypotheses: Mapping[int, Hypothesis]) -> tuple[dict[int, Hypothesis], float]:

@@ -195,7 +195,7 @@ def test_histories_that_wait_catch_up_a_few_keyframes_at_a_time() -> None:
     impossible = (replace(first[0], association=(10**6,) * len(first[0].association)), *first[1:])
     waiting = CatchingUp(replay)
     waiting.add([first, impossible, other])
-    looks = [waiting.go_on(5) for _ in range(5)]
+    looks = [list(waiting.go_on(5)) for _ in range(5)]
     assert [[level.asked for level in found] for found in looks] == [[], [], [first, impossible], [], [other]]
     assert waiting.is_idle
     levels = [level.own for found in looks for level in found]

@@ -1,0 +1,187 @@
+"""Looks back from one live history: what may be likelier is replayed, and enters with what it weighs."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+
+import numpy as np
+
+from semantic_slam.configuration import RevisionConfiguration
+from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.object_table import ObjectTable
+from semantic_slam.inference.open_world.mover_proposals import (
+    mover_proposals,
+    standing_proposals,
+    with_mover,
+    with_standing,
+)
+from semantic_slam.inference.revision.catching_up import CatchingUp
+from semantic_slam.inference.revision.dissolving import Dissolving
+from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
+from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.returns import Returns
+from semantic_slam.inference.revision.tried import Group, Tried
+from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.world.objects import ObjectRegistry
+
+HOPELESS_DISTANCE = 8.0
+"""Mahalanobis distance between two objects, relative to each other, from which on a replay is spared.
+
+What speaks for a merge against it, a birth less and misses less, is tens of nats at most.
+"""
+AGAIN = 3
+"""Rounds of revision after which what was tried, and seen since, may be tried again."""
+
+
+class LookingBack:
+    """Proposes and weighs histories that are likelier than one, which is replayed itself before."""
+
+    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
+        self._settings, self._replay = settings, replay
+        self._tried, self._stood = (Tried(AGAIN * settings.every_keyframes) for _ in range(2))
+        self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
+        self._dissolving = Dissolving(settings.proposals, replay, registry)
+        self._catching_up = CatchingUp(replay)
+        self._subject: Lineage = ()  # the history that is looked at
+        self._log_surplus = 0.0  # of its weight, with that of near copies, to its own
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing waits that an earlier look has found."""
+        return self._catching_up.is_idle
+
+    def begin(self, subject: Hypothesis) -> None:
+        """Look at a live history."""
+        self._subject = subject.lineage
+        self._catching_up.add([self._subject])
+
+    def give_up(self) -> None:
+        """Nothing is revised any more."""
+        self._replay.forget()
+        self._catching_up.give_up()
+
+    def found(
+        self,
+        live: Mapping[int, Hypothesis],
+        ids: Sequence[int],
+        objects: Mapping[int, ObjectTable],
+        log_evidence: float,
+        ratio: float,
+    ) -> dict[int, Hypothesis]:
+        """New hypotheses that weigh at least the ``ratio``-th part of the one that they revise.
+
+        ``objects`` (O, ...) of each live hypothesis, over the ``ids``; ``log_evidence``: what weights are relative to.
+        Their weights may stand for near copies that were merged into them; a revised one stands for as many.
+        """
+        found: dict[int, Hypothesis] = {}
+        for asked, own in self._catching_up.go_on():
+            if asked is self._subject:
+                self._look(own, live, ids, objects, log_evidence, ratio)
+                continue
+            heir = self._heir(live)
+            log_weight = -np.inf if own is None else own.log_joint + self._log_surplus - log_evidence
+            if self._is_likely(asked, log_weight - heir.log_weight, ratio) and own is not None:
+                found[own.number] = Hypothesis(
+                    owner=heir.owner,
+                    log_weight=log_weight,
+                    parent_id=own.parent_id,
+                    lineage=own.lineage,
+                    revises=heir,
+                    replayed=own.component,
+                )
+        return {number: own for number, own in found.items() if number not in live}
+
+    def _heir(self, live: Mapping[int, Hypothesis]) -> Hypothesis:
+        """The likeliest continuation of what is looked at, or else the likeliest live history."""
+        length, every = len(self._subject), list(live.values())
+        return next((own for own in every if own.lineage[:length] == self._subject), every[0])
+
+    def _is_likely(self, asked: Lineage, gain: float, ratio: float) -> bool:
+        """Whether a history weighs enough by its ``gain`` [nats] to what it revises; in space only if it gains."""
+        if not self._is_in_space:
+            return gain >= -float(np.log(ratio))
+        if gain <= 0.0:
+            self._dissolving.note(asked)
+            return False
+        self._catching_up.give_up()
+        return True
+
+    @property
+    def _is_in_space(self) -> bool:
+        return self._replay.problem.spaces.name == "spatial"
+
+    def _look(
+        self,
+        followed: Revised | None,
+        live: Mapping[int, Hypothesis],
+        ids: Sequence[int],
+        objects: Mapping[int, ObjectTable],
+        log_evidence: float,
+        ratio: float,
+    ) -> None:
+        """Let histories catch up that may be likelier than one that is live yet, and has caught up itself."""
+        if followed is None or followed.number not in live:
+            return
+        self._subject = followed.lineage
+        self._replay.keep_along(followed.lineage)
+        self._log_surplus = live[followed.number].log_weight + log_evidence - followed.log_joint
+        if self._is_in_space:
+            self._catching_up.add(self._dissolving.histories(followed))
+            return
+        self._catching_up.add(self._proposals(followed, ids, objects[followed.number]))
+        self._catching_up.add(self._with_movers(followed))
+        self._catching_up.add(self._returns.histories(followed, ratio))
+
+    def _proposals(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
+        """All pairs at once first, where there are several, and then one by one, the nearest first."""
+        lineage = followed.lineage
+        near = [pair for pair in near_pairs(ids, objects, lineage) if self._may_be_one(pair, lineage)]
+        pairs = _not_hopeless(followed.component, self._tried.news(near, lineage))[: self._settings.proposals]
+        self._tried.note(pairs, len(self._replay.steps))
+        together = apart(pairs, lineage)
+        chosen = [[pair] for pair in pairs]
+        if len(together) > 1:
+            chosen.insert(0, together)
+        return [merged(lineage, own) for own in chosen]
+
+    def _may_be_one(self, pair: Pair, lineage: Lineage) -> bool:
+        """Whether the younger object of a pair is not on the map, and the older not where the robot never was."""
+        problem, (older, younger) = self._replay.problem, pair
+        on_map = problem.map_ids
+        return younger not in on_map and (older not in on_map or problem.is_placed(lineage))
+
+    def _with_movers(self, followed: Revised) -> list[Lineage]:
+        """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""
+        problem, now, lineage = self._replay.problem, len(self._replay.steps), followed.lineage
+        if not self._replay.may_move or followed.component.tracked is None:
+            return []
+        first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
+        steps, trail = self._replay.steps, followed.component.tracked.trail
+        since = now - AGAIN * self._settings.every_keyframes
+        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
+        alone = standing_proposals(lineage, steps, trail, problem.moving, since)
+        return self._each_and_all(lineage, groups, self._tried, with_mover) + self._each_and_all(
+            lineage, alone, self._stood, with_standing
+        )
+
+    def _each_and_all(
+        self, lineage: Lineage, groups: Sequence[Group], tried: Tried, changed: Callable[[Lineage, Group], Lineage]
+    ) -> list[Lineage]:
+        """The history changed for each of the ``groups`` that were not ``tried``, and for all at once first."""
+        chosen = tried.news(groups, lineage)[: self._settings.proposals]
+        tried.note(chosen, len(self._replay.steps))
+        found = [changed(lineage, group) for group in chosen]
+        if len(found) > 1:
+            found.insert(0, reduce(changed, chosen, lineage))
+        return found
+
+
+def _not_hopeless(component: Component, pairs: Sequence[Pair]) -> list[Pair]:
+    """Pairs that may be one by what the history knows of one relative to the other.
+
+    A replay costs a hundred times as much as to ask, and most pairs that are near where the drive has been far from
+    its start are surely two.
+    """
+    if not pairs:
+        return []
+    distances = relative_distances(component, pairs)
+    return [pair for pair, distance in zip(pairs, distances, strict=True) if distance <= HOPELESS_DISTANCE]
