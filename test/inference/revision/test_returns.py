@@ -6,6 +6,7 @@ import pytest
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se2
 from semantic_slam.inference.revision.replay import Replay
+from semantic_slam.inference.revision.returns import Returns
 from semantic_slam.inference.revision.run_model import RunModel
 from semantic_slam.inference.revision.runs import Runs, numbered
 from semantic_slam.inference.revision.solution import solved
@@ -165,3 +166,16 @@ def test_a_return_parts_what_follows_it_or_one_run_alone() -> None:
     assert runs.keyframes.tolist() == [0, 9, 20, 9, 21]
     parted = [parting.objects.tolist() for parting in runs.partings()]
     assert parted == [[0, 2, 2, 1, 1], [0, 2, 0, 1, 1], [0, 0, 2, 1, 1], [0, 0, 0, 1, 2]]
+
+
+def test_beginnings_up_to_a_return_are_proposed_besides_the_histories() -> None:
+    """The robot came back at keyframe 10: what it has seen since is taken anew."""
+    engine = driven({"every_keyframes": 50}, **ONE)
+    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), engine.steps)
+    followed = replay.followed(next(iter(engine.live.values())).lineage)
+    assert followed is not None
+    histories = Returns(engine.problem.revision, replay, engine.registry, 30).histories(followed, 1000.0)
+    whole, beginnings = histories[: len(histories) // 2], histories[len(histories) // 2 :]
+    assert whole
+    assert [own[: len(begun)] for own, begun in zip(whole, beginnings, strict=True)] == beginnings
+    assert {len(begun) for begun in beginnings} == {11}
