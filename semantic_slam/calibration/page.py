@@ -8,8 +8,8 @@ from semantic_slam.calibration.calibrate import Calibration
 from semantic_slam.calibration.configuration_file import text_of
 from semantic_slam.calibration.search import LEAST_GAIN, Trial
 from semantic_slam.calibration.truth import truth_beside
-from semantic_slam.report.charts import Chart, Key, keyframes, time_plot
-from semantic_slam.report.noise_charts import noise_charts
+from semantic_slam.report.drawing.charts import Chart, Key, keyframes, time_plot
+from semantic_slam.report.drawing.noise_charts import noise_charts
 from semantic_slam.report.rendering import environment
 
 

@@ -15,8 +15,8 @@ from semantic_slam.evaluation.trajectory import Trajectory, interpolate
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance
 from semantic_slam.inference.models.odometry_bias import NAMES, slopes
-from semantic_slam.inference.models.odometry_noise import odometry_covariance
 from semantic_slam.messages.standard import NANOSECONDS
 
 LARGEST_OFFSET_S = 0.5

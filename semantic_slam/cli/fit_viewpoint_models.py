@@ -97,7 +97,7 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     """Measure, fit and save; the report goes beside the model as JSON and in short into the lines returned."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
     from semantic_slam.configuration import PerceptionConfiguration
-    from semantic_slam.perception.weights import load_network
+    from semantic_slam.perception.networks.weights import load_network
     from semantic_slam.training.viewpoint.fit import appearance_of, fit_samples
     from semantic_slam.training.viewpoint.page import write_page
     from semantic_slam.viewpoint.store import save_model
@@ -134,7 +134,7 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
 def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, Any], dict[str, int]]:
     """Samples of each class by name from whichever source was given, and what was left out."""
     if arguments.turntables:
-        from semantic_slam.perception.weights import load_network
+        from semantic_slam.perception.networks.weights import load_network
         from semantic_slam.training.turntables import with_classes
         from semantic_slam.training.viewpoint.fit import FitSettings, measure_views
 

@@ -53,7 +53,7 @@ def command() -> None:
     views = object_views(arguments, arguments.turntables)
     if arguments.classes:
         views = with_classes(views, arguments.classes)
-    from semantic_slam.perception.weights import save_compact_network
+    from semantic_slam.perception.networks.weights import save_compact_network
     from semantic_slam.training.classifier import TrainingConfiguration, accuracy_by_azimuth, train
 
     configuration = TrainingConfiguration(**chosen)

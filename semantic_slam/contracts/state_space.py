@@ -8,8 +8,8 @@ import pytest
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.kinds.state_space import StateSpace
 from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.inference.states.state_space import StateSpace
 
 COUNT = 7
 STEP = 1e-6

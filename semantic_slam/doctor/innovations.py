@@ -14,7 +14,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.measurement import SemanticMeasurements
 

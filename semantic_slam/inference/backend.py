@@ -11,22 +11,22 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.enumeration import NoAssociationError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.building import problem_of
-from semantic_slam.inference.class_marginals import add_class_marginals
-from semantic_slam.inference.component_marginals import (
-    ComponentMarginals,
-    aligned_marginals,
-    component_marginals,
-    departure_marginals,
-    motion_marginals,
-)
-from semantic_slam.inference.descriptor_marginals import descriptor_marginals
-from semantic_slam.inference.displaced_marginals import displaced_marginals
 from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import without_views
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.reported.class_marginals import add_class_marginals
+from semantic_slam.inference.reported.component_marginals import (
+    ComponentMarginals,
+    aligned_marginals,
+    component_marginals,
+    departure_marginals,
+    motion_marginals,
+)
+from semantic_slam.inference.reported.descriptor_marginals import descriptor_marginals
+from semantic_slam.inference.reported.displaced_marginals import displaced_marginals
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, certain

@@ -5,7 +5,7 @@ import torch
 from torch import nn
 
 from semantic_slam.geometry.arrays import Array, Bytes
-from semantic_slam.perception.network import normalised
+from semantic_slam.perception.networks.network import normalised
 
 BLOCK = 512
 """Number of crops that are put through the network at a time."""

@@ -14,10 +14,10 @@ from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.component_marginals import existence_of, held_as
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.reported.component_marginals import existence_of, held_as
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.carried import new_grounds

@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.errors import MessageError
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.clock_offset import OFFSETS
+from semantic_slam.inference.models.noise.clock_offset import OFFSETS
 from semantic_slam.inference.object_table import QUANTITIES, ObjectTable, columns
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep

@@ -25,7 +25,7 @@ from semantic_slam.perception.points_in_space import SpatialPoints, points_of_bo
 from semantic_slam.perception.range_bearing import elevation
 
 if TYPE_CHECKING:
-    from semantic_slam.perception.network import ClassifierNetwork
+    from semantic_slam.perception.networks.network import ClassifierNetwork
 
 
 class Classifier:
@@ -173,7 +173,7 @@ class Classifier:
             names = len(frame.detections.class_names)
             return np.zeros((len(kept), 0, names)), np.full(len(kept), np.nan), np.full(len(kept), np.nan), recognised
         # PyTorch takes two seconds to load, and who has no network needs none.
-        from semantic_slam.perception.mc_dropout import dropout_generator, samples_of_head, seen
+        from semantic_slam.perception.networks.mc_dropout import dropout_generator, samples_of_head, seen
 
         network = self._network.network
         passes = self._settings.num_passes

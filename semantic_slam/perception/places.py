@@ -13,7 +13,7 @@ import numpy as np
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
-from semantic_slam.perception.box_rays import whole_boxes
+from semantic_slam.perception.boxes.box_rays import whole_boxes
 from semantic_slam.perception.crops import IN_SHARES, are_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements

@@ -10,8 +10,8 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.sightline import in_plane, place_of_point
-from semantic_slam.perception.box_rays import as_places, ray_covariances
-from semantic_slam.perception.box_sizes import angular_sizes
+from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
+from semantic_slam.perception.boxes.box_sizes import angular_sizes
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places

@@ -15,7 +15,7 @@ from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.novelty import KnownViews
 
 if TYPE_CHECKING:
-    from semantic_slam.perception.network import ClassifierNetwork
+    from semantic_slam.perception.networks.network import ClassifierNetwork
 
 
 def build_classifier(configuration: Configuration) -> Classifier:
@@ -42,7 +42,7 @@ def _network(configuration: Configuration) -> "ClassifierNetwork | None":
     kind = class_model_kind(configuration.semantic_model)
     if kind.labels is not None or kind.embeddings is not None:
         return None
-    from semantic_slam.perception.weights import load_network  # and with it PyTorch
+    from semantic_slam.perception.networks.weights import load_network  # and with it PyTorch
 
     return load_network(configuration.perception)
 
@@ -54,7 +54,7 @@ def _appearance(
     known = load_appearance(settings) if network is not None and perception.novelty_false_alarms else None
     if network is None or known is None:
         return None
-    from semantic_slam.perception.mc_dropout import probe_features
+    from semantic_slam.perception.networks.mc_dropout import probe_features
 
     if not known.is_about(probe_features(network.network)):
         return None

@@ -10,9 +10,9 @@ from semantic_slam.evaluation.record import json_object
 from semantic_slam.outputs import write_whole
 from semantic_slam.report.comparison import Run, comparison_rows
 from semantic_slam.report.document import Analysis, analyse, map_prior, report_document, tum_lines
-from semantic_slam.report.evidence import evidence_of
 from semantic_slam.report.page import render_page
 from semantic_slam.report.plain_json import to_text
+from semantic_slam.report.shown.evidence import evidence_of
 
 
 def make_report(

@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.answers.explain.explanation import Explanation
-from semantic_slam.report.charts import time_charts, truth_charts
 from semantic_slam.report.comparison import Run
-from semantic_slam.report.comparison_view import comparison_view
-from semantic_slam.report.descriptors import descriptor_figures
-from semantic_slam.report.evidence import evidence_views, shown_views
-from semantic_slam.report.explanation_charts import explanation_charts
-from semantic_slam.report.frames import FrameView, picture_views
+from semantic_slam.report.drawing.charts import time_charts, truth_charts
+from semantic_slam.report.drawing.explanation_charts import explanation_charts
+from semantic_slam.report.drawing.noise_charts import noise_charts
+from semantic_slam.report.drawing.palette import OTHER_COLOUR, colours_by_weight
 from semantic_slam.report.metrics_table import metric_rows
-from semantic_slam.report.noise_charts import noise_charts
-from semantic_slam.report.objects import object_views
-from semantic_slam.report.palette import OTHER_COLOUR, colours_by_weight
 from semantic_slam.report.plain_json import plain
 from semantic_slam.report.rendering import environment, shown_picture
-from semantic_slam.report.scene import moments, scene
+from semantic_slam.report.shown.comparison_view import comparison_view
+from semantic_slam.report.shown.descriptors import descriptor_figures
+from semantic_slam.report.shown.evidence import evidence_views, shown_views
+from semantic_slam.report.shown.frames import FrameView, picture_views
+from semantic_slam.report.shown.objects import object_views
+from semantic_slam.report.shown.scene import moments, scene
 from semantic_slam.report.verdict import verdict, warnings
 
 

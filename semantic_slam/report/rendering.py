@@ -6,7 +6,7 @@ from typing import Any
 
 import jinja2
 
-from semantic_slam.report.boxes import BoxView
+from semantic_slam.report.shown.boxes import BoxView
 from semantic_slam.report.wording import number, percent
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.report.document import Analysis
-from semantic_slam.report.objects import CERTAIN, ObjectView
+from semantic_slam.report.shown.objects import CERTAIN, ObjectView
 from semantic_slam.report.wording import known, listed, number, percent
 
 NAMED = 4

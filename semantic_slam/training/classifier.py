@@ -10,7 +10,7 @@ from torch import nn
 from tqdm import tqdm
 
 from semantic_slam.geometry.arrays import Bytes
-from semantic_slam.perception.compact_network import CompactNetwork
+from semantic_slam.perception.networks.compact_network import CompactNetwork
 from semantic_slam.training.augmentation import room_crop
 from semantic_slam.training.views import ObjectView
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.report.palette import CLASS_COLOURS, OTHER_COLOUR, class_colours
+from semantic_slam.report.drawing.palette import CLASS_COLOURS, OTHER_COLOUR, class_colours
 
 
 class ClassPalette:

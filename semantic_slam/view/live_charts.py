@@ -11,8 +11,8 @@ from semantic_slam.evaluation.history import lineage
 from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.object_table import columns
-from semantic_slam.report.charts import Chart, discarded_chart, weights_chart
-from semantic_slam.report.explanation_charts import unexplained_chart
+from semantic_slam.report.drawing.charts import Chart, discarded_chart, weights_chart
+from semantic_slam.report.drawing.explanation_charts import unexplained_chart
 from semantic_slam.report.rendering import environment
 
 CHARTED = 240

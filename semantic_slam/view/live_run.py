@@ -17,10 +17,10 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages.ground_truth import GroundTruthObjects, ReplayProgress
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.report.keyframe import rounded
-from semantic_slam.report.palette import OTHER_COLOUR
+from semantic_slam.report.drawing.palette import OTHER_COLOUR
 from semantic_slam.report.plain_json import plain
-from semantic_slam.report.space import camera_pyramid
+from semantic_slam.report.shown.keyframe import rounded
+from semantic_slam.report.shown.space import camera_pyramid
 from semantic_slam.view.class_palette import ClassPalette
 from semantic_slam.view.extent import Extent
 from semantic_slam.view.live_charts import LiveCharts

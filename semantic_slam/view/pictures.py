@@ -10,9 +10,9 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages.images import decode_image, size_of
 from semantic_slam.messages.standard import header_stamp_ns
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.report.boxes import boxes_of
-from semantic_slam.report.frames import jpeg, scaled
 from semantic_slam.report.rendering import shown_picture
+from semantic_slam.report.shown.boxes import boxes_of
+from semantic_slam.report.shown.frames import jpeg, scaled
 
 WIDTH = 560
 """Pixels."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.report.objects import object_label
+from semantic_slam.report.shown.objects import object_label
 
 SHOWN_OBJECTS = 400
 """The likeliest to exist; a map of more is not to be read."""

@@ -7,9 +7,9 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.report.keyframe import hypothesis_rows, keyframe_scene
 from semantic_slam.report.plain_json import plain
-from semantic_slam.report.scene import SHOWN_HYPOTHESES
+from semantic_slam.report.shown.keyframe import hypothesis_rows, keyframe_scene
+from semantic_slam.report.shown.scene import SHOWN_HYPOTHESES
 from semantic_slam.view.shown_objects import ShownObjects
 
 KEPT = 600

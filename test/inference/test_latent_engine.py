@@ -34,7 +34,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.keys import descriptor_key, object_key, robot_key
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 
 MANIFOLD = PlanarPoses()

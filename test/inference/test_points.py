@@ -21,7 +21,7 @@ from semantic_slam.inference.semantics.track_samples import StateSamples
 from semantic_slam.inference.smoothing.elimination import MOST_JOINT
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.problem import Problem
 

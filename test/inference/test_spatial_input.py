@@ -9,7 +9,7 @@ from worlds.spatial_fixtures import spatial
 from semantic_slam import Configuration, Detection, Engine, InputError, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.geometry import se3
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
-from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.log_range import LogRange
 from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges

@@ -15,8 +15,8 @@ from semantic_slam_lab.peers.literal_alg_3_1 import LiteralRecursion
 from semantic_slam.classification.classifier import Scores, View
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.classification.recursive import RecursiveClassifier
-from semantic_slam.perception.alexnet import AlexNet
-from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
+from semantic_slam.perception.networks.alexnet import AlexNet
+from semantic_slam.perception.networks.mc_dropout import class_probability_samples, dropout_generator
 
 
 def test_the_literal_peer_gives_the_same_posterior() -> None:

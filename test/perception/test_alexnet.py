@@ -10,8 +10,8 @@ import torch
 
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.perception.alexnet import AlexNet
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
+from semantic_slam.perception.networks.alexnet import AlexNet
 from semantic_slam.pipeline.build_classifier import build_classifier
 
 TORCHVISION_SHAPES = {

@@ -5,7 +5,7 @@ import pytest
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry import se3, so3
-from semantic_slam.perception.box_rays import as_places, ray_covariances
+from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.places import PlaceReader
 

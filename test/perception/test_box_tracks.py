@@ -6,7 +6,7 @@ import numpy as np
 
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.perception.box_tracks import LONGEST_S, BoxTracks
+from semantic_slam.perception.boxes.box_tracks import LONGEST_S, BoxTracks
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 FRAME_S = 1.0 / 30.0

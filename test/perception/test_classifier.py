@@ -13,12 +13,12 @@ import torch
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.perception import uncertainty
-from semantic_slam.perception.compact_network import CompactNetwork
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
-from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
-from semantic_slam.perception.weight_files import shipped_file
-from semantic_slam.perception.weights import save_compact_network
+from semantic_slam.perception.networks.compact_network import CompactNetwork
+from semantic_slam.perception.networks.mc_dropout import class_probability_samples, dropout_generator
+from semantic_slam.perception.networks.weight_files import shipped_file
+from semantic_slam.perception.networks.weights import save_compact_network
 from semantic_slam.pipeline.build_classifier import build_classifier
 
 NAMES = ("chest", "crate", "desk")

@@ -11,9 +11,9 @@ import torch
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.classifier import Classifier
-from semantic_slam.perception.compact_network import CompactNetwork
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
-from semantic_slam.perception.network import ClassifierNetwork
+from semantic_slam.perception.networks.compact_network import CompactNetwork
+from semantic_slam.perception.networks.network import ClassifierNetwork
 from semantic_slam.perception.range_bearing import RangeBearing
 
 BOXES = np.array([[10.0, 20.0, 70.0, 90.0], [150.0, 60.0, 260.0, 200.0]])

@@ -13,15 +13,15 @@ from torch import nn
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.perception import efficientnet_lite, mc_dropout
-from semantic_slam.perception.alexnet import AlexNet
-from semantic_slam.perception.compact_network import CompactNetwork
-from semantic_slam.perception.efficientnet_lite import EfficientNetLite
-from semantic_slam.perception.imagenet import class_name, output_of, reported_classes
-from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator, trunk_features
-from semantic_slam.perception.network import ClassifierNetwork
-from semantic_slam.perception.squeezenet import SqueezeNet
-from semantic_slam.perception.weights import load_network
+from semantic_slam.perception.networks import efficientnet_lite, mc_dropout
+from semantic_slam.perception.networks.alexnet import AlexNet
+from semantic_slam.perception.networks.compact_network import CompactNetwork
+from semantic_slam.perception.networks.efficientnet_lite import EfficientNetLite
+from semantic_slam.perception.networks.imagenet import class_name, output_of, reported_classes
+from semantic_slam.perception.networks.mc_dropout import class_probability_samples, dropout_generator, trunk_features
+from semantic_slam.perception.networks.network import ClassifierNetwork
+from semantic_slam.perception.networks.squeezenet import SqueezeNet
+from semantic_slam.perception.networks.weights import load_network
 
 SQUEEZENET_WIDTHS = {3: (64, 16, 64), 4: (128, 16, 64), 6: (128, 32, 128), 7: (256, 32, 128)}
 SQUEEZENET_WIDTHS |= {9: (256, 48, 192), 10: (384, 48, 192), 11: (384, 64, 256), 12: (512, 64, 256)}

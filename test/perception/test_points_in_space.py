@@ -7,7 +7,7 @@ import pytest
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry import se3, so3
-from semantic_slam.perception.box_sizes import angular_sizes
+from semantic_slam.perception.boxes.box_sizes import angular_sizes
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.measurement import SemanticMeasurements

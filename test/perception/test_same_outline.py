@@ -7,8 +7,8 @@ import pytest
 
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.perception.boxes.same_outline import joined, overlaps
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.same_outline import joined, overlaps
 
 THING, AGAIN, HALF, ELSEWHERE = [10.0, 10.0, 50.0, 50.0], [11.0, 10.0, 51.0, 50.0], [10.0, 10.0, 30.0, 50.0], [60.0] * 4
 NOWHERE = [np.nan] * 4

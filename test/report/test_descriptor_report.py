@@ -12,9 +12,9 @@ from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 from semantic_slam.report.comparison import Run
-from semantic_slam.report.descriptors import descriptor_figures, main_axes, plane_svg, strips_svg
 from semantic_slam.report.document import Analysis, analyse, map_prior, report_document
 from semantic_slam.report.page import render_page
+from semantic_slam.report.shown.descriptors import descriptor_figures, main_axes, plane_svg, strips_svg
 
 LENGTH = 4
 MEAN = np.random.default_rng(3).normal(size=(len(OBJECTS), LENGTH))

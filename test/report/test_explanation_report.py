@@ -13,7 +13,7 @@ from semantic_slam.evaluation.record import Record
 from semantic_slam.evaluation.trajectory import Trajectory
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import analyse, report_document
-from semantic_slam.report.explanation_charts import explanation_charts, innovation_band
+from semantic_slam.report.drawing.explanation_charts import explanation_charts, innovation_band
 from semantic_slam.report.verdict import unexplained
 
 

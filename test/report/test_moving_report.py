@@ -10,9 +10,9 @@ from worlds.belief_factory import CLASSES, OBJECTS, small_belief, write_belief_b
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.report.comparison import Run
 from semantic_slam.report.document import Analysis, analyse, map_prior, object_rows
-from semantic_slam.report.objects import object_views
 from semantic_slam.report.page import render_page
-from semantic_slam.report.scene import scene
+from semantic_slam.report.shown.objects import object_views
+from semantic_slam.report.shown.scene import scene
 from semantic_slam.report.verdict import verdict
 
 COLOURS = ["#000"] * len(CLASSES)

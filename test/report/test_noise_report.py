@@ -9,8 +9,8 @@ from worlds.belief_factory import small_belief, with_noise, write_belief_bag
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import noise_row
+from semantic_slam.report.drawing.noise_charts import noise_charts, noise_course
 from semantic_slam.report.make import make_report
-from semantic_slam.report.noise_charts import noise_charts, noise_course
 
 BIAS, REACH = "odometry.bias_scale", "open_world.max_range_m"
 

@@ -30,11 +30,11 @@ from semantic_slam.inference.building.class_prior import LEAST_CLASS_SHARE
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import read_map_prior
 from semantic_slam.messages import topics
-from semantic_slam.report.ellipse import ellipses
+from semantic_slam.report.drawing.ellipse import ellipses
+from semantic_slam.report.drawing.plot import Plot, nice_ticks
 from semantic_slam.report.make import make_report
 from semantic_slam.report.plain_json import plain, to_text
-from semantic_slam.report.plot import Plot, nice_ticks
-from semantic_slam.report.scene import moments
+from semantic_slam.report.shown.scene import moments
 from semantic_slam.report.wording import number, percent
 
 KEYFRAMES = 24

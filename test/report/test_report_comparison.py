@@ -13,9 +13,9 @@ from worlds.belief_factory import CLASSES, run_configuration, small_belief, writ
 from semantic_slam.cli import bag_to_report
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
-from semantic_slam.report.comparison_view import RUN_KINDS
 from semantic_slam.report.log_odds import log_class_probabilities, log_odds, top_two
 from semantic_slam.report.make import make_report
+from semantic_slam.report.shown.comparison_view import RUN_KINDS
 
 KEYFRAMES = 9
 OBJECT = 3

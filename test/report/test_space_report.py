@@ -14,9 +14,9 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.messages import topics
-from semantic_slam.report.keyframe import keyframe_scene
 from semantic_slam.report.make import make_report
-from semantic_slam.report.space import camera_pyramid, principal_axes
+from semantic_slam.report.shown.keyframe import keyframe_scene
+from semantic_slam.report.shown.space import camera_pyramid, principal_axes
 from semantic_slam.view.live_run import LiveRun
 
 HOSTILE = "<script>alert('x')</script>"

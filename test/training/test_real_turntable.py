@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from semantic_slam.configuration import PerceptionConfiguration
-from semantic_slam.perception.weights import load_network
+from semantic_slam.perception.networks.weights import load_network
 from semantic_slam.training.viewpoint.fit import FitSettings, measure_views
 from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.training.viewpoint.samples import ClassSamples

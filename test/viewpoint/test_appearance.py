@@ -15,9 +15,9 @@ from semantic_slam.errors import InputError
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.crops import square_crop
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
-from semantic_slam.perception.mc_dropout import probe_features, trunk_features
+from semantic_slam.perception.networks.mc_dropout import probe_features, trunk_features
+from semantic_slam.perception.networks.weights import load_network
 from semantic_slam.perception.range_bearing import range_and_bearing
-from semantic_slam.perception.weights import load_network
 from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.training.appearance import fit_appearance
 from semantic_slam.training.other_things import other_crop

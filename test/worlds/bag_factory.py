@@ -114,8 +114,8 @@ def write_configuration(folder: Path, **changes: Any) -> Path:
 def untrained_network(path: Path) -> Path:
     import torch
 
-    from semantic_slam.perception.compact_network import CompactNetwork
-    from semantic_slam.perception.weights import save_compact_network
+    from semantic_slam.perception.networks.compact_network import CompactNetwork
+    from semantic_slam.perception.networks.weights import save_compact_network
 
     torch.manual_seed(0)
     save_compact_network(CompactNetwork(2), ("crate", "chest"), {}, path)

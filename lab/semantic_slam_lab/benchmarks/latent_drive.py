@@ -19,7 +19,7 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem

@@ -13,7 +13,7 @@ from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import DESCRIPTOR, descriptor_key, object_key, robot_key
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam_lab.benchmarks.row import Row, alternated

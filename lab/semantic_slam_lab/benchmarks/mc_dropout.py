@@ -7,10 +7,10 @@ import torch
 from torch import nn
 
 from semantic_slam.geometry.arrays import Bytes
-from semantic_slam.perception.alexnet import AlexNet
-from semantic_slam.perception.efficientnet_lite import EfficientNetLite
-from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
-from semantic_slam.perception.squeezenet import SqueezeNet
+from semantic_slam.perception.networks.alexnet import AlexNet
+from semantic_slam.perception.networks.efficientnet_lite import EfficientNetLite
+from semantic_slam.perception.networks.mc_dropout import class_probability_samples, dropout_generator
+from semantic_slam.perception.networks.squeezenet import SqueezeNet
 from semantic_slam_lab.benchmarks.row import Row, alternated
 
 NUM_PASSES = 50

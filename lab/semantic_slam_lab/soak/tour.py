@@ -11,7 +11,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.odometry_noise import odometry_covariance
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance
 from semantic_slam_lab.repetitions import keyed_generator
 
 STEP_M = 0.5

@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.doctor.finding import Finding, Severity, error
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.geometry.pose import planar_from_covariance
-from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 NAME = "noise"

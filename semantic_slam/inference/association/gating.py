@@ -17,7 +17,7 @@ from semantic_slam.inference.association.murty import k_best
 from semantic_slam.inference.association.sums import log_sum_of_all
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
-from semantic_slam.inference.models.heavy_tail import HeavyTail
+from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.models.moving import Moving
-from semantic_slam.inference.models.noise_settings import NoiseSettings
+from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 
 
 def as_used(configuration: Configuration, association: type[AssociationStrategy]) -> Configuration:

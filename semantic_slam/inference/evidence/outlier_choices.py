@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import expit
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.models.heavy_tail import HeavyTail
+from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 
 JOINT = 4
 """Detections whose choices are weighed jointly: the least decided ones."""

@@ -11,8 +11,8 @@ from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, point_of_place
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.score_features import FeatureReader
 from semantic_slam.inference.inputs.word_reader import WordReader
-from semantic_slam.inference.models.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.detector_words import DetectorWords
+from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, across
 from semantic_slam.inference.models.spatial.gravity import Gravity

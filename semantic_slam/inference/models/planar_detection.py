@@ -15,7 +15,7 @@ from semantic_slam.geometry.log_space import LOG_2PI
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.inference.models.depth_ranges import WIDEST_RAD, distance_per_depth
-from semantic_slam.inference.models.noise_settings import NoiseSettings
+from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 
 ASSUMED_RANGE_M = 3.0
 """Range [m] that a bearing alone counts with where nearness to other detections matters."""

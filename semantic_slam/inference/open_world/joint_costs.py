@@ -14,7 +14,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, distinct_rows, row_sums, squared_norms
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.evidence.outlier_choices import OutlierChoices, likeliest_outliers
-from semantic_slam.inference.models.heavy_tail import HeavyTail
+from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
 
 

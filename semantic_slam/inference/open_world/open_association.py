@@ -18,7 +18,7 @@ from semantic_slam.inference.association.gating import (
     pair_densities,
 )
 from semantic_slam.inference.association.strategy import Parents
-from semantic_slam.inference.models.heavy_tail import HeavyTail
+from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.existence_accounts import least_detected

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.kinds.state_space import StateSpace
 
 LEAST_SHARE = 1e-3
 """Semantic views narrow a variance to this share of the geometric one at most."""

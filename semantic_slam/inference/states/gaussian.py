@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.kinds.state_space import StateSpace
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.keys import is_object, is_robot
+from semantic_slam.inference.states.kinds.mixed_states import MixedStates
+from semantic_slam.inference.states.kinds.state_space import StateArithmetic, StateSpace
 from semantic_slam.inference.states.layout import Layout
-from semantic_slam.inference.states.mixed_states import MixedStates
-from semantic_slam.inference.states.state_space import StateArithmetic, StateSpace
 from semantic_slam.viewpoint.model import Viewpoints
 
 LEAST_DISTANCE_M = 1e-6

@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.score_features import FeatureReader
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
 from semantic_slam.inference.inputs.word_reader import WordReader
-from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE, SpatialViews

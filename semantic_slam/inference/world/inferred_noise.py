@@ -9,7 +9,7 @@ import numpy as np
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models import odometry_bias
-from semantic_slam.inference.models.noise_settings import NAMES, NoiseSettings
+from semantic_slam.inference.models.noise.noise_settings import NAMES, NoiseSettings
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states import detection_rates

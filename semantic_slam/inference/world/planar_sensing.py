@@ -10,13 +10,13 @@ from semantic_slam.geometry.se2 import rotate_covariance, sine_cosine
 from semantic_slam.inference.inputs.planar_reader import PlanarReader
 from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
-from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import bias_means, bias_sigmas
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS, PointObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.sensing import Sensing, SensingSettings
 

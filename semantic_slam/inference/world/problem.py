@@ -21,7 +21,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clutter import Clutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.moving import Moving
-from semantic_slam.inference.models.noise_settings import NoiseSettings
+from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import NoSemantics, Semantics

@@ -9,7 +9,7 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
 from semantic_slam.inference.inputs.word_reader import WordReader
-from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges

@@ -22,15 +22,15 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
-from semantic_slam.inference.models.clock_offset import OFFSETS
+from semantic_slam.inference.models.noise.clock_offset import OFFSETS
 from semantic_slam.inference.open_world.sensor_region import sensor_region
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.perception.box_tracks import BoxTracks
+from semantic_slam.perception.boxes.box_tracks import BoxTracks
+from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.same_outline import joined
 from semantic_slam.perception.usable_measurements import usable
 from semantic_slam.pipeline.assembly.points_input import PointsInput
 from semantic_slam.pipeline.gravity.gravity_by_imu import GravityByImu, ImuSource

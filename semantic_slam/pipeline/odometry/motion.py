@@ -10,9 +10,9 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose_vector
 from semantic_slam.geometry.transform import between, interpolate, rotation_angle
 from semantic_slam.inference.inputs.keyframe import OdometrySample
-from semantic_slam.inference.models.clock_offset import shifts_of
+from semantic_slam.inference.models.noise.clock_offset import shifts_of
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance, odometry_variances
 from semantic_slam.inference.models.odometry_bias import slopes
-from semantic_slam.inference.models.odometry_noise import odometry_covariance, odometry_variances
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.pipeline.odometry.odometry_rate import NOT_KNOWN, Rate
 from semantic_slam.pipeline.odometry.stated_covariance import increment, since_start

@@ -18,9 +18,9 @@ from semantic_slam.inference.building.class_prior import class_prior
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
+from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.class_names import NONE_OF_THESE
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.same_outline import joined
 from semantic_slam.training.labels.runs import Run
 from semantic_slam.viewpoint.label_confusion import DIRECTIONS, STEP_RAD
 from semantic_slam.viewpoint.label_record import LabelView, LabelWord

@@ -10,8 +10,8 @@ import numpy as np
 from tqdm import tqdm
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.perception.mc_dropout import probe_features, samples_of_head, seen
-from semantic_slam.perception.network import ClassifierNetwork, DropoutNetwork
+from semantic_slam.perception.networks.mc_dropout import probe_features, samples_of_head, seen
+from semantic_slam.perception.networks.network import ClassifierNetwork, DropoutNetwork
 from semantic_slam.perception.uncertainty import sample_covariance
 from semantic_slam.training.appearance import fit_appearance
 from semantic_slam.training.augmentation import room_crop

@@ -18,7 +18,7 @@ from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 
 MODEL = PlanarObservation(None, PlanarVisibility())

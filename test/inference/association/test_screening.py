@@ -11,9 +11,9 @@ from semantic_slam.inference.evidence.laplace import Mode, find_modes
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.layout import Layout
-from semantic_slam.inference.states.planar_poses import PlanarPoses
-from semantic_slam.inference.states.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 
 GATE = 15.0

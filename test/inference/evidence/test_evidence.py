@@ -21,8 +21,8 @@ from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.pruning import prune, widened
 from semantic_slam.inference.states.identity import generator, hypothesis_id
-from semantic_slam.inference.states.planar_poses import PlanarPoses
-from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.viewpoint.parametric import ParametricModel
 

@@ -7,7 +7,7 @@ import pytest
 
 from semantic_slam import Configuration
 from semantic_slam.inference.evidence.outlier_choices import JOINT, OutlierChoices
-from semantic_slam.inference.models.heavy_tail import HeavyTail
+from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.states.outlier_counts import OutlierCounts
 
 TAIL = HeavyTail(share=0.03, width=10.0)

@@ -9,7 +9,7 @@ from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.models.clock_offset import OFFSETS, line_at, shifts_of
+from semantic_slam.inference.models.noise.clock_offset import OFFSETS, line_at, shifts_of
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 

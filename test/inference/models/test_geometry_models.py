@@ -20,8 +20,8 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.models.spatial.ray import polar, polar_and_slopes
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
-from semantic_slam.inference.states.planar_poses import PlanarPoses
-from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 
 COVARIANCE = np.array([[0.1, 0.01], [0.01, 0.05]])

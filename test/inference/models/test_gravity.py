@@ -10,7 +10,7 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.building.spatial_checks import check_space
 from semantic_slam.inference.models.spatial.gravity import Gravity
-from semantic_slam.inference.states.spatial_poses import SpatialPoses
+from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses
 
 SPACE = SpatialPoses()
 TILTED = np.append([1.0, -2.0, 0.5], so3.exp(np.array([0.3, -0.2, 1.1])))

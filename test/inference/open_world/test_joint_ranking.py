@@ -13,7 +13,7 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.open_world.joint_costs import JointCosts
 from semantic_slam.inference.open_world.joint_ranking import JointRanking
 from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
-from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 
 SIGMA, GATE = 0.1, 6.0

@@ -32,7 +32,7 @@ from semantic_slam.inference.smoothing.growth import certain, grow
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.viewpoint.correlated import CorrelatedModel

@@ -25,7 +25,7 @@ from semantic_slam.inference.smoothing.semantic_factors import (
     SemanticFactorMaker,
 )
 from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.latent.model import LatentPrediction
 from semantic_slam.viewpoint.model import Viewpoints

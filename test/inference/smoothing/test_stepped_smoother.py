@@ -15,7 +15,7 @@ from semantic_slam.inference.smoothing.linear.measured import Measured, Motions,
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.keys import error_keys, error_place, object_key, robot_key
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 
 SPACES = Spaces.same(PlanarPoses())

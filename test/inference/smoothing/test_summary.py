@@ -22,8 +22,8 @@ from semantic_slam.inference.smoothing.summary import summary_of
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.states.planar_poses import PlanarPoses
-from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import LOOKS_FROM_A_PLACE
 

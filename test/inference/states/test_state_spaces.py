@@ -7,11 +7,11 @@ from semantic_slam.contracts.state_space import COUNT, SpacesContract, StateSpac
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS
-from semantic_slam.inference.states.planar_poses import PlanarPoses
-from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
+from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses
+from semantic_slam.inference.states.kinds.spatial_positions import SpatialPositions
 from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.inference.states.spatial_poses import SpatialPoses
-from semantic_slam.inference.states.spatial_positions import SpatialPositions
 
 
 def poses(random: np.random.Generator, count: int) -> np.ndarray:

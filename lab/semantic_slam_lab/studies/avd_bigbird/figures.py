@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
 
 from semantic_slam.geometry.arrays import Array, Bytes
-from semantic_slam.report.palette import class_colours
+from semantic_slam.report.drawing.palette import class_colours
 from semantic_slam_lab.studies.avd_bigbird.data import SceneTrack, in_object_frame
 from semantic_slam_lab.studies.avd_bigbird.models import TurntableScores
 from semantic_slam_lab.studies.rendered.figures import BANDS, COLOURS

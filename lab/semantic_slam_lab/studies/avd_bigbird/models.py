@@ -17,8 +17,8 @@ from semantic_slam.datasets.bigbird import turntable_views
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.crops import square_crop
-from semantic_slam.perception.mc_dropout import class_probability_samples
-from semantic_slam.perception.weights import load_network
+from semantic_slam.perception.networks.mc_dropout import class_probability_samples
+from semantic_slam.perception.networks.weights import load_network
 from semantic_slam_lab.repetitions import keyed_generator, repeat
 from semantic_slam_lab.studies.avd_bigbird.data import SceneTrack, in_object_frame
 from semantic_slam_lab.studies.rendered.models import fit_model

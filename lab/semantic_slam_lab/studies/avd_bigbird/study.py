@@ -14,7 +14,7 @@ from semantic_slam.configuration import Configuration, PerceptionConfiguration, 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.crops import square_crop
-from semantic_slam.perception.weights import load_network
+from semantic_slam.perception.networks.weights import load_network
 from semantic_slam.pipeline.provenance import revision
 from semantic_slam_lab.repetitions import keyed_generator, repeat
 from semantic_slam_lab.studies.avd_bigbird import figures as draw

@@ -12,7 +12,7 @@ from matplotlib.patches import Ellipse
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
-from semantic_slam.report.ellipse import ellipses
+from semantic_slam.report.drawing.ellipse import ellipses
 from semantic_slam_lab.studies.ch4.runs import History, Moment
 from semantic_slam_lab.studies.ch4.scenarios import Scenario
 from semantic_slam_lab.studies.ch4.simulation import Run

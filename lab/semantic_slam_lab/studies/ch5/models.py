@@ -10,7 +10,7 @@ from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.extractor_store import read_extractor
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.store import read_latent_model
-from semantic_slam.perception.weight_files import shipped_file
+from semantic_slam.perception.networks.weight_files import shipped_file
 from semantic_slam_lab.simulation.goods import CLASSES, goods_names
 
 FORMULATIONS = ("map", "energy")

@@ -9,9 +9,9 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.clock_offset import OFFSETS, shifts_of
+from semantic_slam.inference.models.noise.clock_offset import OFFSETS, shifts_of
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance
 from semantic_slam.inference.models.odometry_bias import CLOCK, bias_sigmas, slopes
-from semantic_slam.inference.models.odometry_noise import odometry_covariance
 from semantic_slam.inference.states.miss_runs import MissRuns
 from semantic_slam_lab.studies.drawn_worlds.errors import RepeatedErrors
 from semantic_slam_lab.studies.drawn_worlds.path import Path

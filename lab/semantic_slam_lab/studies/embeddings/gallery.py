@@ -58,7 +58,7 @@ def photographed(data: Path, network: str) -> Gallery:
 
 def _network(data: Path, name: str):  # type: ignore[no-untyped-def]  # torch is not followed by mypy
     from semantic_slam.configuration import PerceptionConfiguration
-    from semantic_slam.perception.weights import load_network
+    from semantic_slam.perception.networks.weights import load_network
 
     path = data / "weights" / "squeezenet_v1.1.pth" if name == "squeezenet" else ""
     return load_network(PerceptionConfiguration(architecture=name, network=str(path), classes=("0",))).network
@@ -69,7 +69,7 @@ def _trunk_features(files: list[Path], network) -> Array:  # type: ignore[no-unt
     import cv2
     from tqdm import tqdm
 
-    from semantic_slam.perception.mc_dropout import trunk_features
+    from semantic_slam.perception.networks.mc_dropout import trunk_features
 
     size, found = (network.input_size, network.input_size), []
     for file in tqdm(files, desc="pictures", unit="picture"):

@@ -11,7 +11,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.odometry_noise import odometry_covariance
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, feature_names
 
 SIDE_M, LOOP_RADIUS_M, LOOP_KEYFRAMES = 16.0, 2.5, 40

@@ -67,7 +67,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
 
 def configurations() -> dict[str, Configuration]:
     """The learned latent space, the classifier of the same goods, and geometry alone."""
-    from semantic_slam.perception.weight_files import shipped_file
+    from semantic_slam.perception.networks.weight_files import shipped_file
 
     plain = Configuration()
     classes = SemanticModelConfiguration(path=str(shipped_file("goods_viewpoint_models.safetensors")))

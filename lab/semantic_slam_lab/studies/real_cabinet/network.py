@@ -11,9 +11,9 @@ from tqdm import tqdm
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.perception.imagenet_networks import load_imagenet_network
-from semantic_slam.perception.mc_dropout import class_probability_samples, dropout_generator
-from semantic_slam.perception.network import ClassifierNetwork
+from semantic_slam.perception.networks.imagenet_networks import load_imagenet_network
+from semantic_slam.perception.networks.mc_dropout import class_probability_samples, dropout_generator
+from semantic_slam.perception.networks.network import ClassifierNetwork
 from semantic_slam.perception.uncertainty import sample_covariance
 from semantic_slam_lab.studies.real_cabinet.views import Photograph
 

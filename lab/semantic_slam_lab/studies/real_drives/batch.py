@@ -15,7 +15,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.inputs.keyframe import OdometrySample
-from semantic_slam.inference.models.configured_noise import ConfiguredNoise
+from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.pipeline.odometry.motion import OdometryPoint, motion_covariance, point_between, start
 
 CAUCHY = 2.3849

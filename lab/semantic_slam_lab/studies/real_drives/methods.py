@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration, OdometryConfiguration, load_configuration
 from semantic_slam.errors import InputError
-from semantic_slam.inference.models.noise_settings import DISTANCE
+from semantic_slam.inference.models.noise.noise_settings import DISTANCE
 from semantic_slam.shipped import configuration_file
 from semantic_slam_lab.studies.real_drives.drives import MRCLAM, Drive
 

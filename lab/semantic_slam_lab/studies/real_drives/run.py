@@ -14,7 +14,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.noise_settings import DEPTH, DISTANCE
+from semantic_slam.inference.models.noise.noise_settings import DEPTH, DISTANCE
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam_lab.studies.real_drives import batch

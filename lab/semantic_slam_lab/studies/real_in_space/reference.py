@@ -9,7 +9,7 @@ from semantic_slam.evaluation.trajectory import Trajectory, interpolate
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
-from semantic_slam.perception.box_sizes import are_cut, pixel_rays
+from semantic_slam.perception.boxes.box_sizes import are_cut, pixel_rays
 from semantic_slam.perception.frame import CameraModel, Detections
 
 

@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.perception.mc_dropout import samples_of_head
+from semantic_slam.perception.networks.mc_dropout import samples_of_head
 from semantic_slam_lab.repetitions import keyed_generator
 
 HIDDEN = 64

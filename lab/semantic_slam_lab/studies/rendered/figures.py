@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.report.palette import class_colours
+from semantic_slam.report.drawing.palette import class_colours
 from semantic_slam_lab.studies.rendered.views import CLASSES, LEAST_RANGE_M
 
 COLOURS = {

@@ -11,8 +11,8 @@ from tqdm import tqdm
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.crops import square_crop
-from semantic_slam.perception.mc_dropout import class_probability_samples
-from semantic_slam.perception.weights import load_network
+from semantic_slam.perception.networks.mc_dropout import class_probability_samples
+from semantic_slam.perception.networks.weights import load_network
 from semantic_slam_lab.simulation.mujoco_scene import PlacedObject, scene_xml
 from semantic_slam_lab.simulation.renderer import Renderer, camera_model
 

@@ -28,7 +28,7 @@ from semantic_slam.inference.models.planar_detection import PlanarDetection, Pla
 from semantic_slam.inference.models.scored_views import ScoredViews
 from semantic_slam.inference.models.view_scores import ViewScores
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.outliers import OutlierScores

@@ -21,8 +21,8 @@ from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.planar_poses import PlanarPoses
-from semantic_slam.inference.states.planar_positions import PlanarPositions
+from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
+from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 
 POSES_AND_POINTS = Spaces(PlanarPoses(), PlanarPositions())

@@ -26,9 +26,9 @@ from semantic_slam.inference.models.spatial.range_prior import RangePrior
 from semantic_slam.inference.models.spatial.ray import distances, off_axis, polar, polar_and_slopes
 from semantic_slam.inference.models.spatial.ray_factor import ray_factor, with_tail
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses
+from semantic_slam.inference.states.kinds.spatial_positions import SpatialPositions
 from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.inference.states.spatial_poses import SpatialPoses
-from semantic_slam.inference.states.spatial_positions import SpatialPositions
 
 POSES_AND_POINTS_IN_SPACE = Spaces(SpatialPoses(), SpatialPositions())
 

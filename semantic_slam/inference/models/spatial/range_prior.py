@@ -16,7 +16,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.state_space import StateSpace
+from semantic_slam.inference.states.kinds.state_space import StateSpace
 
 LEAST_DISTANCE_M = 1e-3
 """Nearer than that to the camera a logarithm has no slope that means anything."""

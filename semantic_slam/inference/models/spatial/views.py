@@ -12,8 +12,8 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.inference.models.repeated_rows import repeated
 from semantic_slam.inference.models.view_scores import Slopes
+from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces, viewpoints_of
-from semantic_slam.inference.states.spatial_poses import SpatialPoses
 from semantic_slam.viewpoint.model import Viewpoints
 
 POSES_IN_SPACE = Spaces.same(SpatialPoses())

@@ -16,8 +16,8 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.smoothing.linear.located import Located, Stepped
 from semantic_slam.inference.states.keys import is_object, is_robot, is_vector, number_of, object_key, robot_key
+from semantic_slam.inference.states.kinds.state_space import StateSpace
 from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.inference.states.state_space import StateSpace
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.states.keys import is_robot, is_vector, number_of
+from semantic_slam.inference.states.kinds.state_space import StateSpace
 from semantic_slam.inference.states.layout import Layout
-from semantic_slam.inference.states.state_space import StateSpace
 
 
 class Variables(NamedTuple):

@@ -1,0 +1,50 @@
+"""Covariances of odometry and detections that came without any: as configured."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from semantic_slam.configuration import OdometryConfiguration, PerceptionConfiguration
+from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance, odometry_variances
+
+
+@dataclass(frozen=True)
+class ConfiguredNoise:
+    """NaN stands for what is not told; what is told stays as it is."""
+
+    odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)
+    perception: PerceptionConfiguration = field(default_factory=PerceptionConfiguration)
+
+    def of_motion(self, control: Array, covariance: Array) -> Array:
+        """(3, 3) over x, y, yaw of a planar motion, which counts as straight where it is not told."""
+        if not np.isnan(covariance).any():
+            return covariance
+        return odometry_covariance(float(np.hypot(*control[:2])), abs(float(wrap_angle(control[2]))), self.odometry)
+
+    def of_motion_in_space(self, control: Array, covariance: Array) -> Array:
+        """(6, 6) over x y z rx ry rz of a motion (7,), as uncertain along and about every axis where it is not told."""
+        if not np.isnan(covariance).any():
+            return covariance
+        travelled, turned = float(np.linalg.norm(control[:3])), float(np.linalg.norm(so3.log(control[3:])))
+        return np.diag(np.repeat(odometry_variances(travelled, turned, self.odometry), 3))
+
+    def of_detection_in_space(self, range_m: float) -> Array:
+        """(3, 3) of [range, off the ray], as far off in every direction as a bearing is."""
+        by_range = self.perception.sigma_range_m**2 + (self.perception.sigma_range_per_m * range_m) ** 2
+        by_ray = self.perception.sigma_bearing_rad**2
+        return np.diag([by_range, by_ray, by_ray])
+
+    def of_detections(self, ranges_m: Array, covariances: Array) -> Array:
+        """(D, 2, 2) of [range, bearing]; the range's stays NaN where there is no range."""
+        untold = np.isnan(covariances[:, 1, 1])
+        if not untold.any():
+            return covariances
+        filled = covariances.copy()
+        filled[untold] = np.diag([0.0, self.perception.sigma_bearing_rad**2])
+        by_distance = (self.perception.sigma_range_per_m * ranges_m[untold]) ** 2
+        filled[untold, 0, 0] = self.perception.sigma_range_m**2 + by_distance
+        filled[untold & np.isnan(ranges_m), 0, 0] = np.nan
+        return filled

@@ -1,0 +1,67 @@
+"""Networks that were trained on ImageNet, from files of weights in the layouts that their sources have."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from semantic_slam.configuration import PerceptionConfiguration
+from semantic_slam.errors import InputError
+from semantic_slam.perception.networks import alexnet, efficientnet_lite, squeezenet
+from semantic_slam.perception.networks.imagenet import NUM_CLASSES, reported_classes
+from semantic_slam.perception.networks.network import ClassifierNetwork, DropoutNetwork, each_alone
+from semantic_slam.perception.networks.weight_files import load_strictly, read_weights
+
+
+def load_imagenet_network(settings: PerceptionConfiguration) -> ClassifierNetwork:
+    """The configured network of those in ``NETWORKS``, with its reported classes. Raises InputError."""
+    names, members = _reported(settings)
+    return ClassifierNetwork(NETWORKS[settings.architecture](settings), names, members)
+
+
+def _reported(settings: PerceptionConfiguration) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:
+    """Classes by name, or AlexNet's components by number, without a rest. Raises InputError."""
+    if settings.architecture != alexnet.ARCHITECTURE or settings.classes or settings.class_groups:
+        return reported_classes(settings)
+    components = settings.alexnet_components
+    if not components or not all(0 <= index < NUM_CLASSES for index in components):
+        raise InputError(
+            f"perception.alexnet_components: {list(components)} must be ImageNet classes 0 to {NUM_CLASSES - 1}"
+        )
+    return tuple(f"imagenet_{index}" for index in components), each_alone(components)
+
+
+def _alexnet(settings: PerceptionConfiguration) -> DropoutNetwork:
+    path = _named_file(settings)
+    network = alexnet.AlexNet()
+    load_strictly(network, read_weights(path), path)
+    return network
+
+
+def _squeezenet(settings: PerceptionConfiguration) -> DropoutNetwork:
+    path = _named_file(settings)
+    tensors = read_weights(path)
+    network = squeezenet.SqueezeNet(of_torchvision=squeezenet.is_of_torchvision(set(tensors)))
+    load_strictly(network, {squeezenet.renamed(name): tensor for name, tensor in tensors.items()}, path)
+    return network
+
+
+def _efficientnet_lite(settings: PerceptionConfiguration) -> DropoutNetwork:
+    network = efficientnet_lite.EfficientNetLite()
+    path = Path(settings.network) if settings.network else efficientnet_lite.packaged_weights()
+    load_strictly(network, {f"whole.{name}": tensor for name, tensor in read_weights(path).items()}, path)
+    return network
+
+
+def _named_file(settings: PerceptionConfiguration) -> Path:
+    if not settings.network:
+        raise InputError(
+            f"perception.network: {settings.architecture} has no shipped weights; name a torchvision state dict (.pth)"
+        )
+    return Path(settings.network)
+
+
+NETWORKS: dict[str, Callable[[PerceptionConfiguration], DropoutNetwork]] = {
+    alexnet.ARCHITECTURE: _alexnet,
+    squeezenet.ARCHITECTURE: _squeezenet,
+    efficientnet_lite.ARCHITECTURE: _efficientnet_lite,
+}
+"""What loads each architecture's weights in evaluation mode; they raise InputError."""
