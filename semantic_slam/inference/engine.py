@@ -90,9 +90,8 @@ class Engine:
         association = self.association(self.problem, self.registry)
         self.steps: list[Step] = []  # so far, where histories are replayed
         anew = self.registry if self.problem.spaces.name == "spatial" else None
-        self.revision = Revision(
-            self.problem.revision, lambda: Replay(self.problem, association, self.steps, anew), self.registry
-        )
+        replay = Replay(self.problem, association, self.steps, anew)
+        self.revision = Revision(self.problem.revision, replay, self.registry)
         self.relocation = Relocation(
             self.problem.revision, Replay(self.problem, association, self.steps), self.registry
         )
@@ -197,7 +196,7 @@ class Engine:
         found: dict[int, Hypothesis] = {}
         if self.revision.is_on:
             objects = {number: components[number].objects for number in self.live}
-            found |= self.revision.revised(self.live, places, reported.ids, objects, self.log_evidence)
+            found |= self.revision.revised(self.live, reported.ids, objects, self.log_evidence)
         found |= self.relocation.placed(self.live, self.log_evidence, ratio)
         found |= self.recovery.found(self.live, poses, self.log_evidence, ratio)
         if not found:

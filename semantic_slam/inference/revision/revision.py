@@ -6,7 +6,7 @@ P(history, Z_1:k), as if it had been followed all along. Nothing is optimised un
 keyframes, a few keyframes of its own in each, and enters once it has caught up.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,15 +23,11 @@ from semantic_slam.inference.world.problem import Problem
 
 
 class Revision:
-    """Looks back from the best history, and in turn from the best one in which the robot is elsewhere."""
+    """Looks back from the best history every few keyframes, up to a horizon."""
 
-    def __init__(
-        self, settings: RevisionConfiguration, make_replay: Callable[[], Replay], registry: ObjectRegistry
-    ) -> None:
-        """``make_replay``: replays the histories of all steps so far."""
-        self._settings, self._replay = settings, make_replay()
-        self._from_best = LookingBack(settings, self._replay, registry)
-        self._from_elsewhere = LookingBack(settings, make_replay(), registry)
+    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
+        self._settings, self._replay = settings, replay
+        self._looking_back = LookingBack(settings, replay, registry)
 
     @property
     def is_on(self) -> bool:
@@ -41,44 +37,20 @@ class Revision:
     def revised(
         self,
         live: Mapping[int, Hypothesis],
-        places: Mapping[int, Array],
         ids: Sequence[int],
         objects: Mapping[int, ObjectTable],
         log_evidence: float,
     ) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh as much as pruning asks of the one that each revises.
+        """New hypotheses that weigh as much as pruning asks beside the one that each revises.
 
-        ``places`` (3,) of the robot [m] and ``objects`` (O, ...), over the ``ids``, of each live one; ``log_evidence``:
-        what weights are relative to.
+        ``objects`` (O, ...) of each live one, over the ``ids``; ``log_evidence``: what weights are relative to.
         """
-        ratio, looks = self._replay.problem.pruning.ratio, (self._from_best, self._from_elsewhere)
-        if len(self._replay.steps) > self._settings.horizon:
-            for own in looks:
-                own.give_up()
-        subjects = self._subjects(live, places)
-        for own, subject in zip(looks, subjects, strict=True):
-            if subject is not None and own.is_idle:
-                own.begin(subject)
-        found = [own.found(live, ids, objects, log_evidence, ratio) for own in looks]
-        return found[0] | found[1]
-
-    def _subjects(
-        self, live: Mapping[int, Hypothesis], places: Mapping[int, Array]
-    ) -> tuple[Hypothesis | None, Hypothesis | None]:
-        """Which histories to look at after the newest keyframe: the best one, and the best one elsewhere."""
-        every, count = self._settings.every_keyframes, len(self._replay.steps)
+        count, ratio = len(self._replay.steps), self._replay.problem.pruning.ratio
         if count > self._settings.horizon:
-            return None, None
-        best = next(iter(live.values())) if count % every == 0 else None
-        return best, self._elsewhere(live, places) if (count + every // 2) % every == 0 else None
-
-    def _elsewhere(self, live: Mapping[int, Hypothesis], places: Mapping[int, Array]) -> Hypothesis | None:
-        """The best history in which the robot is elsewhere than in the best one, where pruning tells places apart."""
-        limits, first = self._replay.problem.pruning, next(iter(live))
-        if limits.place_m <= 0.0:
-            return None
-        away = (n for n in live if np.linalg.norm(places[n] - places[first]) > limits.place_m)
-        return next((live[n] for n in away), None)
+            self._looking_back.give_up()
+        elif count % self._settings.every_keyframes == 0 and self._looking_back.is_idle:
+            self._looking_back.begin(next(iter(live.values())))
+        return self._looking_back.found(live, ids, objects, log_evidence, ratio)
 
 
 def with_revised(
