@@ -8,14 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from worlds.bag_factory import frame_stamp, of_topic, write_bag, write_configuration
-from worlds.node_runs import Replay, beliefs, run
-from worlds.places import place_entries
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import load_configuration
-from semantic_slam.messages import topics
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, time_message
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.offline import run_bag
@@ -162,26 +158,3 @@ def test_each_wrong_stamp_on_the_shipped_bag_costs_one_message(
     assert now["nees_mean"] == pytest.approx(before["nees_mean"], abs=1.0)
     assert now["dead_reckoning_true_start_ate_m"] == pytest.approx(before["dead_reckoning_true_start_ate_m"], abs=0.1)
     assert now["association_f1"] == 1.0
-
-
-@pytest.mark.ros
-@pytest.mark.slow
-def test_nodes_in_lock_step_judge_stamps_as_offline_does(tmp_path: Path) -> None:
-    entries = place_entries("ranges", 10)
-    for topic, place, ahead_ns in (
-        (topics.ODOMETRY, 4, FAR_NS),
-        (topics.DETECTIONS, 6, NEAR_NS),
-        (topics.ODOMETRY, 10, NEAR_NS),  # the last one: nothing comes that could tell
-    ):
-        message = of_topic(entries, topic)[place].message
-        message.header.stamp = time_message(header_stamp_ns(message) + ahead_ns)
-    bag = write_bag(tmp_path / "bag", entries)
-    configuration = write_configuration(tmp_path / "configuration")
-    summary = run_bag(bag, tmp_path / "offline", load_configuration(configuration))
-    online = run(Replay(bag, configuration, tmp_path / "nodes", backends=1))
-    assert summary.num_keyframes == 9
-    assert summary.dropped == {f"odom: {LEAPS}": 1, f"detections: {LEAPS}": 1}
-    assert [belief.stamp_ns for belief in online] == [frame_stamp(k) for k in range(10) if k != 6]
-    assert [belief.hypothesis_ids.tolist() for belief in online] == [
-        belief.hypothesis_ids.tolist() for belief in beliefs(tmp_path / "offline")
-    ]
