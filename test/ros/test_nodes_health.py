@@ -22,6 +22,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 WITHIN_S = 5.0
 START_S = 120.0
+NUM_TERMINATED = 2
 SENT = (topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DETECTIONS)
 
 
@@ -111,10 +112,10 @@ def test_terminated_nodes_end_at_once_and_quietly(listener: Listener) -> None:
         subprocess.Popen(
             [*command, f"backend_id:={n}", "-r", f"__node:=backend_{n}"], stderr=subprocess.PIPE, text=True
         )
-        for n in range(3)
+        for n in range(NUM_TERMINATED)
     ]
     try:
-        for n in range(3):
+        for n in range(NUM_TERMINATED):
             listener.wait_for(0, f"backend_{n}", within_s=30.0)
         for node in nodes:
             node.terminate()
