@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import semantic_slam
 from semantic_slam import Configuration, Detection, Engine, HybridBelief, InputError, Keyframe, MapPrior, ObjectPrior
 
 ROOT = Path(__file__).parents[1]
+EXAMPLE = ROOT / "examples" / "engine.py"
 GEOMETRY = Configuration.of(semantic_model={"kind": "none"})
 CLASSES = Configuration.of(semantic_model={"kind": "parametric"})
 MAP = MapPrior(tuple(ObjectPrior.planar(n, 2.0 * n, 1.0, sigma_m=0.1, sigma_rad=0.1) for n in range(4)))
@@ -208,26 +210,27 @@ def test_keyframes_out_of_order_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_the_lost_robot_of_the_example_finds_itself(tmp_path: Path) -> None:
-    example = ROOT / "examples" / "engine.py"
-    picture = tmp_path / "engine.png"
-    told = subprocess.run([sys.executable, example, picture], capture_output=True, text=True, timeout=120)
-    assert told.returncode == 0, told.stderr
-    first, *_, last = [re.findall(r"[\d.]+", line.partition("weights")[2]) for line in told.stdout.splitlines()]
-    assert len(first) == 5 and max(map(float, first)) < 0.5 and list(map(float, last)) == [1.0]
-    assert picture.stat().st_size > 20_000
-    again = subprocess.run([sys.executable, example, picture], capture_output=True, text=True, timeout=120)
-    assert again.returncode and "File exists" in again.stderr and picture.stat().st_size > 20_000
-    assert len(example.read_text(encoding="utf-8").splitlines()) <= 40
-
-
-@pytest.mark.slow
-def test_the_example_leaves_no_file_unasked(tmp_path: Path) -> None:
-    command = [sys.executable, ROOT / "examples" / "engine.py"]
+def test_the_lost_robot_of_the_example_finds_itself_and_leaves_no_file_unasked(tmp_path: Path) -> None:
+    command = [sys.executable, EXAMPLE]
     headless = os.environ | {"MPLBACKEND": "agg"}
     told = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path, env=headless)
     assert told.returncode == 0, told.stderr
+    first, *_, last = [re.findall(r"[\d.]+", line.partition("weights")[2]) for line in told.stdout.splitlines()]
+    assert len(first) == 5 and max(map(float, first)) < 0.5 and list(map(float, last)) == [1.0]
     assert list(tmp_path.iterdir()) == []
+    assert len(EXAMPLE.read_text(encoding="utf-8").splitlines()) <= 40
+
+
+@pytest.mark.slow
+def test_the_example_draws_its_picture_and_never_over_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = tmp_path / "engine.png"
+    monkeypatch.setattr(sys, "argv", [str(EXAMPLE), str(picture)])
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    runpy.run_path(str(EXAMPLE), run_name="__main__")
+    assert picture.stat().st_size > 20_000
+    with pytest.raises(FileExistsError):
+        runpy.run_path(str(EXAMPLE), run_name="__main__")
+    assert picture.stat().st_size > 20_000
 
 
 @pytest.mark.slow

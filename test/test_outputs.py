@@ -299,10 +299,10 @@ def test_the_recorder_asks_and_with_leave_keeps_the_old_bag_until_it_is_done(tmp
         assert f"{old}: exists already; give overwrite:=true to replace it" in nodes.tail("bag_recorder")
     with processes(tmp_path) as nodes:
         nodes.start(NodeSpec("bag_recorder", "bag_recorder", {"bag": str(old), "overwrite": True}))
-        while not list(tmp_path.glob("old.unfinished_*/old/*.mcap")):
+        while ": ready" not in nodes.tail("bag_recorder"):
             nodes.check()
             time.sleep(0.05)
-        time.sleep(3.0)  # until the node, whose bag is there before it, is complete
+        assert list(tmp_path.glob("old.unfinished_*/old/*.mcap"))
         assert digest(old) == before
     assert digest(old) == before  # nothing was recorded
     assert sorted(os.listdir(tmp_path)) == ["log", "old"]

@@ -3,6 +3,7 @@
 import ast
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -83,9 +84,13 @@ def test_what_its_python_imports_is_there(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_offline_example_runs(tmp_path: Path) -> None:
-    command = [sys.executable, "examples/offline.py", "bags/aliased_room", str(tmp_path / "belief")]
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+def test_the_offline_example_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "argv", ["examples/offline.py", "bags/aliased_room", str(tmp_path / "belief")])
+    runpy.run_path("examples/offline.py", run_name="__main__")
+    told = capsys.readouterr().out.splitlines()
     assert told[-9] == "5 keyframes, dropped: {}"
     assert told[-8].startswith("object_1 {'cabinet': ")
 

@@ -38,8 +38,10 @@ def apart(
 ) -> list[Result]:
     """``function`` of every task, in their order, each in a fresh process, so that memory is that of one run.
 
-    ``shared``: ``jobs`` processes for all of them, where nobody asks what one takes.
+    ``shared``: ``jobs`` processes for all of them, where nobody asks what one takes; one job is done in this process.
     """
+    if shared and jobs == 1:
+        return [function(task) for task in tqdm(tasks, desc=description, unit="run")]
     with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=None if shared else 1) as pool:
         return list(tqdm(pool.map(function, tasks), total=len(tasks), desc=description, unit="run"))
 

@@ -132,6 +132,7 @@ def test_a_small_run_on_given_folders(tmp_path: Path, monkeypatch: pytest.Monkey
     assert set(result["feature_sets"]) == {"mean_score", "importance"}
     assert paths[1].read_text().count("data:image/png") == 5
     folders = sorted((tmp_path / "out" / "data").iterdir())
+    monkeypatch.setattr(study, "figures", lambda *of: [])  # those of the first run again
     again = study.run(tmp_path / "given", quick=True, jobs=1, seed=0, avd=folders[0] / "Gen_000_1", bigbird=folders[1])
     given = json.loads(again[0].read_text())
     assert given["methods"] == result["methods"] and not given["settings"]["simulated"]

@@ -135,7 +135,7 @@ def test_refinement_is_judged_on_tracks_that_it_has_not_seen(shipped: Shipped) -
     goods = goods_names(NUM_GOODS)
     names = (known(shipped, goods)[3], known(shipped, goods)[9])
     runs = [small_track(shipped, name, number) for name in names for number in range(2)]
-    numbers = refinement_numbers(runs, names[1:], "map", 1, RefinementSettings(steps=20))
+    numbers = refinement_numbers(runs, names[1:], "map", 1, RefinementSettings(steps=8))
     for group in ("trained", "new"):
         before, after = (numbers[f"{group}_objects_{when}_log_likelihood_per_view"] for when in ("before", "after"))
         assert abs(after - before) < 5.0

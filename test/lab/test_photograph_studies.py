@@ -80,6 +80,8 @@ def test_a_quick_run_on_photographs(
     study: str, tmp_path: Path, data_set: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data_set("cabinet_58")
+    monkeypatch.setattr("semantic_slam_lab.studies.real_kitchen.study.QUICK_FRAMES", 48)
+    monkeypatch.setattr("semantic_slam_lab.studies.real_cabinet.study.QUICK_PASSES", 3)
     words = ["--data", str(data_set("redkitchen").parent), "--quick", "--out", str(tmp_path / "out")]
     monkeypatch.setattr("sys.argv", ["run_study", study, *words])
     run_study.command()

@@ -1,4 +1,4 @@
-"""Real nodes over DDS against the offline pipeline: the same beliefs, and nothing lost."""
+"""Real nodes over DDS, of which one dies and one is slow, against the offline pipeline: nothing is lost."""
 
 import re
 import shutil
@@ -30,7 +30,6 @@ signal.signal(signal.SIGINT, lambda *_: node.send_signal(signal.SIGINT))  # or i
 node.wait()
 """,
 ]
-EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
 
 
 @pytest.fixture(scope="module")
@@ -88,21 +87,6 @@ def faulty_replay(
 def test_reference_has_work_for_three_backends(reference: list[HybridBelief]) -> None:
     assert len(reference) == NUM_FRAMES
     assert max(len(belief.hypothesis_ids) for belief in reference) >= 3
-
-
-def test_two_backends_and_classifier_agree_with_offline_and_a_user_reads_along(
-    camera_bag: Path, configuration: Path, reference: list[HybridBelief], tmp_path: Path
-) -> None:
-    example = {"print_belief": EXAMPLE}
-    replay = Replay(camera_bag, configuration, tmp_path, 2, commands=example, companions=("print_belief",))
-    count = len(reference[-1].object_ids)
-
-    def last() -> list[str]:
-        printed = replay.output_of("print_belief").splitlines()
-        return [line for line in printed if line.startswith(f"{NUM_FRAMES - 1}: object ")]
-
-    assert_same(run(replay, lambda: len(last()) == count), reference)
-    assert len(last()) == count
 
 
 def test_hypotheses_of_a_killed_backend_move_to_the_others(

@@ -3,7 +3,7 @@
 import json
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import pytest
 import rclpy
@@ -22,6 +22,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 WITHIN_S = 5.0
 START_S = 120.0
+NUM_TERMINATED = 2
 SENT = (topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DETECTIONS)
 
 
@@ -39,19 +40,43 @@ class Listener:
 
     def wait_for(self, level: int, *words: str, within_s: float) -> str:
         """The first status from now on of that level that contains all words; fails after ``within_s``."""
+        return self.wait_for_each(level, [words], within_s)[0]
+
+    def wait_for_each(self, level: int, wanted: Sequence[Sequence[str]], within_s: float) -> list[str]:
+        """Likewise for each of several sets of words."""
         self.heard.clear()
         give_up = time.monotonic() + within_s
         while time.monotonic() < give_up:
             rclpy.spin_once(self.node, timeout_sec=0.1)
-            for found, text in self.heard:
-                if found == level and all(word in text for word in words):
-                    return text
-        raise AssertionError(f"no status of level {level} with {words} in {within_s:.0f} s; heard {self.heard}")
+            told = [text for own, text in self.heard if own == level]
+            found = [next((text for text in told if all(word in text for word in words)), "") for words in wanted]
+            if all(found):
+                return found
+        raise AssertionError(f"no status of level {level} with {wanted} in {within_s:.0f} s; heard {self.heard}")
 
 
 @pytest.fixture(scope="module")
-def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
-    """A lossless classifier that accepts boxes labelled ``chair`` only, and nobody who sends it anything yet."""
+def backends() -> Iterator[list[subprocess.Popen[str]]]:
+    """Backends that nobody gives work."""
+    command = ["backend_node", "--ros-args", "-p"]
+    nodes = [
+        subprocess.Popen(
+            [*command, f"backend_id:={n}", "-r", f"__node:=backend_{n}"], stderr=subprocess.PIPE, text=True
+        )
+        for n in range(NUM_TERMINATED)
+    ]
+    yield nodes
+    for node in nodes:
+        node.kill()
+        node.wait()
+
+
+@pytest.fixture(scope="module")
+def listener(tmp_path_factory: pytest.TempPathFactory, backends: list[subprocess.Popen[str]]) -> Iterator[Listener]:
+    """A lossless classifier that accepts boxes labelled ``chair`` only, and nobody who sends it anything yet.
+
+    The ``backends`` start meanwhile.
+    """
     folder = tmp_path_factory.mktemp("health")
     network = json.loads(write_configuration(folder).read_text())["perception"]["network"]
     parameters = {
@@ -83,8 +108,8 @@ def send_frames(listener: Listener) -> None:
 
 
 def test_silent_topics_are_named(listener: Listener) -> None:
-    for topic in ("/image/compressed", "/camera_info", "/detections"):
-        listener.wait_for(2, "classifier: ", f"{topic} is silent", within_s=WITHIN_S)
+    silent = [("classifier: ", f"{topic} is silent") for topic in ("/image/compressed", "/camera_info", "/detections")]
+    listener.wait_for_each(2, silent, within_s=WITHIN_S)
 
 
 def test_unknown_label_is_named(listener: Listener) -> None:
@@ -104,23 +129,12 @@ def test_topic_that_falls_silent_is_named(listener: Listener) -> None:
     listener.wait_for(1, "/image/compressed has been silent", within_s=WITHIN_S)
 
 
-def test_terminated_nodes_end_at_once_and_quietly(listener: Listener) -> None:
+def test_terminated_nodes_end_at_once_and_quietly(listener: Listener, backends: list[subprocess.Popen[str]]) -> None:
     """Whatever they were about to publish: nobody is left to take it."""
-    command = ["backend_node", "--ros-args", "-p"]
-    nodes = [
-        subprocess.Popen(
-            [*command, f"backend_id:={n}", "-r", f"__node:=backend_{n}"], stderr=subprocess.PIPE, text=True
-        )
-        for n in range(3)
-    ]
-    try:
-        for n in range(3):
-            listener.wait_for(0, f"backend_{n}", within_s=30.0)
-        for node in nodes:
-            node.terminate()
-        for node in nodes:
-            complaints = node.communicate(timeout=15.0)[1]
-            assert "Traceback" not in complaints
-    finally:
-        for node in nodes:
-            node.kill()
+    for n in range(len(backends)):
+        listener.wait_for(0, f"backend_{n}", within_s=30.0)
+    for node in backends:
+        node.terminate()
+    for node in backends:
+        complaints = node.communicate(timeout=15.0)[1]
+        assert "Traceback" not in complaints

@@ -21,7 +21,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.standard import header_stamp_ns, time_message
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.launching.node_set import NodeSpec, node_set
+from semantic_slam.ros.launching.node_set import NodeSpec
 from semantic_slam.ros.launching.processes import NodeProcesses
 from semantic_slam.ros.launching.supervisor import Supervisor
 from semantic_slam.ros.node.parameters import changed_parameters
@@ -31,8 +31,6 @@ from semantic_slam.ros.wire.transport import Outlet, receive
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 6
-MORE_FRAMES = 12
-"""More than a player that goes on sends again."""
 PATIENCE_FRAMES = 80
 """Until a manager that is started again hears what is sent, which on a busy machine takes long."""
 TIMEOUT_S = 60.0
@@ -196,39 +194,6 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     ids = [record.run.run_id.partition(".") for record in records]
     assert [number for _, _, number in ids] == ["1", "2", "3", "4"]
     assert ids[0][0] == ids[1][0] == ids[2][0] != ids[3][0]  # the same but on another map
-
-
-def test_another_replay_into_running_nodes_is_another_session_with_the_same_beliefs(tmp_path: Path) -> None:
-    """The second one after the first, and a third one after a reset."""
-    nowhere = {"network": "nowhere.safetensors"}
-    configuration = write_configuration(tmp_path / "configuration", perception=nowhere)
-    bag = write_bag(tmp_path / "bag", place_entries("ranges", MORE_FRAMES))
-    specs = node_set(bag, configuration, 1, 0.0, "", has_tf2=False)
-    rclpy.init()
-    try:
-        with processes(tmp_path) as nodes:
-            heard: list[int] = []
-            node = rclpy.create_node("listener")
-            receive(node, topics.BELIEF, lambda data: heard.append(keyframe_of(data)), qos.everything_from_the_start())
-            for spec in specs:
-                nodes.start(spec)
-            for replay in (1, 2, 3):
-                if replay == 3:
-                    client = node.create_client(Trigger, "hypothesis_manager/reset")
-                    future = client.call_async(Trigger.Request())
-                    rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT_S)
-                    assert future.done()
-                if replay > 1:
-                    nodes.start(specs[-1])
-                give_up = time.monotonic() + TIMEOUT_S
-                while nodes.exit_code("bag_player") is None or len(heard) < replay * MORE_FRAMES:
-                    rclpy.spin_once(node, timeout_sec=0.05)
-                    nodes.check()
-                    assert time.monotonic() < give_up, heard
-            node.destroy_node()
-            assert heard == 3 * [*range(MORE_FRAMES)]
-    finally:
-        rclpy.try_shutdown()
 
 
 def keyframe_of(belief: bytes) -> int:

@@ -1,6 +1,7 @@
 """Text files of numbers, compressed by gzip or not, whose faults are named by their lines."""
 
 import gzip
+import math
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -46,8 +47,10 @@ def lines_of(path: Path, remedy: str, separator: str | None = None) -> Iterator[
     try:
         with gzip.open(path, "rt", encoding="utf-8") if path.suffix == ".gz" else path.open(encoding="utf-8") as file:
             for number, text in enumerate(file, start=1):
-                if text.strip() and not text.lstrip().startswith("#"):
-                    yield Line(path, number, [word.strip() for word in text.strip().split(separator)])
+                text = text.strip()
+                if text and not text.startswith("#"):
+                    words = text.split(separator)
+                    yield Line(path, number, words if separator is None else [word.strip() for word in words])
     except (OSError, EOFError, UnicodeDecodeError, zlib.error) as fault:
         raise InputError(f"{path}: cannot be read to its end ({fault}); {remedy}") from None
 
@@ -62,7 +65,7 @@ def numbers(line: Line, columns: Sequence[str], remedy: str) -> list[float]:
             value = float(word)
         except ValueError:
             value = float("nan")
-        if not np.isfinite(value):
+        if not math.isfinite(value):
             raise line.fault(f"{column} is '{word}', not a finite number", remedy)
         values.append(value)
     return values
