@@ -72,8 +72,8 @@ def test_saved_configurations_admit_the_foreign_name(foreign: dict[str, str]) ->
 
 @pytest.mark.slow
 def test_without_the_package_its_name_is_refused_with_those_that_are_known(tmp_path: Path) -> None:
-    run = told(dict(os.environ), "-m", "semantic_slam.cli.commands", "report", "bags/aliased_room", "--out", tmp_path,
-               "--config", PACKAGE / "foreign.yaml")  # fmt: skip
+    words = ("report", "bags/aliased_room", "--out", tmp_path / "out", "--config", PACKAGE / "foreign.yaml")
+    run = call(ROOT, "semantic_slam.cli.commands", *words)
     assert run.returncode == 2 and run.stderr.count("\n") == 1
     assert "'viewpoint_table'" in run.stderr and "gp_independent" in run.stderr
 

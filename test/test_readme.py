@@ -1,10 +1,8 @@
 """README and docs say what is there: code runs, commands, files, sections and numbers exist."""
 
 import ast
-import os
 import re
 import runpy
-import subprocess
 import sys
 from pathlib import Path
 
@@ -58,14 +56,14 @@ def test_readme_is_of_one_screen_or_two() -> None:
 
 
 @pytest.mark.slow
-def test_its_python_runs_as_it_stands(tmp_path: Path) -> None:
+def test_its_python_runs_as_it_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     first = next(block for block in blocks(README, "python") if "rclpy" not in block)
     (tmp_path / "bags").symlink_to(ROOT / "bags")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    result = subprocess.run(
-        [sys.executable, "-c", first], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-    )
-    *objects, weights = result.stdout.splitlines()
+    monkeypatch.chdir(tmp_path)
+    exec(compile(first, "README.md", "exec"), {"__name__": "__main__"})
+    *objects, weights = capsys.readouterr().out.splitlines()
     assert len(objects) == 2 and all("exists: " in line for line in objects)
     assert sum(map(float, weights.strip("[]").split(","))) == pytest.approx(1.0)
 

@@ -1,8 +1,6 @@
 """Goods: what an instance looks like follows from its name, and its sides lie where the object frame says."""
 
 import json
-import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from semantic_slam_lab.simulation.mujoco_scene import PlacedObject, scene_xml
 from semantic_slam_lab.simulation.renderer import Renderer, camera_model
 from semantic_slam_lab.simulation.textures import SIZE
 from semantic_slam_lab.simulation.turntable import CAMERAS, table_from_camera
+from worlds.commands import call
 
 
 def test_names_go_through_the_classes_in_turn() -> None:
@@ -105,16 +104,7 @@ def test_rooms_hold_two_different_instances_of_four_classes() -> None:
 @pytest.mark.slow
 @pytest.mark.render
 def test_command_writes_goods_and_their_classes(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "semantic_slam_lab.commands.make_scene",
-        "--turntable",
-        "--goods",
-        "2",
-        "--step-deg",
-        "180",
-    ]
-    subprocess.run([*command, "--out", str(tmp_path)], check=True, capture_output=True)
+    words = ("--turntable", "--goods", 2, "--step-deg", 180, "--out", tmp_path)
+    assert call(tmp_path, "semantic_slam_lab.commands.make_scene", *words).returncode == 0
     assert json.loads((tmp_path / "classes.json").read_text()) == {"barrel_01": "barrel", "bin_01": "bin"}
     assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["barrel_01", "bin_01"]
