@@ -41,3 +41,9 @@ class WeightsConfiguration:
         minimum=0.0,
     )
     max_candidates: int = parameter(400, "candidates weighed per parent and keyframe", minimum=1)
+    bagged_sets: int = parameter(
+        0,
+        "with pruning.place_m: resampled sets of keyframes over which a belief's weights are averaged between places of"
+        " the robot, where models are not exact; 0: weights as they are",
+        minimum=0,
+    )

@@ -80,7 +80,7 @@ class Engine:
         pool.start(run)
         self.association: type[AssociationStrategy] = self.problem.association
         self.registry = ObjectRegistry(self.problem.objects, self.problem.class_shares, self.problem.displaced)
-        self.hypotheses = Hypotheses(self.problem.log_root_weights, pool.backend_ids[0])
+        self.hypotheses = Hypotheses(self.problem.log_root_weights, pool.backend_ids[0], self.problem.bagging)
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         merges = self.association.merges_copies
         self.copies = Copies(self.problem) if merges else self._copies_of_known_objects()
@@ -273,19 +273,40 @@ class Engine:
         known = self.problem.map_ids
         return in_map(held, starts, np.array([n in known for n in reported.ids], dtype=bool))
 
+    def _as_believed(self, components: dict[int, HeldComponent]) -> dict[int, Hypothesis]:
+        """The live hypotheses, heaviest first, with weights that count what their evidence is worth between places."""
+        every, limits = list(self.live.items()), self.problem.pruning
+        bagging = self.problem.bagging
+        if bagging.num_replicates == 0 or limits.place_m <= 0.0:
+            return self.live
+        places = Kinds(
+            positions=np.array([components[number].pose[:3] for number, _ in every]),
+            beginnings=np.zeros(len(every), dtype=int),
+        )
+        log_weights = bagging.log_weights(
+            np.array([own.log_weight for _, own in every]),
+            np.array([own.replicates for _, own in every]),
+            places.of(np.arange(len(every)), limits.place_m),
+        )
+        return {
+            every[row][0]: replace(every[row][1], log_weight=float(log_weights[row]))
+            for row in np.argsort(-log_weights, kind="stable").tolist()
+        }
+
     def _mixture(self, components: dict[int, HeldComponent], reported: ReportedObjects) -> Mixture:
         """The live hypotheses, heaviest first."""
-        rows = [self._in_map(components[n], live.lineage, reported) for n, live in self.live.items()]
+        live = self._as_believed(components)
+        rows = [self._in_map(components[n], own.lineage, reported) for n, own in live.items()]
         objects = stack_rows([own.objects for own in rows])
-        genuine = self.genuine.probabilities(self.live, reported.ids)
+        genuine = self.genuine.probabilities(live, reported.ids)
         if genuine is not None:
             objects = replace(objects, existence=objects.existence * genuine)
         return Mixture(
-            ids=list(self.live),
-            parent_ids=[live.told_parent_id for live in self.live.values()],
-            log_weights=np.array([live.log_weight for live in self.live.values()]),
-            lineages=[live.lineage for live in self.live.values()],
-            changes=self.alternatives.told(self.live),
+            ids=list(live),
+            parent_ids=[own.told_parent_id for own in live.values()],
+            log_weights=np.array([own.log_weight for own in live.values()]),
+            lineages=[own.lineage for own in live.values()],
+            changes=self.alternatives.told({n: live[n] for n in self.live}),
             poses=np.array([own.pose for own in rows]),
             pose_covariances=np.array([own.covariance for own in rows]),
             objects=objects,

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.candidate_table import CandidateTable
+from semantic_slam.inference.evidence.bagging import Bagging
 from semantic_slam.inference.ownership import assign_owners
 from semantic_slam.inference.protocol import Commit
 from semantic_slam.inference.pruning import Pruned
@@ -32,6 +34,7 @@ class Hypothesis:
     lineage: tuple[LineageStep, ...]  # one step for every keyframe
     revises: "Hypothesis | None" = None  # the live one of whose history it is a revision, when it enters as one
     replayed: Component | None = field(default=None, compare=False, repr=False)  # when it enters after a replay
+    replicates: Array = field(default_factory=lambda: np.zeros(0), compare=False, repr=False)  # (B,) see ``Bagging``
 
     @property
     def told_parent_id(self) -> int:
@@ -83,10 +86,17 @@ class DiscardedMass:
 class Hypotheses:
     """The live set; ids are digests of content, so that every process names a hypothesis alike."""
 
-    def __init__(self, log_root_weights: Sequence[float], owner: int) -> None:
+    def __init__(self, log_root_weights: Sequence[float], owner: int, bagging: Bagging) -> None:
         """Before any keyframe there is one for each noise that odometry may have."""
+        self.bagging = bagging
         self.live = {
-            ROOT_ID + number: Hypothesis(owner=owner, log_weight=log_weight, parent_id=ROOT_ID + number, lineage=())
+            ROOT_ID + number: Hypothesis(
+                owner=owner,
+                log_weight=log_weight,
+                parent_id=ROOT_ID + number,
+                lineage=(),
+                replicates=bagging.begun(log_weight),
+            )
             for number, log_weight in enumerate(log_root_weights)
         }
         self.discarded = DiscardedMass()
@@ -111,8 +121,11 @@ class Hypotheses:
         owners = assign_owners([parent.owner for parent in parents], backend_ids, length)
         rows = zip(pruned.kept, owners, parents, pruned.log_weights, strict=True)
         return {
-            int(candidates.ids[row]): _child(
-                parent, owner, float(log_weight), int(candidates.parent_ids[row]), candidates.step(row)
+            int(candidates.ids[row]): replace(
+                _child(parent, owner, float(log_weight), int(candidates.parent_ids[row]), candidates.step(row)),
+                replicates=self.bagging.grown(
+                    parent.replicates, length - 1, float(candidates.log_weights[row]) - parent.log_weight
+                ),
             )
             for row, owner, parent, log_weight in rows
         }

@@ -123,6 +123,7 @@ class Recovery:
                 lineage=own.lineage,
                 revises=best,
                 replayed=own.component,
+                replicates=own.replicates + self._log_surplus,
             )
             for own in entering
         }

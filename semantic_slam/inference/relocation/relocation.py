@@ -74,6 +74,7 @@ class Relocation:
                     lineage=own.lineage,
                     revises=lost or best,
                     replayed=own.component,
+                    replicates=own.replicates + self._lost.log_surplus,
                 )
         return found
 

@@ -87,6 +87,7 @@ class LookingBack:
                     lineage=own.lineage,
                     revises=heir,
                     replayed=own.component,
+                    replicates=own.replicates + self._log_surplus,
                 )
         return {number: own for number, own in found.items() if number not in live}
 

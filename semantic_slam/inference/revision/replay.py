@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.models.step import Step
@@ -35,6 +36,7 @@ class Progress:
     component: Component
     log_joint: float  # log P(history, Z_1:at)
     expected_births: float  # in all of them
+    replicates: Array  # (B,) of the weight, see ``Bagging``
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class Revised:
     log_joint: float  # log P(history, Z_1:k)
     component: Component = field(compare=False)
     expected_births: float = field(default=0.0, compare=False)
+    replicates: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (B,)
 
 
 @dataclass
@@ -95,7 +98,7 @@ class Replay:
         """A history before the first keyframe."""
         beginning = self.problem.beginning(lineage)
         root, log_weight = self.association.root(beginning), self.problem.log_weight_of(beginning)
-        return Progress(lineage, 0, ROOT_ID + beginning, root, log_weight, 0.0)
+        return Progress(lineage, 0, ROOT_ID + beginning, root, log_weight, 0.0, self.problem.bagging.begun(log_weight))
 
     def advanced(self, own: Progress, count: int, *, in_place: bool = True) -> Progress:
         """A history after at most ``count`` keyframes more. Raises LostComponentError where it is impossible.
@@ -186,23 +189,25 @@ class Replay:
         (grown,) = expander.grow(expansion, [row], in_place=in_place)
         return self._continued(own, expansion, row, certain(grown))
 
-    @staticmethod
-    def _continued(own: Progress, expansion: Expansion, row: int, component: Component) -> Progress:
+    def _continued(self, own: Progress, expansion: Expansion, row: int, component: Component) -> Progress:
         """A history with one candidate more, which it names already or names now."""
-        parent = int(expansion.assignments.parents[row])
+        parent, log_psi = int(expansion.assignments.parents[row]), float(expansion.log_psi[row])
         return Progress(
             lineage=own.lineage if own.at < len(own.lineage) else (*own.lineage, expansion.steps[row]),
             at=own.at + 1,
             number=expansion.ids[row],
             component=component,
-            log_joint=own.log_joint + float(expansion.log_psi[row]),
+            log_joint=own.log_joint + log_psi,
             expected_births=own.expected_births + float(expansion.keyframe.expected_births[parent]),
+            replicates=self.problem.bagging.grown(own.replicates, own.at, log_psi),
         )
 
     def finished(self, own: Progress) -> Revised:
         """What a history weighs that was replayed through all keyframes so far."""
         numbers = self._numbers(own.lineage)
-        return Revised(own.number, numbers[-2], own.lineage, own.log_joint, own.component, own.expected_births)
+        return Revised(
+            own.number, numbers[-2], own.lineage, own.log_joint, own.component, own.expected_births, own.replicates
+        )
 
     def _row(self, own: Progress, step: Step, expansion: Expansion) -> int:
         """Which candidate a history names. Raises LostComponentError where there is none."""

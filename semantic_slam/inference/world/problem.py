@@ -17,6 +17,7 @@ from semantic_slam.configuration import (
     WeightsConfiguration,
 )
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.evidence.bagging import Bagging
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clutter import Clutter
 from semantic_slam.inference.models.latent_observation import LatentObservation
@@ -91,6 +92,11 @@ class Problem:
     def map_ids(self) -> frozenset[int]:
         """Ids of the map's objects."""
         return frozenset(entry.object_id for entry in self.objects)
+
+    @property
+    def bagging(self) -> Bagging:
+        """How weights are averaged between places."""
+        return Bagging(self.seed, self.weights.bagged_sets)
 
     @property
     def num_biases(self) -> int:
