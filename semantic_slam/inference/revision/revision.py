@@ -22,6 +22,7 @@ from semantic_slam.inference.open_world.mover_proposals import (
     with_standing,
 )
 from semantic_slam.inference.pruning import Kinds, shared_out
+from semantic_slam.inference.revision.beside import seldom_beside
 from semantic_slam.inference.revision.dissolving import Dissolving
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
 from semantic_slam.inference.revision.replay import Lineage, Replay
@@ -51,7 +52,7 @@ class Revision:
     @property
     def is_on(self) -> bool:
         """Whether anything is ever revised."""
-        return self.settings.every_keyframes > 0
+        return self.settings.is_on
 
     def note_keyframe(self) -> None:
         """Give up what replays keep, once there are more keyframes than are ever revised."""
@@ -60,7 +61,12 @@ class Revision:
 
     def is_due(self) -> bool:
         """Whether the newest keyframe is one after which to revise."""
-        every, count = self.settings.every_keyframes, len(self._replay.steps)
+        settings = self.settings
+        return self._is_after(settings.every_keyframes) or self._is_after(settings.second_boxes_every_keyframes)
+
+    def _is_after(self, every: int) -> bool:
+        """Whether the newest keyframe is the last of ``every`` ones, within the horizon."""
+        count = len(self._replay.steps)
         return every > 0 and count % every == 0 and count <= self.settings.horizon
 
     def revised(
@@ -72,11 +78,11 @@ class Revision:
         were merged into it; a revised one stands for as many, so that it weighs by its ratio to the best one's own.
         """
         best = next(iter(live.values()))
-        if self._replay.problem.spaces.name == "spatial":
-            lineages = self._without_objects(best.lineage)
-        else:
-            lineages = self._proposals(best.lineage, ids, objects) + self._with_movers(best.lineage)
-            lineages += self._splits(best.lineage, ratio)
+        lineages = []
+        if self._is_after(self.settings.every_keyframes):
+            lineages += self._changed(best.lineage, ids, objects, ratio)
+        if self._is_after(self.settings.second_boxes_every_keyframes):
+            lineages += self._without_second_boxes(best.lineage, ids, objects)
         if not lineages:
             return {}
         followed, *others = self._replay.log_joints([best.lineage, *lineages])
@@ -95,6 +101,13 @@ class Revision:
             for own, gain in gains
             if own.number not in live and gain >= -float(np.log(ratio))
         }
+
+    def _changed(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable, ratio: float) -> list[Lineage]:
+        """Histories in which objects are one, move or stand, or in which returns were to others; in space are none."""
+        if self._replay.problem.spaces.name == "spatial":
+            return self._without_objects(lineage)
+        found = self._proposals(lineage, ids, objects) + self._with_movers(lineage)
+        return found + self._splits(lineage, ratio)
 
     def _proposals(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """All pairs at once first, where there are several, and then one by one, the nearest first."""
@@ -135,6 +148,13 @@ class Revision:
         (followed,) = self._replay.log_joints([lineage])
         found = None if followed is None else self._dissolving.history(followed)
         return [] if found is None else [found]
+
+    def _without_second_boxes(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
+        """Histories in which something that stands beside a thing is none, but second boxes of it."""
+        world = self._replay.problem.open_world
+        suspects = seldom_beside(ids, objects, lineage, world.second_box_m) if world.second_box_share > 0.0 else set()
+        (followed,) = self._replay.log_joints([lineage]) if suspects else (None,)
+        return [] if followed is None else self._dissolving.without_second_boxes(followed, suspects)
 
     def _with_movers(self, lineage: Lineage) -> list[Lineage]:
         """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""
