@@ -29,9 +29,14 @@ class Dissolved:
 
 def dissolved(view: Hindsight) -> list[Dissolved]:
     """Objects that no map has without which their history gains, those first without which it gains most."""
+    return [own for own in each_without(view) if own.gain > 0.0]
+
+
+def each_without(view: Hindsight) -> list[Dissolved]:
+    """All objects that no map has, those first without which their history gains most."""
     rows = np.flatnonzero(~np.isin(view.ids, list(view.problem.map_ids))).tolist()
     found = [without(view, view.owners, row) for row in rows]
-    return sorted((own for own in found if own.gain > 0.0), key=lambda own: -own.gain)
+    return sorted(found, key=lambda own: -own.gain)
 
 
 def without_all(view: Hindsight, chosen: Sequence[Dissolved]) -> Owners:

@@ -2,7 +2,14 @@
 
 from collections.abc import Collection, Sequence
 
-from semantic_slam.inference.revision.dissolved import Dissolved, Owners, dissolved, lineage_of, without_all
+from semantic_slam.inference.revision.dissolved import (
+    Dissolved,
+    Owners,
+    dissolved,
+    each_without,
+    lineage_of,
+    without_all,
+)
 from semantic_slam.inference.revision.hindsight import Hindsight
 from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
@@ -37,10 +44,10 @@ class Dissolving:
     def without_second_boxes(self, followed: Revised, suspects: Collection[int]) -> list[Lineage]:
         """In the plane, without one of the ``suspects``, which may be second boxes of things beside them: one each."""
         view = PlanarHindsight.of(self._replay, self._registry, followed)
-        found = [own for own in self._news(view) if int(view.ids[own.row]) in suspects][: self._most]
-        for own in found:
+        found = [own for own in each_without(view) if int(view.ids[own.row]) in suspects and self._is_more(view, own)]
+        for own in found[: self._most]:
             self._note(view, own)
-        return [lineage_of(view, own.owners) for own in found]
+        return [lineage_of(view, own.owners) for own in found[: self._most]]
 
     def _first_likelier(self, view: Hindsight, followed: Revised, trials: Sequence[Trial]) -> Lineage | None:
         for gone, owners in trials:
@@ -58,6 +65,10 @@ class Dissolving:
     def _is_news(self, view: Hindsight, own: Dissolved) -> bool:
         before = self._tried.get(int(view.ids[own.row]))
         return before is None or own.gain > MORE * before
+
+    def _is_more(self, view: Hindsight, own: Dissolved) -> bool:
+        before = self._tried.get(int(view.ids[own.row]), -2.0 * LEAST_GAIN)
+        return own.gain > before + LEAST_GAIN
 
     def _note(self, view: Hindsight, own: Dissolved) -> None:
         self._tried[int(view.ids[own.row])] = own.gain

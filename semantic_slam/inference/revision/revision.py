@@ -24,6 +24,7 @@ from semantic_slam.inference.open_world.mover_proposals import (
 from semantic_slam.inference.pruning import Kinds, shared_out
 from semantic_slam.inference.revision.beside import seldom_beside
 from semantic_slam.inference.revision.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight import HIDES
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
 from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.revision.returns import Returns
@@ -151,8 +152,9 @@ class Revision:
 
     def _without_second_boxes(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """Histories in which something that stands beside a thing is none, but second boxes of it."""
-        world = self._replay.problem.open_world
-        suspects = seldom_beside(ids, objects, lineage, world.second_box_m) if world.second_box_share > 0.0 else set()
+        exist = np.flatnonzero(objects.existence > HIDES).tolist()
+        places = {ids[row]: objects.object_poses[row, :3] for row in exist}
+        suspects = seldom_beside(places, lineage, self._replay.problem.open_world.second_box_m)
         (followed,) = self._replay.log_joints([lineage]) if suspects else (None,)
         return [] if followed is None else self._dissolving.without_second_boxes(followed, suspects)
 
