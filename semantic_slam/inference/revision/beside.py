@@ -1,21 +1,30 @@
-"""Objects of a history that may be none, but second boxes of things beside them: where a look is worth a replay."""
+"""Objects of a history in the plane that may be none, but second boxes of things beside them.
 
-from collections.abc import Mapping
+Seen twice, such an object exists for good, in a history that soon weighs so much more than one in which it is none that
+pruning gives that up; and then it is missed, again and again. The history without it weighs more in the end, and as
+much as that it enters once pruning would keep it.
+"""
+
+from collections.abc import Collection, Mapping
 from itertools import permutations
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.revision.dissolved import each_without, lineage_of
+from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage
 
 REACH = 3.0
 """Standard deviations from a thing within which its second boxes are."""
+MISSED = 2
+"""What is there is detected that many times as often as missed, or more."""
 
 
 def seldom_beside(places: Mapping[int, Array], lineage: Lineage, second_box_m: float) -> set[int]:
-    """Objects near another one that was seen without them at least as often as they were, since they first were.
+    """Objects near another one that was seen without them half as often as they were or more, since they first were.
 
-    ``places`` (3,) of objects by id, metres. What is there is detected more often than not.
+    ``places`` (3,) of objects by id, metres.
     """
     near = [
         (one, other)
@@ -31,4 +40,11 @@ def seldom_beside(places: Mapping[int, Array], lineage: Lineage, second_box_m: f
 
 def _is_seldom(own: set[int], others: set[int]) -> bool:
     first = min(own, default=0)
-    return sum(keyframe > first for keyframe in others - own) >= len(own)
+    return MISSED * sum(keyframe > first for keyframe in others - own) >= len(own)
+
+
+def without_second_boxes(view: PlanarHindsight, suspects: Collection[int]) -> list[Lineage]:
+    """Histories without one of the ``suspects`` each, likeliest first, those that pruning may keep."""
+    least = -float(np.log(view.problem.pruning.ratio))
+    found = [own for own in each_without(view) if own.gain > least and int(view.ids[own.row]) in suspects]
+    return [lineage_of(view, own.owners) for own in found]

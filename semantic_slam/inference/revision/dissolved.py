@@ -1,4 +1,4 @@
-"""Objects of a history in space that are none: their detections were of others, and one by one taken for one thing.
+"""Objects of a history that are none: their detections were of others, and one by one taken for one thing.
 
 Such an object goes on to exist for good, for two detections of it are two, and costs a miss whenever the camera looks
 where it should be. Once that outweighs what its detections weigh less as ones of others, the history without it is

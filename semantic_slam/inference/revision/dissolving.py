@@ -1,17 +1,9 @@
-"""Histories in which objects of a live one are none, and which of them were tried."""
+"""Histories in space in which objects of a live one are none, the first that is likelier, and which were tried."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
-from semantic_slam.inference.revision.dissolved import (
-    Dissolved,
-    Owners,
-    dissolved,
-    each_without,
-    lineage_of,
-    without_all,
-)
+from semantic_slam.inference.revision.dissolved import Dissolved, Owners, dissolved, lineage_of, without_all
 from semantic_slam.inference.revision.hindsight import Hindsight
-from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
 from semantic_slam.inference.revision.spatial_hindsight import SpatialHindsight
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -34,20 +26,12 @@ class Dissolving:
         self._tried: dict[int, float] = {}  # object -> what was to be gained without it
 
     def history(self, followed: Revised) -> Lineage | None:
-        """In space, without all objects that may be none, or else without one; None where no history is likelier."""
+        """Without all objects that may be none, or else without one of them; None where no history is likelier."""
         view = SpatialHindsight.of(self._replay, self._registry, followed)
-        found = self._news(view)
+        found = [own for own in dissolved(view) if own.gain > LEAST_GAIN and self._is_news(view, own)]
         trials = [(found, without_all(view, found))] if len(found) > 1 else []
         trials += [([own], own.owners) for own in found]
         return self._first_likelier(view, followed, trials[: self._most])
-
-    def without_second_boxes(self, followed: Revised, suspects: Collection[int]) -> list[Lineage]:
-        """In the plane, without one of the ``suspects``, which may be second boxes of things beside them: one each."""
-        view = PlanarHindsight.of(self._replay, self._registry, followed)
-        found = [own for own in each_without(view) if int(view.ids[own.row]) in suspects and self._is_more(view, own)]
-        for own in found[: self._most]:
-            self._note(view, own)
-        return [lineage_of(view, own.owners) for own in found[: self._most]]
 
     def _first_likelier(self, view: Hindsight, followed: Revised, trials: Sequence[Trial]) -> Lineage | None:
         for gone, owners in trials:
@@ -55,20 +39,9 @@ class Dissolving:
             if own is not None and own.log_joint > followed.log_joint:
                 return own.lineage
             if len(gone) == 1:
-                self._note(view, gone[0])
+                self._tried[int(view.ids[gone[0].row])] = gone[0].gain
         return None
-
-    def _news(self, view: Hindsight) -> list[Dissolved]:
-        """Objects that may be none, and were not tried with as much speaking against them."""
-        return [own for own in dissolved(view) if own.gain > LEAST_GAIN and self._is_news(view, own)]
 
     def _is_news(self, view: Hindsight, own: Dissolved) -> bool:
         before = self._tried.get(int(view.ids[own.row]))
         return before is None or own.gain > MORE * before
-
-    def _is_more(self, view: Hindsight, own: Dissolved) -> bool:
-        before = self._tried.get(int(view.ids[own.row]), -2.0 * LEAST_GAIN)
-        return own.gain > before + LEAST_GAIN
-
-    def _note(self, view: Hindsight, own: Dissolved) -> None:
-        self._tried[int(view.ids[own.row])] = own.gain

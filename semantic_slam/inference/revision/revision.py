@@ -1,5 +1,5 @@
 """Association revised afterwards: histories in which two objects of a live one are the same, in which one moves, or in
-which the robot took one object for another when it came back; in space those in which an object is none.
+which the robot took one object for another when it came back, and those in which an object is none.
 
 A revised history is replayed from the prior, and so is the one that it comes from: it enters with the ratio of their
 P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before.
@@ -22,10 +22,11 @@ from semantic_slam.inference.open_world.mover_proposals import (
     with_standing,
 )
 from semantic_slam.inference.pruning import Kinds, shared_out
-from semantic_slam.inference.revision.beside import seldom_beside
+from semantic_slam.inference.revision.beside import seldom_beside, without_second_boxes
 from semantic_slam.inference.revision.dissolving import Dissolving
 from semantic_slam.inference.revision.hindsight import HIDES
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
+from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.revision.returns import Returns
 from semantic_slam.inference.revision.tried import Group, Tried
@@ -45,7 +46,7 @@ class Revision:
     """Proposes and weighs histories in which objects of the best one are the same."""
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
-        self.settings, self._replay = settings, replay
+        self.settings, self._replay, self._registry = settings, replay, registry
         self._tried, self._stood = (Tried(AGAIN * settings.every_keyframes) for _ in range(2))
         self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
         self._dissolving = Dissolving(settings.proposals, replay, registry)
@@ -83,7 +84,7 @@ class Revision:
         if self._is_after(self.settings.every_keyframes):
             lineages += self._changed(best.lineage, ids, objects, ratio)
         if self._is_after(self.settings.second_boxes_every_keyframes):
-            lineages += self._without_second_boxes(best.lineage, ids, objects)
+            lineages += self._without_second_boxes(live, ids, objects)
         if not lineages:
             return {}
         followed, *others = self._replay.log_joints([best.lineage, *lineages])
@@ -150,13 +151,20 @@ class Revision:
         found = None if followed is None else self._dissolving.history(followed)
         return [] if found is None else [found]
 
-    def _without_second_boxes(self, lineage: Lineage, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
-        """Histories in which something that stands beside a thing is none, but second boxes of it."""
+    def _without_second_boxes(
+        self, live: Mapping[int, Hypothesis], ids: Sequence[int], objects: ObjectTable
+    ) -> list[Lineage]:
+        """Histories, not live ones, in which something that stands beside a thing is none, but second boxes of it."""
+        lineage = next(iter(live.values())).lineage
         exist = np.flatnonzero(objects.existence > HIDES).tolist()
         places = {ids[row]: objects.object_poses[row, :3] for row in exist}
         suspects = seldom_beside(places, lineage, self._replay.problem.open_world.second_box_m)
         (followed,) = self._replay.log_joints([lineage]) if suspects else (None,)
-        return [] if followed is None else self._dissolving.without_second_boxes(followed, suspects)
+        if followed is None:
+            return []
+        view = PlanarHindsight.of(self._replay, self._registry, followed)
+        found = [own for own in without_second_boxes(view, suspects) if self._replay.number_of(own) not in live]
+        return found[: self.settings.proposals]
 
     def _with_movers(self, lineage: Lineage) -> list[Lineage]:
         """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""
