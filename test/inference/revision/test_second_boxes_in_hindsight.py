@@ -105,3 +105,8 @@ def test_what_is_hardly_ever_missed_is_no_suspect() -> None:
 def test_poses_that_a_look_back_replays_stay() -> None:
     with pytest.raises(InputError, match=r"revision\.horizon"):
         Engine(configuration(5, history={"horizon_keyframes": 100}))
+
+
+def test_where_identities_are_given_there_is_nothing_to_look_for() -> None:
+    engine = Engine(Configuration.of(association="given", revision={"second_boxes_every_keyframes": 5}))
+    assert not engine.revision.is_on
