@@ -15,27 +15,35 @@ from semantic_slam.inference.revision.dissolved import each_without, lineage_of
 from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage
 
-REACH = 3.0
-"""Standard deviations from a thing within which its second boxes are."""
+REACH = 2.0
+"""Standard deviations from a thing within which six of seven of its second boxes are."""
 MISSED = 2
 """What is there is detected that many times as often as missed, or more."""
 
 
-def seldom_beside(places: Mapping[int, Array], lineage: Lineage, second_box_m: float) -> set[int]:
+def seldom_beside(
+    places: Mapping[int, Array], classes: Mapping[int, Array], lineage: Lineage, second_box_m: float
+) -> set[int]:
     """Objects near another one that was seen without them half as often as they were or more, since they first were.
 
-    ``places`` (3,) of objects by id, metres.
+    ``places`` (3,) of objects by id, metres, and probabilities of their ``classes`` (C,): halves of a thing are called
+    what it is.
     """
     near = [
         (one, other)
         for one, other in permutations(places, 2)
-        if np.linalg.norm(places[one] - places[other]) <= REACH * second_box_m
+        if np.linalg.norm(places[one] - places[other]) <= REACH * second_box_m and _alike(classes[one], classes[other])
     ]
     seen: dict[int, set[int]] = {number: set() for pair in near for number in pair}
     for keyframe, step in enumerate(lineage):
         for number in seen.keys() & set(step.association):
             seen[number].add(keyframe)
     return {one for one, other in near if _is_seldom(seen[one], seen[other])}
+
+
+def _alike(one: Array, other: Array) -> bool:
+    """Whether two objects are of one class at least as likely as by chance."""
+    return not one.size or float(one @ other) * one.size >= 1.0
 
 
 def _is_seldom(own: set[int], others: set[int]) -> bool:

@@ -158,7 +158,8 @@ class Revision:
         lineage = next(iter(live.values())).lineage
         exist = np.flatnonzero(objects.existence > HIDES).tolist()
         places = {ids[row]: objects.object_poses[row, :3] for row in exist}
-        suspects = seldom_beside(places, lineage, self._replay.problem.open_world.second_box_m)
+        classes = {ids[row]: objects.class_probabilities[row] for row in exist}
+        suspects = seldom_beside(places, classes, lineage, self._replay.problem.open_world.second_box_m)
         (followed,) = self._replay.log_joints([lineage]) if suspects else (None,)
         if followed is None:
             return []

@@ -94,12 +94,16 @@ def test_what_a_history_roughly_gains_is_what_a_replay_says() -> None:
     assert rough == pytest.approx(without.log_joint - followed.log_joint, abs=3.0)
 
 
-def test_what_is_hardly_ever_missed_is_no_suspect() -> None:
+def test_what_is_hardly_ever_missed_or_called_otherwise_is_no_suspect() -> None:
     places = {0: np.zeros(3), 1: np.array([0.4, 0.0, 0.0]), 2: np.array([5.0, 0.0, 0.0])}
-    lineage = [LineageStep(own, (-1,) * len(own)) for own in [(0, 1), (0,), (0, 2), (0,), (0, 1)]]
-    assert seldom_beside(places, tuple(lineage), second_box_m=0.3) == {1}
-    assert seldom_beside(places, tuple(lineage[:1] * 5 + lineage), second_box_m=0.3) == set()
-    assert seldom_beside(places, tuple(lineage), second_box_m=0.1) == set()
+    chair, maybe, cup = np.array([0.9, 0.1]), np.array([0.6, 0.4]), np.array([0.1, 0.9])
+    lineage = tuple(LineageStep(own, (-1,) * len(own)) for own in [(0, 1), (0,), (0, 2), (0,), (0, 1)])
+    of_none = dict.fromkeys(places, np.zeros(0))
+    assert seldom_beside(places, of_none, lineage, second_box_m=0.3) == {1}
+    assert seldom_beside(places, of_none, lineage[:1] * 5 + lineage, second_box_m=0.3) == set()
+    assert seldom_beside(places, of_none, lineage, second_box_m=0.1) == set()
+    assert seldom_beside(places, {0: chair, 1: maybe, 2: chair}, lineage, second_box_m=0.3) == {1}
+    assert seldom_beside(places, {0: chair, 1: cup, 2: chair}, lineage, second_box_m=0.3) == set()
 
 
 def test_poses_that_a_look_back_replays_stay() -> None:
