@@ -13,6 +13,12 @@ class RevisionConfiguration:
         " next; 0: never",
         minimum=0,
     )
+    second_boxes_every_keyframes: int = parameter(
+        0,
+        "association: open with open_world.second_box_share, in the plane: keyframes from one look for objects that are"
+        " none, but second boxes of things beside them, to the next; 0: never",
+        minimum=0,
+    )
     lost_every_keyframes: int = parameter(
         0,
         "association: open with a map, the initial pose wider than 1 m or 0.3 rad: keyframes from one look for where on"
@@ -31,8 +37,8 @@ class RevisionConfiguration:
     )
     proposals: int = parameter(
         4,
-        "revised histories of each kind that are weighed in one look: objects that are one, that move, that stand, in"
-        " space that are none",
+        "revised histories of each kind that are weighed in one look: objects that are one, that move, that stand, that"
+        " are none",
         minimum=1,
     )
     splits: int = parameter(
@@ -52,3 +58,8 @@ class RevisionConfiguration:
         " keyframes from one look for places taken for others, or mapped twice, to the next; 0: never",
         minimum=0,
     )
+
+    @property
+    def is_on(self) -> bool:
+        """Whether histories are revised, other than for a robot that is lost."""
+        return self.every_keyframes > 0 or self.second_boxes_every_keyframes > 0

@@ -209,7 +209,7 @@ class Backend:
     def _keep_trunk(self) -> None:
         """Keep the heaviest component for histories that are revised later, or rebuilt elsewhere, now and then."""
         revision, count = self.problem.revision, self.committed + 1
-        is_revised = revision.every_keyframes > 0 and count <= revision.horizon
+        is_revised = revision.is_on and count <= revision.horizon
         if not (is_revised or self.problem.history.is_on):
             self.trunks.forget()
         elif self.trunks.is_due(count) and self.held:

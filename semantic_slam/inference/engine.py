@@ -89,7 +89,8 @@ class Engine:
         self.genuine = GenuineObjects(self.problem.open_world, self.problem.detection_errors)
         association = self.association(self.problem, self.registry)
         self.steps: list[Step] = []  # so far, where histories are replayed
-        anew = self.registry if self.problem.spaces.name == "spatial" else None
+        dissolves = self.problem.spaces.name == "spatial" or self.problem.revision.second_boxes_every_keyframes > 0
+        anew = self.registry if dissolves else None
         replay = Replay(self.problem, association, self.steps, anew)
         self.revision = Revision(self.problem.revision, replay, self.registry)
         self.relocation = Relocation(

@@ -12,7 +12,9 @@ def as_used(configuration: Configuration, association: type[AssociationStrategy]
     """Without what ``association`` has no use for: names and maps leave nothing to revise, and misses may not count."""
     revision, world = configuration.revision, configuration.open_world
     if association.wants_identities or not association.tracks_objects:
-        revision = replace(revision, every_keyframes=0, lost_every_keyframes=0)
+        revision = replace(revision, every_keyframes=0, second_boxes_every_keyframes=0, lost_every_keyframes=0)
+    if configuration.is_spatial:
+        revision = replace(revision, second_boxes_every_keyframes=0)
     if not association.counts_misses:
         world = replace(
             world,

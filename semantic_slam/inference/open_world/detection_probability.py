@@ -122,7 +122,7 @@ def undetected_share(
     Those are the robot's poses so far, from which nothing was detected there. Positions count as known: what is looked
     for lies where a detection is. What is behind the objects ``hiding`` (N, 2) was not looked at.
     """
-    numbers, times, ranges = _looks(region, trail, points, hiding)
+    numbers, times, ranges = looks(region, trail, points, hiding)
     shares = _shares(region, rates.sensors[0], points[numbers], trail[times], ranges)
     return share_after_looks(rates, numbers, times, shares, (len(points), len(trail)))
 
@@ -156,7 +156,7 @@ def _shares(region: SensorRegion, sensors: DetectionRates, points: Array, robots
     return sensors.by_direction.times(sensors.fall_off(ranges), relative, direction_rad)
 
 
-def _looks(region: SensorRegion, trail: Array, points: Array, hiding: Array) -> tuple[Index, Index, Array]:
+def looks(region: SensorRegion, trail: Array, points: Array, hiding: Array) -> tuple[Index, Index, Array]:
     """(L,) which of (D, 2) points the robot's poses ``trail`` (T, 3) have in the region, from where, at what range [m].
 
     By points, and then by poses; without those that something stands before.

@@ -4,6 +4,8 @@ Of an object that it detects a detector gives a second box with a probability ``
 Gaussian about the object's, ``second_box_m`` to each side: false alarms that are not even, but stand beside things.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
@@ -23,6 +25,11 @@ def second_boxes(
     expected = chances.sum(axis=0)
     if settings.second_box_share <= 0.0 or not births:
         return expected, np.zeros((len(births), len(expected)))
+    return expected, second_box_densities(settings, component, births) @ chances
+
+
+def second_box_densities(settings: OpenWorldConfiguration, component: Component, births: Sequence[Birth]) -> Array:
+    """(D, O) densities [1/m^2 or, in space, 1/m^3] at D detections of second boxes of each of a component's objects."""
     tracked = tracked_states(component)
     landmark = component.spaces.landmark
     places, own = landmark.position(np.array([born.prior.mean for born in births])), landmark.position_rows
@@ -30,4 +37,4 @@ def second_boxes(
     noise = np.array([np.trace(born.noise[own, own]) / size for born in births])
     variances = settings.second_box_m**2 + noise[:, None] + tracked.sigmas**2  # (D, O)
     squared = ((places[:, None] - landmark.position(tracked.states)) ** 2).sum(axis=-1)
-    return expected, np.exp(-0.5 * squared / variances) / (2.0 * np.pi * variances) ** (0.5 * size) @ chances
+    return np.asarray(np.exp(-0.5 * squared / variances) / (2.0 * np.pi * variances) ** (0.5 * size))

@@ -1,4 +1,4 @@
-"""Objects of a history in space that are none: their detections were of others, and one by one taken for one thing.
+"""Objects of a history that are none: their detections were of others, and one by one taken for one thing.
 
 Such an object goes on to exist for good, for two detections of it are two, and costs a miss whenever the camera looks
 where it should be. Once that outweighs what its detections weigh less as ones of others, the history without it is
@@ -29,9 +29,14 @@ class Dissolved:
 
 def dissolved(view: Hindsight) -> list[Dissolved]:
     """Objects that no map has without which their history gains, those first without which it gains most."""
+    return [own for own in each_without(view) if own.gain > 0.0]
+
+
+def each_without(view: Hindsight) -> list[Dissolved]:
+    """All objects that no map has, those first without which their history gains most."""
     rows = np.flatnonzero(~np.isin(view.ids, list(view.problem.map_ids))).tolist()
     found = [without(view, view.owners, row) for row in rows]
-    return sorted((own for own in found if own.gain > 0.0), key=lambda own: -own.gain)
+    return sorted(found, key=lambda own: -own.gain)
 
 
 def without_all(view: Hindsight, chosen: Sequence[Dissolved]) -> Owners:

@@ -1,8 +1,9 @@
-"""Histories in which objects of a live one are none, the first that is likelier, and which of them were tried."""
+"""Histories in space in which objects of a live one are none, and which of them were tried."""
 
 from semantic_slam.inference.revision.dissolved import Dissolved, dissolved, lineage_of, without_all
 from semantic_slam.inference.revision.hindsight import Hindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.spatial_hindsight import SpatialHindsight
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 MORE = 2.0
@@ -22,7 +23,7 @@ class Dissolving:
 
     def histories(self, followed: Revised) -> list[Lineage]:
         """Without all objects that may be none first, where there are several, and then without one of them."""
-        view = Hindsight.of(self._replay, self._registry, followed)
+        view = SpatialHindsight.of(self._replay, self._registry, followed)
         found = [own for own in dissolved(view) if own.gain > LEAST_GAIN and self._is_news(view, own)]
         self._proposed = {lineage_of(view, own.owners): (int(view.ids[own.row]), own.gain) for own in found}
         together = [lineage_of(view, without_all(view, found))] if len(found) > 1 else []

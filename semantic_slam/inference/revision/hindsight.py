@@ -1,11 +1,10 @@
-"""What every detection of a drive in space weighs as one of each object, by the path and the map as they are known now.
+"""What every detection of a drive weighs as one of each object, by the path and the map as they are known now.
 
-When a detection came, rays told hardly how far off its object was, and it may have been taken for another one's. Now
-that ranges are known, its direction tells. The path counts as known, so that detections a few standard deviations off
-weigh what Cauchy's tail leaves them; tracks of boxes do not count, and the camera counts as mounted as it is now. That
-is enough to tell which histories to replay.
+The path counts as known, tracks of boxes do not count, and the camera counts as mounted as it is now. That is enough to
+tell which histories to replay.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,12 +12,9 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.observation import Innovation
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.spatial.looks import looks
-from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
-from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
 from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component, tracked_states
@@ -31,7 +27,7 @@ HIDES = 0.9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hindsight:
+class Hindsight(ABC):
     """A history of T keyframes with N objects, each detection of which is of one of them or of none."""
 
     problem: Problem
@@ -51,6 +47,26 @@ class Hindsight:
             component=followed.component,
         )
 
+    @property
+    @abstractmethod
+    def in_view(self) -> Flags:
+        """(N, T) at which keyframes each object is in the region, and nothing before it."""
+
+    @abstractmethod
+    def log_of_none(self, step: Step, robot: Array, owners: Index) -> Array:
+        """(D,) log weights of detections, by their places, as first ones or false alarms where the camera has looked.
+
+        ``owners`` (D,) are the objects that they are taken to be of.
+        """
+
+    @abstractmethod
+    def log_ranges(self, step: Step, robot: Array) -> tuple[Array, Array]:
+        """(D, N + 1) logarithms of how far objects are off, the last one of what a detection starts, and variances."""
+
+    def log_density(self, innovation: Innovation, sizes: Index) -> Array:
+        """(K,) of pairs by their places, of which ``sizes`` (K,) components are told."""
+        return innovation.log_density
+
     @cached_property
     def ids(self) -> Index:
         """(N,) of the objects that exist."""
@@ -66,7 +82,8 @@ class Hindsight:
     @cached_property
     def log_weights(self) -> list[Array]:
         """T of (D, N + 1) log weights of detections as one of each object, and as one of none of them."""
-        return [self._weighed(step, robot) for step, robot in zip(self.steps, self._path, strict=True)]
+        given = zip(self.steps, self.path, self.owners, strict=True)
+        return [self._weighed(step, robot, owners) for step, robot, owners in given]
 
     @cached_property
     def first_seen(self) -> Index:
@@ -85,56 +102,38 @@ class Hindsight:
     @property
     def log_missed(self) -> float:
         """Log probability that what is in view is not detected."""
-        return float(np.log1p(-self._detected))
+        return float(np.log1p(-self.detected))
 
     @cached_property
-    def in_view(self) -> Flags:
-        """(N, T) at which keyframes each object is in the region, and nothing before it."""
-        found = np.zeros((len(self.ids), len(self.steps)), dtype=bool)
-        numbers, times, _ = looks(self._region, self._path, self._places, self._places)
-        found[numbers, times] = True
-        return found
-
-    @cached_property
-    def _rows(self) -> Index:
-        return self.component.objects.rows(self.ids)
-
-    @cached_property
-    def _path(self) -> Array:
-        """(T, 7) as smoothed by now."""
-        return self.component.states([robot_key(k) for k in range(len(self.steps))])
-
-    @cached_property
-    def _places(self) -> Array:
-        return np.asarray(tracked_states(self.component).states[self._rows])
-
-    @property
-    def _spreads(self) -> Array:
-        """(N, 3, 3)."""
-        return np.asarray(tracked_states(self.component).covariances[self._rows])
-
-    @cached_property
-    def _region(self) -> SpatialRegion:
-        return SpatialRegion.of(self.problem.open_world).reaching(self.steps[-1].camera)
-
-    @cached_property
-    def _detected(self) -> float:
+    def detected(self) -> float:
         """Probability that what is in view is detected."""
         rates = self.component.objects.rates
         return float(rates.average(rates.probability))
 
     @cached_property
-    def _log_of_none(self) -> float:
-        """Log weight of a first detection, or of a false alarm, where the camera has looked before."""
-        rates, region, settings = self.component.objects.rates, self._region, self.problem.open_world
-        born = settings.least_undetected_share * rates.probability * rates.birth_density
-        intensity = float(rates.average(born + rates.clutter_per_frame / region.volume_m3))
-        return float(np.log(intensity) + np.log((region.max_range_m**3 - region.min_range_m**3) / 3.0))
+    def path(self) -> Array:
+        """(T, s) as smoothed by now."""
+        return self.component.states([robot_key(k) for k in range(len(self.steps))])
 
-    def _weighed(self, step: Step, robot: Array) -> Array:
-        found = np.full((len(step.detections), len(self.ids) + 1), self._log_of_none)
+    @cached_property
+    def places(self) -> Array:
+        """(N, s) of the objects."""
+        return np.asarray(tracked_states(self.component).states[self._rows])
+
+    @property
+    def spreads(self) -> Array:
+        """(N, l, l) covariances of these."""
+        return np.asarray(tracked_states(self.component).covariances[self._rows])
+
+    @cached_property
+    def _rows(self) -> Index:
+        return self.component.objects.rows(self.ids)
+
+    def _weighed(self, step: Step, robot: Array, owners: Index) -> Array:
+        found = np.zeros((len(step.detections), len(self.ids) + 1))
+        found[:, -1] = self.log_of_none(step, robot, owners)
         if found.size and len(self.ids):
-            found[:, :-1] = self._by_place(step, robot) + np.log(self._detected)
+            found[:, :-1] = self._by_place(step, robot) + np.log(self.detected)
         return found + self._by_word(step, robot)
 
     def _by_place(self, step: Step, robot: Array) -> Array:
@@ -142,11 +141,9 @@ class Hindsight:
         model, count = self.problem.model, len(self.ids)
         numbers, columns = np.divmod(np.arange(len(step.detections) * count), count)
         robots = np.broadcast_to(robot, (len(numbers), len(robot)))
-        part = model.geometry(model.collect(step.detections).take(numbers), robots, self._places[columns])
-        innovation = Innovation.of(part, part.jacobian_object, self._spreads[columns])
-        squared, size = squared_norms(innovation.whitened), part.measured.sum(axis=1)
-        told = innovation.log_density + 0.5 * squared - 0.5 * (1 + size) * np.log1p(squared)
-        return np.asarray(told.reshape(-1, count))
+        part = model.geometry(model.collect(step.detections).take(numbers), robots, self.places[columns])
+        innovation = Innovation.of(part, part.jacobian_object, self.spreads[columns])
+        return self.log_density(innovation, part.measured.sum(axis=1)).reshape(-1, count)
 
     def _by_word(self, step: Step, robot: Array) -> Array:
         """(D, N + 1) by what the detector calls them."""
@@ -156,6 +153,5 @@ class Hindsight:
         numbers = self.ids.tolist()
         log_prior = self.registry.log_class_prior_of([*numbers, self.registry.first_new_id(step.index)])
         views = [self.component.views.get(n) for n in numbers]
-        spaces = self.problem.spaces
-        ranges = log_ranges_of(spaces, step.detections, robot, self._places, self._spreads)
-        return semantics.log_pairs(replace(step, names=("",) * len(step.names)), views, log_prior, *ranges)
+        trackless = replace(step, names=("",) * len(step.names))
+        return semantics.log_pairs(trackless, views, log_prior, *self.log_ranges(step, robot))

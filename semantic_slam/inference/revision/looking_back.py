@@ -1,6 +1,7 @@
 """Looks back from one live history: what may be likelier is replayed, and enters with what it weighs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
+from enum import Enum, auto
 from functools import reduce
 
 import numpy as np
@@ -14,9 +15,12 @@ from semantic_slam.inference.open_world.mover_proposals import (
     with_mover,
     with_standing,
 )
+from semantic_slam.inference.revision.beside import seldom_beside, without_second_boxes
 from semantic_slam.inference.revision.catching_up import CatchingUp
 from semantic_slam.inference.revision.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight import HIDES
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
+from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
 from semantic_slam.inference.revision.returns import Returns
 from semantic_slam.inference.revision.tried import Group, Tried
@@ -32,16 +36,24 @@ AGAIN = 3
 """Rounds of revision after which what was tried, and seen since, may be tried again."""
 
 
+class Kind(Enum):
+    """What a look may look for."""
+
+    OTHERWISE = auto()  # objects that are one, that move or stand, and other returns; in space objects that are none
+    SECOND_BOXES = auto()  # in the plane, objects that are none, but second boxes of things beside them
+
+
 class LookingBack:
     """Proposes and weighs histories that are likelier than one, which is replayed itself before."""
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
-        self._settings, self._replay = settings, replay
+        self._settings, self._replay, self._registry = settings, replay, registry
         self._tried, self._stood = (Tried(AGAIN * settings.every_keyframes) for _ in range(2))
         self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
         self._dissolving = Dissolving(settings.proposals, replay, registry)
         self._catching_up = CatchingUp(replay)
         self._subject: Lineage = ()  # the history that is looked at
+        self._kinds: Set[Kind] = frozenset()  # what for
         self._log_surplus = 0.0  # of its weight, with that of near copies, to its own
 
     @property
@@ -49,9 +61,9 @@ class LookingBack:
         """Whether nothing waits that an earlier look has found."""
         return self._catching_up.is_idle
 
-    def begin(self, subject: Hypothesis) -> None:
+    def begin(self, subject: Hypothesis, kinds: Set[Kind]) -> None:
         """Look at a live history."""
-        self._subject = subject.lineage
+        self._subject, self._kinds = subject.lineage, kinds
         self._catching_up.add([self._subject])
 
     def give_up(self) -> None:
@@ -125,12 +137,30 @@ class LookingBack:
         self._subject = followed.lineage
         self._replay.keep_along(followed.lineage)
         self._log_surplus = live[followed.number].log_weight + log_evidence - followed.log_joint
+        own = objects[followed.number]
         if self._is_in_space:
             self._catching_up.add(self._dissolving.histories(followed))
             return
-        self._catching_up.add(self._proposals(followed, ids, objects[followed.number]))
-        self._catching_up.add(self._with_movers(followed))
-        self._catching_up.add(self._returns.histories(followed, ratio))
+        if Kind.OTHERWISE in self._kinds:
+            self._catching_up.add(self._proposals(followed, ids, own))
+            self._catching_up.add(self._with_movers(followed))
+            self._catching_up.add(self._returns.histories(followed, ratio))
+        if Kind.SECOND_BOXES in self._kinds:
+            self._catching_up.add(self._without_second_boxes(followed, live, ids, own))
+
+    def _without_second_boxes(
+        self, followed: Revised, live: Mapping[int, Hypothesis], ids: Sequence[int], objects: ObjectTable
+    ) -> list[Lineage]:
+        """Histories, not live ones, in which something that stands beside a thing is none, but second boxes of it."""
+        exist = np.flatnonzero(objects.existence > HIDES).tolist()
+        places = {ids[row]: objects.object_poses[row, :3] for row in exist}
+        classes = {ids[row]: objects.class_probabilities[row] for row in exist}
+        suspects = seldom_beside(places, classes, followed.lineage, self._replay.problem.open_world.second_box_m)
+        if not suspects:
+            return []
+        view = PlanarHindsight.of(self._replay, self._registry, followed)
+        found = [own for own in without_second_boxes(view, suspects) if self._replay.number_of(own) not in live]
+        return found[: self._settings.proposals]
 
     def _proposals(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """All pairs at once first, where there are several, and then one by one, the nearest first."""

@@ -209,6 +209,10 @@ class Replay:
             own.number, numbers[-2], own.lineage, own.log_joint, own.component, own.expected_births, own.replicates
         )
 
+    def number_of(self, lineage: Lineage) -> int:
+        """Id of the hypothesis that has a history."""
+        return self._numbers(lineage)[-1]
+
     def _row(self, own: Progress, step: Step, expansion: Expansion) -> int:
         """Which candidate a history names. Raises LostComponentError where there is none."""
         named = own.lineage[own.at]

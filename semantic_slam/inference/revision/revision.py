@@ -16,7 +16,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.pruning import Kinds, shared_out
-from semantic_slam.inference.revision.looking_back import LookingBack
+from semantic_slam.inference.revision.looking_back import Kind, LookingBack
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
@@ -32,7 +32,7 @@ class Revision:
     @property
     def is_on(self) -> bool:
         """Whether anything is ever revised."""
-        return self._settings.every_keyframes > 0
+        return self._settings.is_on
 
     def revised(
         self,
@@ -48,9 +48,17 @@ class Revision:
         count, ratio = len(self._replay.steps), self._replay.problem.pruning.ratio
         if count > self._settings.horizon:
             self._looking_back.give_up()
-        elif count % self._settings.every_keyframes == 0 and self._looking_back.is_idle:
-            self._looking_back.begin(next(iter(live.values())))
+        elif self._looking_back.is_idle and (kinds := self._due(count)):
+            self._looking_back.begin(next(iter(live.values())), kinds)
         return self._looking_back.found(live, ids, objects, log_evidence, ratio)
+
+    def _due(self, count: int) -> set[Kind]:
+        """What to look for after so many keyframes."""
+        every = {
+            Kind.OTHERWISE: self._settings.every_keyframes,
+            Kind.SECOND_BOXES: self._settings.second_boxes_every_keyframes,
+        }
+        return {kind for kind, apart in every.items() if apart > 0 and count % apart == 0}
 
 
 def with_revised(

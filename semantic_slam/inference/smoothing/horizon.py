@@ -19,7 +19,7 @@ def check_horizon(configuration: Configuration) -> None:
     least = max(LEAST, 2 * configuration.weights.max_history)
     if horizon < least:
         raise InputError(f"history.horizon_keyframes is {horizon}; set it to {least} or more, or to 0: all poses stay")
-    revises = revision.every_keyframes > 0 or revision.lost_every_keyframes > 0
+    revises = revision.is_on or revision.lost_every_keyframes > 0
     if configuration.association == "open" and revises and horizon < revision.horizon:
         raise InputError(
             f"history.horizon_keyframes is {horizon}: histories are revised up to keyframe {revision.horizon};"

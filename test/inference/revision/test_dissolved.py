@@ -9,8 +9,8 @@ from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.revision.dissolved import dissolved, lineage_of, without
 from semantic_slam.inference.revision.dissolving import Dissolving
-from semantic_slam.inference.revision.hindsight import Hindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.spatial_hindsight import SpatialHindsight
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.objects import ObjectEntry
 
@@ -80,7 +80,7 @@ def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tupl
 
 def test_objects_that_are_some_are_left_alone(walked: tuple[Engine, Replay, Revised]) -> None:
     engine, replay, right = walked
-    view = Hindsight.of(replay, engine.registry, right)
+    view = SpatialHindsight.of(replay, engine.registry, right)
     assert dissolved(view) == []
     assert Dissolving(4, replay, engine.registry).histories(right) == []
     assert lineage_of(view, view.owners) == right.lineage
@@ -109,7 +109,7 @@ def test_what_the_map_has_is_never_none(walked: tuple[Engine, Replay, Revised]) 
     wrong = with_one_that_is_none(engine, right.lineage)
     followed = replay.followed(wrong)
     assert followed is not None
-    view = Hindsight.of(replay, engine.registry, followed)
+    view = SpatialHindsight.of(replay, engine.registry, followed)
     (found,) = dissolved(view)
     number = int(view.ids[found.row])
     entry = ObjectEntry(object_id=number, name="a", prior=PRIOR, class_prior=np.ones(1))
