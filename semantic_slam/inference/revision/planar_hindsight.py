@@ -16,7 +16,7 @@ from semantic_slam.inference.revision.hindsight import Hindsight
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarHindsight(Hindsight):
-    """Of a sensor in the plane."""
+    """What a sensor in the plane tells in hindsight."""
 
     @cached_property
     def in_view(self) -> Flags:

@@ -21,7 +21,7 @@ from semantic_slam.inference.revision.hindsight import Hindsight
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialHindsight(Hindsight):
-    """Of a camera that is anywhere."""
+    """What a camera that is anywhere tells in hindsight."""
 
     @cached_property
     def in_view(self) -> Flags:
