@@ -46,4 +46,5 @@ class WeightsConfiguration:
         "with pruning.place_m: resampled sets of keyframes over which a belief's weights are averaged between places of"
         " the robot, where models are not exact; 0: weights as they are",
         minimum=0,
+        maximum=10_000,
     )
