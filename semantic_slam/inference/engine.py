@@ -33,6 +33,7 @@ from semantic_slam.inference.pruning import Kinds, Pruned, affordable, prune, wi
 from semantic_slam.inference.relocation.recovery import SOON, Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.relocation.unplaced import in_map
+from semantic_slam.inference.revision.looking_back import Present
 from semantic_slam.inference.revision.replay import Lineage, Replay
 from semantic_slam.inference.revision.revision import Revision, normalised, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
@@ -197,7 +198,7 @@ class Engine:
         found: dict[int, Hypothesis] = {}
         if self.revision.is_on:
             objects = {number: components[number].objects for number in self.live}
-            found |= self.revision.revised(self.live, reported.ids, objects, self.log_evidence)
+            found |= self.revision.revised(Present(self.live, reported.ids, objects, self.log_evidence))
         found |= self.relocation.placed(self.live, self.log_evidence, ratio)
         found |= self.recovery.found(self.live, poses, self.log_evidence, ratio)
         if not found:

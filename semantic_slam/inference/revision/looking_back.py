@@ -1,6 +1,7 @@
 """Looks back from one live history: what may be likelier is replayed, and enters with what it weighs."""
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from dataclasses import dataclass
 from enum import Enum, auto
 from functools import reduce
 
@@ -43,6 +44,16 @@ class Kind(Enum):
     SECOND_BOXES = auto()  # in the plane, objects that are none, but second boxes of things beside them
 
 
+@dataclass(frozen=True)
+class Present:
+    """What is live after the newest keyframe."""
+
+    live: Mapping[int, Hypothesis]  # heaviest first
+    ids: Sequence[int]  # O
+    objects: Mapping[int, ObjectTable]  # (O, ...) of each live one
+    log_evidence: float  # what weights are relative to
+
+
 class LookingBack:
     """Proposes and weighs histories that are likelier than one, which is replayed itself before."""
 
@@ -61,37 +72,31 @@ class LookingBack:
         """Whether nothing waits that an earlier look has found."""
         return self._catching_up.is_idle
 
-    def begin(self, subject: Hypothesis, kinds: Set[Kind]) -> None:
-        """Look at a live history."""
-        self._subject, self._kinds = subject.lineage, kinds
-        self._catching_up.add([self._subject])
+    def begin(self, present: Present, kinds: Set[Kind]) -> None:
+        """Look at the best history, unless it is for second boxes alone and nothing may be one."""
+        number, subject = next(iter(present.live.items()))
+        if Kind.OTHERWISE in kinds or self._suspects(present, number):
+            self._subject, self._kinds = subject.lineage, kinds
+            self._catching_up.add([self._subject])
 
     def give_up(self) -> None:
         """Nothing is revised any more."""
         self._replay.forget()
         self._catching_up.give_up()
 
-    def found(
-        self,
-        live: Mapping[int, Hypothesis],
-        ids: Sequence[int],
-        objects: Mapping[int, ObjectTable],
-        log_evidence: float,
-        ratio: float,
-    ) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh at least the ``ratio``-th part of the one that they revise.
+    def found(self, present: Present) -> dict[int, Hypothesis]:
+        """New hypotheses that weigh as much as pruning asks beside the one that each revises.
 
-        ``objects`` (O, ...) of each live hypothesis, over the ``ids``; ``log_evidence``: what weights are relative to.
-        Their weights may stand for near copies that were merged into them; a revised one stands for as many.
+        Its weight may stand for near copies that were merged into it; a revised one stands for as many.
         """
-        found: dict[int, Hypothesis] = {}
+        live, found = present.live, dict[int, Hypothesis]()
         for asked, own in self._catching_up.go_on():
             if asked is self._subject:
-                self._look(own, live, ids, objects, log_evidence, ratio)
+                self._look(own, present)
                 continue
             heir = self._heir(live)
-            log_weight = -np.inf if own is None else own.log_joint + self._log_surplus - log_evidence
-            if self._is_likely(asked, log_weight - heir.log_weight, ratio) and own is not None:
+            log_weight = -np.inf if own is None else own.log_joint + self._log_surplus - present.log_evidence
+            if self._is_likely(asked, log_weight - heir.log_weight) and own is not None:
                 found[own.number] = Hypothesis(
                     owner=heir.owner,
                     log_weight=log_weight,
@@ -108,10 +113,10 @@ class LookingBack:
         length, every = len(self._subject), list(live.values())
         return next((own for own in every if own.lineage[:length] == self._subject), every[0])
 
-    def _is_likely(self, asked: Lineage, gain: float, ratio: float) -> bool:
+    def _is_likely(self, asked: Lineage, gain: float) -> bool:
         """Whether a history weighs enough by its ``gain`` [nats] to what it revises; in space only if it gains."""
         if not self._is_in_space:
-            return gain >= -float(np.log(ratio))
+            return gain >= -float(np.log(self._replay.problem.pruning.ratio))
         if gain <= 0.0:
             self._dissolving.note(asked)
             return False
@@ -122,45 +127,41 @@ class LookingBack:
     def _is_in_space(self) -> bool:
         return self._replay.problem.spaces.name == "spatial"
 
-    def _look(
-        self,
-        followed: Revised | None,
-        live: Mapping[int, Hypothesis],
-        ids: Sequence[int],
-        objects: Mapping[int, ObjectTable],
-        log_evidence: float,
-        ratio: float,
-    ) -> None:
+    def _look(self, followed: Revised | None, present: Present) -> None:
         """Let histories catch up that may be likelier than one that is live yet, and has caught up itself."""
-        if followed is None or followed.number not in live:
+        if followed is None or followed.number not in present.live:
             return
         self._subject = followed.lineage
         self._replay.keep_along(followed.lineage)
-        self._log_surplus = live[followed.number].log_weight + log_evidence - followed.log_joint
-        own = objects[followed.number]
+        log_weight = present.live[followed.number].log_weight
+        self._log_surplus = log_weight + present.log_evidence - followed.log_joint
         if self._is_in_space:
             self._catching_up.add(self._dissolving.histories(followed))
             return
         if Kind.OTHERWISE in self._kinds:
-            self._catching_up.add(self._proposals(followed, ids, own))
+            self._catching_up.add(self._proposals(followed, present.ids, present.objects[followed.number]))
             self._catching_up.add(self._with_movers(followed))
-            self._catching_up.add(self._returns.histories(followed, ratio))
+            self._catching_up.add(self._returns.histories(followed, self._replay.problem.pruning.ratio))
         if Kind.SECOND_BOXES in self._kinds:
-            self._catching_up.add(self._without_second_boxes(followed, live, ids, own))
+            self._catching_up.add(self._without_second_boxes(followed, present))
 
-    def _without_second_boxes(
-        self, followed: Revised, live: Mapping[int, Hypothesis], ids: Sequence[int], objects: ObjectTable
-    ) -> list[Lineage]:
+    def _without_second_boxes(self, followed: Revised, present: Present) -> list[Lineage]:
         """Histories, not live ones, in which something that stands beside a thing is none, but second boxes of it."""
-        exist = np.flatnonzero(objects.existence > HIDES).tolist()
-        places = {ids[row]: objects.object_poses[row, :3] for row in exist}
-        classes = {ids[row]: objects.class_probabilities[row] for row in exist}
-        suspects = seldom_beside(places, classes, followed.lineage, self._replay.problem.open_world.second_box_m)
+        suspects = self._suspects(present, followed.number)
         if not suspects:
             return []
         view = PlanarHindsight.of(self._replay, self._registry, followed)
-        found = [own for own in without_second_boxes(view, suspects) if self._replay.number_of(own) not in live]
-        return found[: self._settings.proposals]
+        found = without_second_boxes(view, suspects)
+        return [own for own in found if self._replay.number_of(own) not in present.live][: self._settings.proposals]
+
+    def _suspects(self, present: Present, number: int) -> Collection[int]:
+        """Objects of a live history that may be second boxes of what stands beside them."""
+        ids, objects = present.ids, present.objects[number]
+        exist = np.flatnonzero(objects.existence > HIDES).tolist()
+        places = {ids[row]: objects.object_poses[row, :3] for row in exist}
+        classes = {ids[row]: objects.class_probabilities[row] for row in exist}
+        size = self._replay.problem.open_world.second_box_m
+        return seldom_beside(places, classes, present.live[number].lineage, size)
 
     def _proposals(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """All pairs at once first, where there are several, and then one by one, the nearest first."""

@@ -137,11 +137,9 @@ class Replay:
         All have come as far, and none names the next step; some of them is kept, as by :meth:`further`.
         Raises LostComponentError where there is none.
         """
-        expander, held = (
-            Expander(self.problem, self.association),
-            [WeightedComponent(own.component, 0.0) for own in front],
-        )
-        expansion = expander.expand(self.steps[front[0].at], [own.number for own in front], held)
+        expander, numbers = Expander(self.problem, self.association), [own.number for own in front]
+        held = [WeightedComponent(own.component, 0.0) for own in front]
+        expansion = expander.expand(self.steps[front[0].at], numbers, held)
         log_joints = np.array([own.log_joint for own in front])[expansion.assignments.parents] + expansion.log_psi
         rows = np.argsort(-log_joints, kind="stable")[:most].tolist()
         grown = expander.grow(expansion, rows, in_place=not any(map(self._is_kept, front)))

@@ -6,7 +6,7 @@ P(history, Z_1:k), as if it had been followed all along. Nothing is optimised un
 keyframes, a few keyframes of its own in each, and enters once it has caught up.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +14,8 @@ import numpy as np
 from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.hypotheses import Hypothesis
-from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.pruning import Kinds, shared_out
-from semantic_slam.inference.revision.looking_back import Kind, LookingBack
+from semantic_slam.inference.revision.looking_back import Kind, LookingBack, Present
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
@@ -34,23 +33,14 @@ class Revision:
         """Whether anything is ever revised."""
         return self._settings.is_on
 
-    def revised(
-        self,
-        live: Mapping[int, Hypothesis],
-        ids: Sequence[int],
-        objects: Mapping[int, ObjectTable],
-        log_evidence: float,
-    ) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh as much as pruning asks beside the one that each revises.
-
-        ``objects`` (O, ...) of each live one, over the ``ids``; ``log_evidence``: what weights are relative to.
-        """
-        count, ratio = len(self._replay.steps), self._replay.problem.pruning.ratio
+    def revised(self, present: Present) -> dict[int, Hypothesis]:
+        """New hypotheses that weigh as much as pruning asks beside the one that each revises."""
+        count = len(self._replay.steps)
         if count > self._settings.horizon:
             self._looking_back.give_up()
         elif self._looking_back.is_idle and (kinds := self._due(count)):
-            self._looking_back.begin(next(iter(live.values())), kinds)
-        return self._looking_back.found(live, ids, objects, log_evidence, ratio)
+            self._looking_back.begin(present, kinds)
+        return self._looking_back.found(present)
 
     def _due(self, count: int) -> set[Kind]:
         """What to look for after so many keyframes."""
