@@ -18,9 +18,9 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.viewpoint.embedding_background import EmbeddingBackground, SeenVectors
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
-from semantic_slam.viewpoint.embedding_vectors import reduced
+from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground, SeenVectors
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
+from semantic_slam.viewpoint.embeddings.vectors import reduced
 
 LEAST_RANGE_M = 0.05
 """Nearer views count as from there."""

@@ -16,7 +16,7 @@ from semantic_slam.answers.appearances import Appearances
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
-from semantic_slam.viewpoint.embedding_vectors import reduced
+from semantic_slam.viewpoint.embeddings.vectors import reduced
 
 SHARES = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85])
 """rho, as likely before anything was seen."""

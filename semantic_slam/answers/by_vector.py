@@ -5,7 +5,7 @@ import numpy as np
 from semantic_slam.answers.appearances import Appearances
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
-from semantic_slam.viewpoint.embedding_model import NUM_SECTORS, REMEMBERED_RAD, EmbeddingRecord
+from semantic_slam.viewpoint.embeddings.model import NUM_SECTORS, REMEMBERED_RAD, EmbeddingRecord
 
 
 def shown_by(vector: Array, object_ids: Index, existence: Array, looks: Appearances, mapped: float) -> Array:

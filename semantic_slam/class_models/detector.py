@@ -8,11 +8,11 @@ import numpy as np
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.viewpoint.label_confusion import Confusion
-from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
-from semantic_slam.viewpoint.label_settings import LabelSettings
-from semantic_slam.viewpoint.label_store import FittedLabels, read_labels
-from semantic_slam.viewpoint.label_vocabulary import with_vocabulary
+from semantic_slam.viewpoint.labels.confusion import Confusion
+from semantic_slam.viewpoint.labels.model import NONE_OF_THESE, LabelModel
+from semantic_slam.viewpoint.labels.settings import LabelSettings
+from semantic_slam.viewpoint.labels.store import FittedLabels, read_labels
+from semantic_slam.viewpoint.labels.vocabulary import with_vocabulary
 
 
 def load_label_model(settings: SemanticModelConfiguration, bag_sha256: str = "") -> LabelModel | None:

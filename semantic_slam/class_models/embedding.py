@@ -5,8 +5,8 @@ from pathlib import Path
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel
-from semantic_slam.viewpoint.embedding_store import ANEW, read_embeddings
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
+from semantic_slam.viewpoint.embeddings.store import ANEW, read_embeddings
 
 
 def load_embedding_model(settings: SemanticModelConfiguration, bag_sha256: str = "") -> EmbeddingModel | None:

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from semantic_slam.latent.model import DescriptorModel
     from semantic_slam.perception.collaborators import FeatureExtractor
     from semantic_slam.viewpoint.appearance import KnownAppearance
-    from semantic_slam.viewpoint.embedding_model import EmbeddingModel
-    from semantic_slam.viewpoint.label_model import LabelModel
+    from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
+    from semantic_slam.viewpoint.labels.model import LabelModel
     from semantic_slam.viewpoint.model import ViewpointModel
 
 

@@ -35,8 +35,8 @@ def _learn(folders: list[Path], models: Path, report: Path) -> list[str]:
     from semantic_slam.training.labels.learn import RunTracks, learn
     from semantic_slam.training.labels.report import lines_of
     from semantic_slam.training.labels.runs import read_runs
-    from semantic_slam.viewpoint.embedding_store import save_embeddings
-    from semantic_slam.viewpoint.label_store import save_labels
+    from semantic_slam.viewpoint.embeddings.store import save_embeddings
+    from semantic_slam.viewpoint.labels.store import save_labels
 
     runs = read_runs(folders)
     if class_model_kind(runs[0].configuration.semantic_model).labels is None:

@@ -14,7 +14,7 @@ from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.codec import from_message
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.viewpoint.label_model import NONE_OF_THESE
+from semantic_slam.viewpoint.labels.model import NONE_OF_THESE
 
 OF_ANYTHING = frozenset({"", "object"})
 """Labels of detectors that look for anything, and say nothing of what it is."""

@@ -14,9 +14,9 @@ from semantic_slam.inference.building import (
 )
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.run_id import is_id_of_its_contents
-from semantic_slam.viewpoint.label_confusion import Confusion
-from semantic_slam.viewpoint.label_settings import LabelSettings
-from semantic_slam.viewpoint.label_store import FittedLabels, save_labels
+from semantic_slam.viewpoint.labels.confusion import Confusion
+from semantic_slam.viewpoint.labels.settings import LabelSettings
+from semantic_slam.viewpoint.labels.store import FittedLabels, save_labels
 
 LABELS = ("cup", "tv")
 

@@ -14,7 +14,7 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.viewpoint.label_model import NONE_OF_THESE
+from semantic_slam.viewpoint.labels.model import NONE_OF_THESE
 
 DETECTOR = {"kind": "detector"}
 MAPPED = {"sofa": 0.7, "cup": 0.2, NONE_OF_THESE: 0.1}

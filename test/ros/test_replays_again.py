@@ -27,7 +27,7 @@ from semantic_slam.ros.launching.node_set import NodeSpec, node_set
 from semantic_slam.ros.launching.processes import NodeProcesses
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import receive
-from semantic_slam.viewpoint.label_model import NONE_OF_THESE
+from semantic_slam.viewpoint.labels.model import NONE_OF_THESE
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

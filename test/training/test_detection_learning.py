@@ -14,9 +14,9 @@ from semantic_slam.training.detection.evidence import RunLooks, log_evidence
 from semantic_slam.training.detection.looks import NUM_DIRECTIONS, Looks
 from semantic_slam.training.detection.rates import grid, learned
 from semantic_slam.viewpoint.detection_values import DetectionValues
-from semantic_slam.viewpoint.label_confusion import Confusion
-from semantic_slam.viewpoint.label_settings import LabelSettings
-from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels, read_labels, save_labels
+from semantic_slam.viewpoint.labels.confusion import Confusion
+from semantic_slam.viewpoint.labels.settings import LabelSettings
+from semantic_slam.viewpoint.labels.store import FittedBag, FittedLabels, read_labels, save_labels
 
 AS_TOLD = OpenWorldConfiguration(detection_probability=0.9)
 

@@ -17,9 +17,14 @@ from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.training.embeddings.learn import RunLooks, Told, learn_embeddings, lines_of
 from semantic_slam.training.labels.runs import Run, read_runs
-from semantic_slam.viewpoint.embedding_background import EmbeddingBackground
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel
-from semantic_slam.viewpoint.embedding_store import FittedEmbeddings, LooksByDirection, read_embeddings, save_embeddings
+from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
+from semantic_slam.viewpoint.embeddings.store import (
+    FittedEmbeddings,
+    LooksByDirection,
+    read_embeddings,
+    save_embeddings,
+)
 
 SIZE, REACH, SPREAD, NOISE = 24, 1.4, 0.35, 0.01
 SETTINGS = SemanticModelConfiguration(kind="embedding", embedding_dimensions=SIZE)

@@ -20,11 +20,11 @@ from semantic_slam.training.labels.maximisation import BeforeFit
 from semantic_slam.training.labels.passes import FOLDS, STRETCHES
 from semantic_slam.training.labels.runs import read_runs
 from semantic_slam.training.labels.tracks import Track
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView, LabelWord
-from semantic_slam.viewpoint.label_runner_up import HABITS
-from semantic_slam.viewpoint.label_settings import LabelSettings
+from semantic_slam.viewpoint.labels.confusion import DIRECTIONS
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
+from semantic_slam.viewpoint.labels.runner_up import HABITS
+from semantic_slam.viewpoint.labels.settings import LabelSettings
 
 LABELS = ("cup", "sofa", "tv")
 BEFORE = BeforeFit(num_labels=3, accuracy=0.75, counts=4.0, outlier_share=0.05)
@@ -127,7 +127,7 @@ def labelled_run(folder, name: str, path: str = ""):
 
 def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys):
     from semantic_slam.training.labels.report import lines_of
-    from semantic_slam.viewpoint.label_store import save_labels
+    from semantic_slam.viewpoint.labels.store import save_labels
 
     report = labelled_run(tmp_path, "first")
     fitted = learn(RunTracks.of(read_runs([report])))

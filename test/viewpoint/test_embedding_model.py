@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from semantic_slam.viewpoint.embedding_background import EmbeddingBackground, SeenVectors
-from semantic_slam.viewpoint.embedding_model import NUM_SECTORS, EmbeddingModel, EmbeddingRecord
-from semantic_slam.viewpoint.embedding_vectors import reduced
+from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground, SeenVectors
+from semantic_slam.viewpoint.embeddings.model import NUM_SECTORS, EmbeddingModel, EmbeddingRecord
+from semantic_slam.viewpoint.embeddings.vectors import reduced
 
 SIZE = 6
 MODEL = EmbeddingModel(

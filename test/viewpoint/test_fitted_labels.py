@@ -7,13 +7,13 @@ import pytest
 from scipy.special import gammaln
 
 from semantic_slam.errors import InputError
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, Confusion
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import ANY_STRETCH, LabelView, LabelWord
-from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS
-from semantic_slam.viewpoint.label_settings import LabelSettings
-from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels, read_labels, save_labels
-from semantic_slam.viewpoint.label_vocabulary import with_vocabulary
+from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, Confusion
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.record import ANY_STRETCH, LabelView, LabelWord
+from semantic_slam.viewpoint.labels.runner_up import EVEN_HABITS
+from semantic_slam.viewpoint.labels.settings import LabelSettings
+from semantic_slam.viewpoint.labels.store import FittedBag, FittedLabels, read_labels, save_labels
+from semantic_slam.viewpoint.labels.vocabulary import with_vocabulary
 
 LABELS = ("cup", "tv")
 RANDOM = np.random.default_rng(3)

@@ -7,11 +7,11 @@ import pytest
 from scipy.special import gammaln
 from scipy.stats import dirichlet
 
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
-from semantic_slam.viewpoint.label_model import NONE_OF_THESE, LabelModel
-from semantic_slam.viewpoint.label_record import LabelRecord, LabelView, LabelWord
-from semantic_slam.viewpoint.label_settings import LabelSettings
-from semantic_slam.viewpoint.label_views import FirstView, LaterView
+from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, HIDDEN_NONE, STEP_RAD, Confusion
+from semantic_slam.viewpoint.labels.model import NONE_OF_THESE, LabelModel
+from semantic_slam.viewpoint.labels.record import LabelRecord, LabelView, LabelWord
+from semantic_slam.viewpoint.labels.settings import LabelSettings
+from semantic_slam.viewpoint.labels.views import FirstView, LaterView
 
 LABELS = ("chair", "cup", "tv")
 REPEAT_SHARES, REPEAT_RAD = (0.0, 0.5, 0.95), 0.5

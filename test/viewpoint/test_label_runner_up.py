@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.special import gammaln
 
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, Confusion
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView, LabelWord
-from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS, HABITS, NONE, RunnersUp, RunnerUp, truth_second
-from semantic_slam.viewpoint.label_settings import LabelSettings
+from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, Confusion
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
+from semantic_slam.viewpoint.labels.runner_up import EVEN_HABITS, HABITS, NONE, RunnersUp, RunnerUp, truth_second
+from semantic_slam.viewpoint.labels.settings import LabelSettings
 
 WORDS = 5
 CUP, TV, BED, SINK, OTHER = range(WORDS)

@@ -11,7 +11,7 @@ from semantic_slam.inference.models.latent_prior import prior_of_classes
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
-from semantic_slam.viewpoint.embedding_model import EmbeddingRecord
+from semantic_slam.viewpoint.embeddings.model import EmbeddingRecord
 
 
 def latent_observation_of(

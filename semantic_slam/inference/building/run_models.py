@@ -11,8 +11,8 @@ from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.inference.building.views import tempering
 from semantic_slam.latent.model import DescriptorModel
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel
-from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
+from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.outliers import OutlierScores
 

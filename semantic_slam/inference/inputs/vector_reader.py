@@ -3,8 +3,8 @@
 from semantic_slam.errors import InputError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.detection_vectors import DetectionVectors
-from semantic_slam.viewpoint.embedding_background import SeenVectors
-from semantic_slam.viewpoint.embedding_vectors import reduced
+from semantic_slam.viewpoint.embeddings.background import SeenVectors
+from semantic_slam.viewpoint.embeddings.vectors import reduced
 
 REMEMBERED = 4
 """Keyframes that may come again."""

@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import descriptor_key
 from semantic_slam.inference.world.objects import ReportedObjects
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ from semantic_slam.inference.semantics.told_words import NewWords, ToldWords, to
 from semantic_slam.inference.semantics.track_links import NO_TRACK, TrackLinks
 from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView, LabelWord
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
 from semantic_slam.viewpoint.size_model import SizeModel
 
 LEAST_LOG_WEIGHT = -700.0

@@ -16,8 +16,8 @@ from semantic_slam.inference.models.detection_vectors import DetectionVectors
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.states.object_views import ObjectViews
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
-from semantic_slam.viewpoint.label_confusion import STEP_RAD
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
+from semantic_slam.viewpoint.labels.confusion import STEP_RAD
 
 
 class EmbeddingViews:

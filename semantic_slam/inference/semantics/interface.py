@@ -18,8 +18,8 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.object_views import ObjectViews
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel, EmbeddingRecord
-from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
+from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.outliers import OutlierScores
 

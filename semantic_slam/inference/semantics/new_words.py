@@ -5,9 +5,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.semantics.told_words import NewWords, ToldWords
-from semantic_slam.viewpoint.label_confusion import STEP_RAD
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView, LabelWord
+from semantic_slam.viewpoint.labels.confusion import STEP_RAD
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
 from semantic_slam.viewpoint.size_model import SizeModel, SizeRecord
 
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.viewpoint.label_record import LabelRecord
-from semantic_slam.viewpoint.label_views import WeighedView
+from semantic_slam.viewpoint.labels.record import LabelRecord
+from semantic_slam.viewpoint.labels.views import WeighedView
 from semantic_slam.viewpoint.size_model import SizeRecord
 
 

@@ -6,7 +6,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.interface import SemanticInput
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, STEP_RAD
+from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, STEP_RAD
 
 LEAST_RANGE_M = 0.05
 """Nearer views count as from there."""

@@ -40,7 +40,7 @@ from semantic_slam.inference.world.displaced_objects import Displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.starts import ANYWHERE, Starts
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
 from semantic_slam.viewpoint.model import ViewpointModel
 
 

@@ -17,10 +17,10 @@ from semantic_slam.class_models.embedding import embedding_model
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.labels.runs import Run
-from semantic_slam.viewpoint.embedding_background import EmbeddingBackground, SeenVectors
-from semantic_slam.viewpoint.embedding_model import SHARED_COUNTS, EmbeddingModel, EmbeddingRecord
-from semantic_slam.viewpoint.embedding_store import FittedEmbeddings, LooksByDirection
-from semantic_slam.viewpoint.embedding_vectors import reduced
+from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground, SeenVectors
+from semantic_slam.viewpoint.embeddings.model import SHARED_COUNTS, EmbeddingModel, EmbeddingRecord
+from semantic_slam.viewpoint.embeddings.store import FittedEmbeddings, LooksByDirection
+from semantic_slam.viewpoint.embeddings.vectors import reduced
 
 REPEAT_RADS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
 LEAST_GAIN = 3.0

@@ -16,9 +16,9 @@ from semantic_slam.training.labels.fit import Fitted, fitted
 from semantic_slam.training.labels.maximisation import BeforeFit, class_shares, habit_shares
 from semantic_slam.training.labels.passes import FOLDS, Pass, views_of
 from semantic_slam.training.labels.tracks import Track
-from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_settings import LabelSettings
+from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.settings import LabelSettings
 
 REPEAT_SHARES, REPEAT_RADS, COUNT_FACTORS = (0.0, 0.5, 0.8, 0.95, 0.99), (0.25, 0.5, 1.0, 2.0), (1.0, 3.0, 10.0, 30.0)
 """Settings that are tried, besides whether scores count. What none of the labels means stays as unknown as it was."""

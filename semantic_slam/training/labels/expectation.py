@@ -14,10 +14,10 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.training.labels.tracks import Track
-from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelRecord, LabelView, ViewShares
-from semantic_slam.viewpoint.label_views import LaterView
+from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.record import LabelRecord, LabelView, ViewShares
+from semantic_slam.viewpoint.labels.views import LaterView
 
 
 @dataclass(frozen=True, kw_only=True)

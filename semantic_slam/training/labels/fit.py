@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from semantic_slam.training.labels.passes import FOLDS, Pass, passed
 from semantic_slam.training.labels.tracks import Track
-from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.labels.model import LabelModel
 
 MOST_ROUNDS = 20
 LEAST_GAIN = 0.1

@@ -22,8 +22,8 @@ from semantic_slam.training.labels.passes import FOLDS, NO_STRETCH, STRETCHES, p
 from semantic_slam.training.labels.report import report_of
 from semantic_slam.training.labels.runs import Run
 from semantic_slam.training.labels.tracks import Track, stretch_edges, tracks_of
-from semantic_slam.viewpoint.label_confusion import Confusion
-from semantic_slam.viewpoint.label_store import FittedBag, FittedLabels
+from semantic_slam.viewpoint.labels.confusion import Confusion
+from semantic_slam.viewpoint.labels.store import FittedBag, FittedLabels
 
 LEAST_SHARE = 1e-3
 """Settings with less than this share of the likeliest one's weight are not handed on."""

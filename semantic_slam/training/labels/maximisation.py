@@ -11,7 +11,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.labels.expectation import Expectation
 from semantic_slam.training.labels.passes import Pass
-from semantic_slam.viewpoint.label_confusion import Confusion
+from semantic_slam.viewpoint.labels.confusion import Confusion
 
 OUTLIER_VIEWS = 20.0
 """Views that the outlier share known before counts as."""

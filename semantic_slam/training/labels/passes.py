@@ -9,8 +9,8 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.training.labels.expectation import Expectation, Replayed, expected, replayed
 from semantic_slam.training.labels.tracks import Track
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_record import LabelView
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.record import LabelView
 
 STRETCHES = 5
 """Parts of a drive, each of which is held out once."""

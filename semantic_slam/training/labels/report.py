@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.training.labels.fit import Fitted
 from semantic_slam.training.labels.judgement import Judgement
-from semantic_slam.viewpoint.label_runner_up import truth_second
+from semantic_slam.viewpoint.labels.runner_up import truth_second
 
 MOST_OTHERS = 3
 """Names that a class is confused with, the most frequent ones, which are told."""

@@ -22,8 +22,8 @@ from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.class_names import NONE_OF_THESE
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.training.labels.runs import Run
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, STEP_RAD
-from semantic_slam.viewpoint.label_record import LabelView, LabelWord
+from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, STEP_RAD
+from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
 
 LEAST_WEIGHT = 0.01
 """Tracks that are less likely are left out."""

@@ -9,7 +9,7 @@ from semantic_slam.evaluation.correspondence import match_objects
 from semantic_slam.evaluation.history import best_history
 from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.viewpoint.label_model import NONE_OF_THESE
+from semantic_slam.viewpoint.labels.model import NONE_OF_THESE
 from semantic_slam_lab.simulation.detectors.detector_words import DetectorFaults
 
 CLASSES = (*sorted(DetectorFaults().names), NONE_OF_THESE)

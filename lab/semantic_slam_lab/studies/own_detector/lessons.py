@@ -10,7 +10,7 @@ from semantic_slam.training.labels.learn import RunTracks, learn
 from semantic_slam.training.labels.maximisation import class_shares
 from semantic_slam.training.labels.runs import Run, read_runs
 from semantic_slam.training.labels.tracks import Track
-from semantic_slam.viewpoint.label_store import FittedLabels, save_labels
+from semantic_slam.viewpoint.labels.store import FittedLabels, save_labels
 from semantic_slam_lab.studies.own_detector.bags import Case, foreign_bag, imported
 from semantic_slam_lab.studies.own_detector.courses import Drive
 from semantic_slam_lab.studies.own_detector.methods import DETECTOR_CONFIGURATION, drive

@@ -7,10 +7,10 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
-from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE, Confusion
-from semantic_slam.viewpoint.label_record import ANSWER, ANY_STRETCH, UNSEEN, LabelRecord, LabelView
-from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS, LEAST_WORDS, RunnersUp, first_gains
-from semantic_slam.viewpoint.label_settings import LabelSettings
+from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE, Confusion
+from semantic_slam.viewpoint.labels.record import ANSWER, ANY_STRETCH, UNSEEN, LabelRecord, LabelView
+from semantic_slam.viewpoint.labels.runner_up import EVEN_HABITS, LEAST_WORDS, RunnersUp, first_gains
+from semantic_slam.viewpoint.labels.settings import LabelSettings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.viewpoint.label_confusion import DIRECTIONS, TURNS
-from semantic_slam.viewpoint.label_runner_up import NONE, RunnersUp, RunnerUp
+from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, TURNS
+from semantic_slam.viewpoint.labels.runner_up import NONE, RunnersUp, RunnerUp
 
 LEAST_REPORTED = 1.0 + 1e-9
 """Scores above the least by this factor were reported; the others share evenly what these leave."""

@@ -29,10 +29,10 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
-from semantic_slam.viewpoint.label_prior import NONE_OF_THESE as NONE_OF_THESE
-from semantic_slam.viewpoint.label_prior import LabelPrior
-from semantic_slam.viewpoint.label_record import LabelRecord, LabelView
-from semantic_slam.viewpoint.label_views import FirstView, LaterView, SilentView, WeighedView
+from semantic_slam.viewpoint.labels.prior import NONE_OF_THESE as NONE_OF_THESE
+from semantic_slam.viewpoint.labels.prior import LabelPrior
+from semantic_slam.viewpoint.labels.record import LabelRecord, LabelView
+from semantic_slam.viewpoint.labels.views import FirstView, LaterView, SilentView, WeighedView
 
 
 @dataclass(frozen=True, kw_only=True)

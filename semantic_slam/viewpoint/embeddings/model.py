@@ -26,7 +26,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
-from semantic_slam.viewpoint.embedding_background import EmbeddingBackground
+from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
 
 NUM_SECTORS = 24
 """Around an object: its newest view from each is remembered."""

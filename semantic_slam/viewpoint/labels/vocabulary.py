@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.viewpoint.label_confusion import Confusion
-from semantic_slam.viewpoint.label_model import LabelModel
+from semantic_slam.viewpoint.labels.confusion import Confusion
+from semantic_slam.viewpoint.labels.model import LabelModel
 
 
 def with_vocabulary(model: LabelModel, labels: tuple[str, ...]) -> LabelModel:

@@ -10,9 +10,9 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
-from semantic_slam.viewpoint.label_prior import LabelPrior
-from semantic_slam.viewpoint.label_record import LabelRecord, LabelView, ViewShares
-from semantic_slam.viewpoint.label_runner_up import NEITHER, NONE, RIGHT, TRUTH, NextSecond, RunnerUp
+from semantic_slam.viewpoint.labels.prior import LabelPrior
+from semantic_slam.viewpoint.labels.record import LabelRecord, LabelView, ViewShares
+from semantic_slam.viewpoint.labels.runner_up import NEITHER, NONE, RIGHT, TRUTH, NextSecond, RunnerUp
 
 
 class WeighedView(Protocol):

@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.model_files import ModelFormat
-from semantic_slam.viewpoint.embedding_model import EmbeddingModel
+from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
 
 ANEW = "fit it anew with semantic_slam fit --from-run"
 FORMAT = ModelFormat(kind="embedding", schema_version=1, remedy=f"check semantic_model.path, or {ANEW}")

@@ -10,10 +10,10 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.model_files import ModelFormat
 from semantic_slam.viewpoint.detection_values import UNTOLD, DetectionValues
-from semantic_slam.viewpoint.label_confusion import HIDDEN_NONE, Confusion
-from semantic_slam.viewpoint.label_model import LabelModel
-from semantic_slam.viewpoint.label_runner_up import EVEN_HABITS
-from semantic_slam.viewpoint.label_settings import LabelSettings
+from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE, Confusion
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.runner_up import EVEN_HABITS
+from semantic_slam.viewpoint.labels.settings import LabelSettings
 
 ANEW = "fit it anew with semantic_slam fit --from-run"
 FORMAT = ModelFormat(kind="detector", schema_version=1, remedy=f"check semantic_model.path, or {ANEW}")
