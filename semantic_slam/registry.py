@@ -61,7 +61,7 @@ ASSOCIATIONS = Registry(
     _table(
         enumerated="semantic_slam.inference.association.enumerated:EnumeratedAssociation",
         given="semantic_slam.inference.open_world.named.association:NamedAssociation",
-        open="semantic_slam.inference.open_world.open_association:OpenAssociation",
+        open="semantic_slam.inference.open_world.keyframe.open_association:OpenAssociation",
     ),
 )
 """Values of ``association``: classes as inference/association/strategy.py describes them."""

@@ -28,8 +28,8 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.latent_observation import LatentObservation
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
-from semantic_slam.inference.open_world.unseen_ground import first_detections
+from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
+from semantic_slam.inference.open_world.planar.unseen_ground import first_detections
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density

@@ -15,7 +15,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.depth_ranges import WIDEST_RAD
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar_detection import PlanarDetection
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.pool import InProcessPool
 
 DEPTH = NoiseSettings(ranges_are_depth=True, axis_rad=0.1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.free_range_scan import NUM_STRIPS, farthest_free_ranges
 

@@ -7,8 +7,8 @@ from scipy.stats import chi2
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
-from semantic_slam.inference.open_world.open_association import OpenAssociation
-from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.keyframe.open_association import OpenAssociation
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
 
 CONFIDENCE = 0.99
 """Confidence of the chi-squared tests, of single pairs and of all pairs together."""

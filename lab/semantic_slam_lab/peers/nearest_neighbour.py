@@ -3,8 +3,8 @@
 import numpy as np
 
 from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
-from semantic_slam.inference.open_world.open_association import OpenAssociation
-from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.keyframe.open_association import OpenAssociation
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
 
 
 class NearestNeighbour(OpenAssociation):

@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.doctor.finding import Finding, Severity
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.inference.association.strategy import strategy_of
-from semantic_slam.inference.open_world.sensor_region import sensor_region
+from semantic_slam.inference.open_world.planar.region import sensor_region
 
 NAME = "region"
 SOME, MOST = 0.2, 0.8

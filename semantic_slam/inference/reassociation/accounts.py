@@ -8,9 +8,9 @@ import numpy as np
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, birth
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
-from semantic_slam.inference.open_world.sightings import Sightings
-from semantic_slam.inference.open_world.unseen_ground import first_detections
+from semantic_slam.inference.open_world.planar.region import SensorRegion
+from semantic_slam.inference.open_world.planar.sightings import Sightings
+from semantic_slam.inference.open_world.planar.unseen_ground import first_detections
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 BEYOND_M = 1.0

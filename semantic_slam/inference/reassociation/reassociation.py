@@ -13,7 +13,7 @@ import numpy as np
 
 from semantic_slam.inference.association.strategy import AssociationStrategy, Parents
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.sensor_region import sensor_region
+from semantic_slam.inference.open_world.planar.region import sensor_region
 from semantic_slam.inference.reassociation.atoms import Atoms
 from semantic_slam.inference.reassociation.solved import RevisedComponent, Solver
 from semantic_slam.inference.reassociation.stretch import Stretch

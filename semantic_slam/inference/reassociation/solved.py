@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.configuration import NewObjectConfiguration, OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.reassociation.accounts import StretchAccount
 from semantic_slam.inference.reassociation.atoms import Atoms
 from semantic_slam.inference.reassociation.revised_states import revised_objects, revised_tracking

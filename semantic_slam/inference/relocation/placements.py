@@ -14,8 +14,8 @@ import numpy as np
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
-from semantic_slam.inference.open_world.sightings import Sightings
+from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
+from semantic_slam.inference.open_world.planar.sightings import Sightings
 from semantic_slam.inference.relocation.constellation import Fit, Fitting, positions
 from semantic_slam.inference.relocation.stretches import stretches
 from semantic_slam.inference.smoothing.component import Component

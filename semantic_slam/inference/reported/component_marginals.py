@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY
-from semantic_slam.inference.open_world.moving_objects import as_objects
+from semantic_slam.inference.open_world.moving.moving_objects import as_objects
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.movers import Movers

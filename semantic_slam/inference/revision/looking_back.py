@@ -10,7 +10,7 @@ import numpy as np
 from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.object_table import ObjectTable
-from semantic_slam.inference.open_world.mover_proposals import (
+from semantic_slam.inference.open_world.moving.mover_proposals import (
     mover_proposals,
     standing_proposals,
     with_mover,

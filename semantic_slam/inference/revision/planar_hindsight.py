@@ -7,10 +7,10 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.detection_probability import looks
-from semantic_slam.inference.open_world.open_geometry import geometry_of
+from semantic_slam.inference.open_world.planar.detection_probability import looks
+from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
+from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.second_boxes import second_box_densities
-from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
 from semantic_slam.inference.revision.hindsight import Hindsight
 
 

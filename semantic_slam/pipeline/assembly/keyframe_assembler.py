@@ -23,7 +23,7 @@ from semantic_slam.geometry.transform import between
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
 from semantic_slam.inference.models.noise.clock_offset import OFFSETS
-from semantic_slam.inference.open_world.sensor_region import sensor_region
+from semantic_slam.inference.open_world.planar.region import sensor_region
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample, plain_frame

@@ -17,7 +17,7 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
+from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
 from semantic_slam.inference.states.direction_shares import even_directions
 
 LEAST_WEIGHT = 0.01

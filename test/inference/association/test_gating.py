@@ -9,7 +9,7 @@ from worlds.linear_gaussian import LinearDetection, LinearModel
 from semantic_slam.inference.association.gating import best_assignments, pair_densities
 from semantic_slam.inference.association.sums import log_sum_of_all
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 

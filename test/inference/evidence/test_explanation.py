@@ -27,9 +27,9 @@ from semantic_slam.inference.evidence.explanation import (
 )
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.sensed_region import SensedRegion
-from semantic_slam.inference.open_world.detection_probability import undetected_share
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
-from semantic_slam.inference.open_world.unseen_ground import first_detections
+from semantic_slam.inference.open_world.planar.detection_probability import undetected_share
+from semantic_slam.inference.open_world.planar.region import SensorRegion
+from semantic_slam.inference.open_world.planar.unseen_ground import first_detections
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import ScoreDensity

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.inference.open_world.detection_probability import undetected_share
 from semantic_slam.inference.open_world.existence import birth, existence_after_miss, log_miss
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.planar.detection_probability import undetected_share
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 REGION = SensorRegion(min_range_m=0.5, max_range_m=5.0, field_of_view_rad=1.4, occluder_radius_m=0.2)

@@ -10,9 +10,9 @@ from worlds.linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.inference.association.gating import RankedAssignments, best_assignments, pair_densities
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.open_world.joint_costs import JointCosts
-from semantic_slam.inference.open_world.joint_ranking import JointRanking
-from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.joint.costs import JointCosts
+from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.joint.ranking import JointRanking
 from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
 

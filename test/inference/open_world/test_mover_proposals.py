@@ -5,7 +5,7 @@ from worlds.drives.moving_world import configuration, make_world, objects_of, ru
 
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.models.moving import Moving
-from semantic_slam.inference.open_world.mover_proposals import (
+from semantic_slam.inference.open_world.moving.mover_proposals import (
     mover_proposals,
     standing_proposals,
     with_mover,

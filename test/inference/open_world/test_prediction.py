@@ -11,9 +11,9 @@ from semantic_slam.inference.association.gating import best_assignments, pair_de
 from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion
-from semantic_slam.inference.open_world import nearby
-from semantic_slam.inference.open_world.prediction import Prediction
-from semantic_slam.inference.open_world.predictor import Predictor
+from semantic_slam.inference.open_world.prediction import nearby
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.open_world.prediction.predictor import Predictor
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 AROUND = 24

@@ -9,8 +9,8 @@ from worlds.lost_world import PLACES, configuration, make_world, map_of
 from semantic_slam import Engine, Keyframe
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import se2
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
-from semantic_slam.inference.open_world.sightings import Sightings
+from semantic_slam.inference.open_world.planar.region import SensorRegion
+from semantic_slam.inference.open_world.planar.sightings import Sightings
 from semantic_slam.inference.relocation.constellation import Fitting, Places, positions
 from semantic_slam.inference.relocation.stretches import parted, stretches
 from semantic_slam.inference.revision.replay import Replay

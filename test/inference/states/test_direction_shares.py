@@ -7,10 +7,10 @@ from scipy.stats import qmc
 from semantic_slam import Configuration, Engine, Keyframe, MapPrior
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.inference.open_world.detection_probability import undetected_share
-from semantic_slam.inference.open_world.sensor_region import sensor_region
-from semantic_slam.inference.open_world.sightings import Sightings
-from semantic_slam.inference.open_world.unseen_ground import first_detections
+from semantic_slam.inference.open_world.planar.detection_probability import undetected_share
+from semantic_slam.inference.open_world.planar.region import sensor_region
+from semantic_slam.inference.open_world.planar.sightings import Sightings
+from semantic_slam.inference.open_world.planar.unseen_ground import first_detections
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.world.map_prior import ObjectPrior
 

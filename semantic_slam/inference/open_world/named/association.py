@@ -16,12 +16,12 @@ from semantic_slam.inference.association.given import GivenAssociation, log_odds
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.models.clutter import EvenClutter
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.keyframe.open_association import OpenAssociation
 from semantic_slam.inference.open_world.named.keyframe import NamedKeyframe
 from semantic_slam.inference.open_world.named.wrong_names import right_names
-from semantic_slam.inference.open_world.open_association import OpenAssociation
-from semantic_slam.inference.open_world.prediction import Prediction
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.planar.region import SensorRegion
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import LineageStep
 

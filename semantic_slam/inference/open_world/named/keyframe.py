@@ -10,7 +10,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
+from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 

@@ -11,7 +11,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
-from semantic_slam.inference.open_world.linear_evidence import JointInnovation
+from semantic_slam.inference.open_world.joint.linear_evidence import JointInnovation
 
 
 @dataclass(frozen=True)

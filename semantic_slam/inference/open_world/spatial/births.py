@@ -15,9 +15,9 @@ from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
 from semantic_slam.inference.open_world.births import WIDTH, Birth
-from semantic_slam.inference.open_world.detection_probability import share_after_looks
 from semantic_slam.inference.open_world.existence import birth
-from semantic_slam.inference.open_world.expected_births import HIDES, LEAST_IN_SIGHT
+from semantic_slam.inference.open_world.planar.detection_probability import share_after_looks
+from semantic_slam.inference.open_world.planar.expected_births import HIDES, LEAST_IN_SIGHT
 from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component, tracked_states

@@ -19,7 +19,7 @@ from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose
 from semantic_slam.inference.association.given import GivenAssociation
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.open_world.linear_evidence import JointInnovation
+from semantic_slam.inference.open_world.joint.linear_evidence import JointInnovation
 from semantic_slam.inference.open_world.named.association import NamedAssociation
 from semantic_slam.inference.open_world.named.wrong_names import right_names
 from semantic_slam.inference.pool import InProcessPool

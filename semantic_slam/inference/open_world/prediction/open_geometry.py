@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.planar_geometry import PlanarGeometry
+from semantic_slam.inference.open_world.planar.geometry import PlanarGeometry
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.spatial.geometry import SpatialGeometry
 from semantic_slam.inference.smoothing.component import Component

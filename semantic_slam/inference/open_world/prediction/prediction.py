@@ -13,9 +13,9 @@ from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.models.step import AssociatedDetection
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.moving_objects import PredictedMovers
-from semantic_slam.inference.open_world.open_geometry import geometry_of
+from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
+from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.states.carried_errors import CarriedErrors

@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
 from semantic_slam.inference.models.step import Motion
-from semantic_slam.inference.open_world.moving_objects import RobotMotion
+from semantic_slam.inference.open_world.moving.moving_objects import RobotMotion
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalMap
 

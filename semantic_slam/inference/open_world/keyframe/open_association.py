@@ -21,13 +21,13 @@ from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import log_miss
-from semantic_slam.inference.open_world.existence_accounts import least_detected
-from semantic_slam.inference.open_world.joint_costs import JointCosts
-from semantic_slam.inference.open_world.joint_ranking import JointRanking
-from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
-from semantic_slam.inference.open_world.open_keyframe import OpenKeyframe
-from semantic_slam.inference.open_world.prediction import Prediction
-from semantic_slam.inference.open_world.predictor import Predictor
+from semantic_slam.inference.open_world.joint.costs import JointCosts
+from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.joint.ranking import JointRanking
+from semantic_slam.inference.open_world.keyframe.existence_accounts import least_detected
+from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.open_world.prediction.predictor import Predictor
 from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.semantics.interface import RanksPairs

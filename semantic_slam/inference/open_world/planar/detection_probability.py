@@ -7,10 +7,13 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.open_world.planar.region import NO_SCAN, SensorRegion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
-from semantic_slam.inference.open_world.sensor_region import NO_SCAN, SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
+
+LEAST_DETECTION_SHARE = 0.02
+"""Least share of the detection probability for objects detected although they seem to lie outside the region."""
 
 MOST_LOOKS = 50
 """Newest looks at one place that count: by then next to nothing is left to be found there."""

@@ -14,14 +14,14 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.models.step import Motion
-from semantic_slam.inference.open_world.moving_objects import PredictedMovers, RobotMotion, predicted_movers
-from semantic_slam.inference.open_world.nearby import local_around, near_objects, objects_in_reach
-from semantic_slam.inference.open_world.open_geometry import geometry_of
+from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers, RobotMotion, predicted_movers
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
-from semantic_slam.inference.open_world.predicted_robot import PredictedRobot
-from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.prediction.nearby import local_around, near_objects, objects_in_reach
+from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
+from semantic_slam.inference.open_world.prediction.predicted_robot import PredictedRobot
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.second_boxes import second_boxes
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.states.carried_errors import CarriedErrors

@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, distinct_rows
 from semantic_slam.inference.association.gating import RankedAssignments, log_products, log_rest
-from semantic_slam.inference.open_world.joint_costs import JointCosts
+from semantic_slam.inference.open_world.joint.costs import JointCosts
 
 STEPS = 5
 """From one joint assignment to better ones, at most."""

@@ -14,14 +14,14 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.planar.frames import object_in_body
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth, birth_of
-from semantic_slam.inference.open_world.detection_probability import (
+from semantic_slam.inference.open_world.planar.detection_probability import (
     Occluders,
     detection_probabilities,
     predicted_detection_probabilities,
 )
-from semantic_slam.inference.open_world.expected_births import expected_births
+from semantic_slam.inference.open_world.planar.expected_births import expected_births
+from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
-from semantic_slam.inference.open_world.sensor_region import SensorRegion, sensor_region
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M

@@ -10,8 +10,8 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.existence import log_miss
-from semantic_slam.inference.open_world.open_geometry import geometry_of
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
+from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalMap
 from semantic_slam.inference.smoothing.tracking import carried_keys

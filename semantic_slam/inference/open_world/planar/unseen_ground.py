@@ -3,8 +3,8 @@
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.open_world.detection_probability import NOTHING, undetected_share
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.planar.detection_probability import NOTHING, undetected_share
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 NUM_RINGS, NUM_BEARINGS = 4, 8

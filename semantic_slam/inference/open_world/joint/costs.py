@@ -15,7 +15,7 @@ from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, d
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.evidence.outlier_choices import OutlierChoices, likeliest_outliers
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
-from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.open_world.existence import log_miss
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.movers import STATE, Movers
 

@@ -21,11 +21,11 @@ from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
 from semantic_slam.inference.evidence.search_start import search_start
 from semantic_slam.inference.models.step import AssociatedDetection, Step
-from semantic_slam.inference.open_world.existence_accounts import ExistenceAccounts
-from semantic_slam.inference.open_world.keyframe_problems import open_keyframe_problem
-from semantic_slam.inference.open_world.linear_evidence import LinearisedEvidence
-from semantic_slam.inference.open_world.mover_updates import movers_after
-from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.keyframe.existence_accounts import ExistenceAccounts
+from semantic_slam.inference.open_world.keyframe.keyframe_problems import open_keyframe_problem
+from semantic_slam.inference.open_world.keyframe.mover_updates import movers_after
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.states.gaussian import GaussianPrior

@@ -15,7 +15,7 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.outlier_choices import OutlierChoices
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.states.range_chart import moved
 from semantic_slam.inference.states.spaces import Spaces
 

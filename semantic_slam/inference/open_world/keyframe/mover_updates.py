@@ -6,8 +6,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.open_world.existence import existence_after_miss
-from semantic_slam.inference.open_world.moving_objects import PredictedMovers
-from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
 from semantic_slam.inference.states.movers import Movers

@@ -15,7 +15,7 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.moving_objects import PlacedDetections, rotation
+from semantic_slam.inference.open_world.moving.moving_objects import PlacedDetections, rotation
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
 
 MOST_DETECTIONS = 40

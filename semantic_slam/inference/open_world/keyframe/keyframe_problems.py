@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
-from semantic_slam.inference.open_world.prediction import Prediction
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.states.layout import Layout
 from semantic_slam.inference.world.problem import Problem
 

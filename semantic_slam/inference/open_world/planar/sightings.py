@@ -10,8 +10,8 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.open_world.existence_accounts import LEAST_DETECTION_SHARE
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
+from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 PLACE_SIGMA_M = 0.1

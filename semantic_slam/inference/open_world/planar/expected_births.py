@@ -8,10 +8,10 @@ import numpy as np
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.detection_probability import Occluders
 from semantic_slam.inference.open_world.existence import birth
-from semantic_slam.inference.open_world.sensor_region import SensorRegion
-from semantic_slam.inference.open_world.unseen_ground import first_detections
+from semantic_slam.inference.open_world.planar.detection_probability import Occluders
+from semantic_slam.inference.open_world.planar.region import SensorRegion
+from semantic_slam.inference.open_world.planar.unseen_ground import first_detections
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 
 LEAST_IN_SIGHT = 0.02
