@@ -19,7 +19,7 @@ from semantic_slam.pipeline.offline import run_bag
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 10
-FAULTY_BACKENDS = [sys.executable, str(Path(__file__).parent / "faulty_backends.py")]
+FAULTY_BACKENDS = [sys.executable, str(Path(__file__).parents[1] / "faulty_backends.py")]
 EXPECTED_TO_DIE = [
     sys.executable,
     "-c",

@@ -23,7 +23,7 @@ from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag
 
 NUM_FRAMES, NUM_ATTACKED, NUM_FORGED = 20, 8, 300
-SLOW_BACKEND = [sys.executable, str(Path(__file__).parent / "faulty_backends.py"), "slow"]
+SLOW_BACKEND = [sys.executable, str(Path(__file__).parents[1] / "faulty_backends.py"), "slow"]
 CHECK_S = 0.02
 FIRST_DOMAIN, DOMAINS = 199, 16
 """Apart from those of other tests, which are to hear nothing of this one."""

@@ -19,7 +19,7 @@ from semantic_slam.messages import topics
 from semantic_slam.pipeline.detector_labels import labels_in
 from semantic_slam.ros.launching.node_set import NodeSpec, node_set
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart", "namespace"}
 
 

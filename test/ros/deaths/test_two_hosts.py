@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.two_hosts]
 
 NUM_FRAMES = 30
 """So many that a backend on the robot, which takes its time, is not done before the other one is back."""
-FAULTY = Path(__file__).parent / "faulty_backends.py"
+FAULTY = Path(__file__).parents[1] / "faulty_backends.py"
 SLOW = [sys.executable, str(FAULTY), "slow"]
 DIES_ONCE = """
 if [ -e {mark} ]; then exec backend_node "$@"; fi

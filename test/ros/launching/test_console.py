@@ -90,7 +90,7 @@ INTERRUPTED = (
 GIVEN = {
     "backend_node": ["-r", "__node:=backend_0"],
     "classifier_node": ["-p", "has_images:=false"],
-    "bag_player": ["-p", f"bag:={Path(__file__).parents[2] / 'bags' / 'aliased_room'}"],
+    "bag_player": ["-p", f"bag:={Path(__file__).parents[3] / 'bags' / 'aliased_room'}"],
 }
 
 

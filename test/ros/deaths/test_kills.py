@@ -24,8 +24,8 @@ from semantic_slam.ros.launching.processes import NodeProcesses
 from semantic_slam.ros.launching.supervisor import Supervisor
 
 NUM_FRAMES = 20
-SLOW_BACKEND = [sys.executable, str(Path(__file__).parent / "faulty_backends.py"), "slow"]
-EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
+SLOW_BACKEND = [sys.executable, str(Path(__file__).parents[1] / "faulty_backends.py"), "slow"]
+EXAMPLE = [sys.executable, str(Path(__file__).parents[3] / "examples" / "print_belief.py")]
 COMMANDS = {"backend_0": SLOW_BACKEND, "backend_1": SLOW_BACKEND, "print_belief": EXAMPLE}
 KILLS = (
     (2, "backend_0"),

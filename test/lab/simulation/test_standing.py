@@ -36,7 +36,7 @@ from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.images import decode_depth, decode_image
 from semantic_slam.pipeline.preamble import map_prior_path
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 BAG = ROOT / "bags" / "standing.mcap"
 FRAMES = 50
 FIRST_VIEWS = 5

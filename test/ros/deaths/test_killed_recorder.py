@@ -21,7 +21,7 @@ LEAST_PRINTED = 4
 RATE = 2.0
 PATIENCE_S = 3.0
 """The recorder writes every half second; on a busy machine it gets to run later than the listener."""
-EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
+EXAMPLE = [sys.executable, str(Path(__file__).parents[3] / "examples" / "print_belief.py")]
 
 
 def newest_printed(replay: Replay) -> int:
