@@ -149,7 +149,7 @@ def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, 
 
     if arguments.bag:
         return views_of_bag(arguments.bag, perception)
-    from semantic_slam.datasets.avd_import import import_avd
+    from semantic_slam.datasets.avd.avd_import import import_avd
 
     with TemporaryDirectory() as folder:
         import_avd(arguments.avd, Path(folder) / "drive", seed=arguments.seed)

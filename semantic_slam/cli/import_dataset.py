@@ -11,7 +11,7 @@ from semantic_slam.outputs import add_overwrite, claimed_bag
 
 FORMATS = {
     "avd": (
-        "semantic_slam.datasets.avd_import",
+        "semantic_slam.datasets.avd.avd_import",
         "a path through a scene in the format of the Active Vision Dataset",
     ),
     "bigbird": ("semantic_slam.datasets.bigbird_import", "turntable views of one object in BigBIRD's format"),
@@ -28,7 +28,7 @@ FORMATS = {
         "semantic_slam.datasets.tum_rgbd.tum_rgbd_import",
         "a hand-held camera in all six with a detector's boxes, laid out as the TUM RGB-D benchmark",
     ),
-    "bag": ("semantic_slam.datasets.user_bag_import", "a ROS 2 bag of your own"),
+    "bag": ("semantic_slam.datasets.user_bag.user_bag_import", "a ROS 2 bag of your own"),
 }
 """Name -> (module with ``add_arguments(parser)`` and ``run(arguments, bag)``, description).
 

@@ -86,7 +86,7 @@ def command() -> None:
     from semantic_slam.latent.store import save_latent_model
     from semantic_slam.training.latent.fit import TrainingSettings, knowing_new_instances, train
     from semantic_slam.training.latent.report import training_report
-    from semantic_slam.training.latent.turntable_split import choose_held_out, split
+    from semantic_slam.training.latent.views.turntable_split import choose_held_out, split
     from semantic_slam.training.turntables import class_names_of, read_classes
 
     tags = {name: tag for path in arguments.tags or () for name, tag in read_classes(path).items()}
@@ -120,7 +120,7 @@ def command() -> None:
 
 def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, str]]":
     """Views of all folders, and {instance: class} where a folder tells; raises InputError."""
-    from semantic_slam.training.latent.turntable_split import wanted_angle
+    from semantic_slam.training.latent.views.turntable_split import wanted_angle
     from semantic_slam.training.turntables import read_classes
 
     views, classes = [], {}

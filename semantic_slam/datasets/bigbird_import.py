@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 from semantic_slam.bag.writer import BagWriter
-from semantic_slam.datasets.avd_messages import camera_info, compressed_image
 from semantic_slam.datasets.bigbird import CAMERAS, TurntableView, object_folders, read_calibration, turntable_views
 from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
+from semantic_slam.datasets.scene_messages import camera_info, compressed_image
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.detection_features import DetectionFeatures
-from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel

@@ -25,8 +25,8 @@ from semantic_slam.geometry.arrays import Array, broadcast_copy
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
 from semantic_slam.inference.open_world.planar.unseen_ground import first_detections

@@ -20,7 +20,7 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
-from semantic_slam.datasets.detection_formats import READERS, in_body
+from semantic_slam.datasets.user_bag.detection_formats import READERS, in_body
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics

@@ -18,8 +18,10 @@ from semantic_slam_lab.simulation.renderer import camera_model
 from semantic_slam_lab.simulation.scene import camera_poses
 
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.datasets import avd, avd_import, avd_path
-from semantic_slam.datasets.avd_objects import POSITION_VARIANCE_M2, triangulated_prior
+from semantic_slam.datasets.avd import avd_import
+from semantic_slam.datasets.avd import path as avd_path
+from semantic_slam.datasets.avd import scene as avd
+from semantic_slam.datasets.avd.objects import POSITION_VARIANCE_M2, triangulated_prior
 from semantic_slam.datasets.planar_odometry import OdometryNoise, simulate_odometry, step_sigma
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import planar_from_pose_vector

@@ -9,7 +9,7 @@ from worlds.imported import read_bag
 from worlds.user_bag_factory import FOCAL, Seen, UserBag, write_drive
 
 from semantic_slam.cli import import_dataset
-from semantic_slam.datasets.feature_images import from_feature_image
+from semantic_slam.datasets.user_bag.feature_images import from_feature_image
 from semantic_slam.errors import MessageError
 
 

@@ -11,8 +11,8 @@ from worlds.user_bag_factory import FOCAL, HEIGHT, SECOND, WIDTH, Seen, UserBag,
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.cli import import_dataset
-from semantic_slam.datasets.image_formats import to_millimetres
-from semantic_slam.datasets.label_map import read_label_map
+from semantic_slam.datasets.user_bag.image_formats import to_millimetres
+from semantic_slam.datasets.user_bag.label_map import read_label_map
 from semantic_slam.errors import InputError
 from semantic_slam.messages.codec import CODECS, from_message
 from semantic_slam.messages.inertial import imu_message
@@ -320,7 +320,7 @@ def test_a_truncated_bag_gives_what_comes_before_the_damage(tmp_path, monkeypatc
 
 
 def test_a_turned_box_is_enclosed():
-    from semantic_slam.datasets.detection_formats import axis_aligned_box
+    from semantic_slam.datasets.user_bag.detection_formats import axis_aligned_box
 
     center = message_class("geometry_msgs/msg/Pose2D")(x=50.0, y=40.0, theta=np.pi / 2)
     np.testing.assert_allclose(axis_aligned_box(center, 20.0, 10.0), [45, 30, 55, 50])

@@ -18,10 +18,10 @@ from semantic_slam.evaluation.mixture import heaviest_position_error, position_d
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.entropy import association_entropy, component_entropy
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.frames import camera_in_object, object_in_body
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.pruning import prune
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam.viewpoint.parametric import ParametricModel

@@ -12,9 +12,9 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.models.depth_ranges import WIDEST_RAD
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar.depth_ranges import WIDEST_RAD
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.pool import InProcessPool
 

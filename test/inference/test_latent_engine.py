@@ -18,13 +18,13 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import find_modes
 from semantic_slam.inference.evidence.search_start import search_start
-from semantic_slam.inference.models.detection_features import DetectionFeatures
-from semantic_slam.inference.models.latent_factor import exact_factor
-from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.latent_prior import prior_of_classes
+from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent.factor import exact_factor
+from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.latent.prior import prior_of_classes
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.protocol import Commit
 from semantic_slam.inference.semantics.descriptor_joint import _root

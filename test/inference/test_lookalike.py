@@ -5,9 +5,9 @@ import pytest
 from worlds.harmonic_model import HarmonicModel
 
 from semantic_slam.inference.lookalike import lookalikes
-from semantic_slam.inference.models.detection_features import DetectionFeatures
-from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.latent.model import DescriptorBelief

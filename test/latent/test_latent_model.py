@@ -18,7 +18,7 @@ from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.contracts.descriptor_model import DescriptorModelContract
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorModel
-from semantic_slam.training.latent.torch_network import exported, imported, tanh_network
+from semantic_slam.training.latent.fitting.torch_network import exported, imported, tanh_network
 
 
 @pytest.fixture(scope="module")

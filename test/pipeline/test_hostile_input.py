@@ -23,7 +23,7 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.cli.exit_codes import exit_code
 from semantic_slam.configuration import from_dict, load_configuration
-from semantic_slam.datasets.label_map import read_label_map
+from semantic_slam.datasets.user_bag.label_map import read_label_map
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.inference.world.map_prior import parse_map_prior, read_map_prior
 from semantic_slam.messages import topics

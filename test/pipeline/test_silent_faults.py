@@ -9,7 +9,7 @@ from worlds.bag_factory import OPTICAL, camera_info, input_entries, odometry, of
 from worlds.places import place_entries
 
 from semantic_slam.configuration import from_dict
-from semantic_slam.datasets.user_bag_hints import Hints
+from semantic_slam.datasets.user_bag.hints import Hints
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message

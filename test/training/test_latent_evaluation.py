@@ -16,16 +16,16 @@ from worlds.latent_toy import (
 from semantic_slam.errors import InputError
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
-from semantic_slam.training.latent.calibration import feature_noise
-from semantic_slam.training.latent.class_grounding import ground, nearest_class
-from semantic_slam.training.latent.estimation import (
+from semantic_slam.training.latent.fitting.class_grounding import ground, nearest_class
+from semantic_slam.training.latent.judging.calibration import feature_noise
+from semantic_slam.training.latent.judging.estimation import (
     DescriptorEstimate,
     ascend_azimuth,
     azimuth_in_doubt,
     azimuth_raster,
     infer_descriptors,
 )
-from semantic_slam.training.latent.evaluation import (
+from semantic_slam.training.latent.judging.evaluation import (
     azimuth_peaks,
     consistency,
     descriptors_from_views,
@@ -38,7 +38,7 @@ from semantic_slam.training.latent.evaluation import (
     one_of_each_direction,
     own_descriptors,
 )
-from semantic_slam.training.latent.feature_views import turned
+from semantic_slam.training.latent.views.feature_views import turned
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ import pytest
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
 from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
 from semantic_slam.latent.store import read_latent_model, save_latent_model
-from semantic_slam.training.latent.calibration import mean_squared
-from semantic_slam.training.latent.evaluation import descriptors_from_views, squared_in_doubt
-from semantic_slam.training.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.map_training import Fitted, MapSettings, fit_map
-from semantic_slam.training.latent.new_instances import VIEWS_OF_NEW, LeftOut, folds_of, new_factor
-from semantic_slam.training.latent.torch_network import exported, tanh_network
+from semantic_slam.training.latent.fitting.map_training import Fitted, MapSettings, fit_map
+from semantic_slam.training.latent.fitting.torch_network import exported, tanh_network
+from semantic_slam.training.latent.judging.calibration import mean_squared
+from semantic_slam.training.latent.judging.evaluation import descriptors_from_views, squared_in_doubt
+from semantic_slam.training.latent.judging.new_instances import VIEWS_OF_NEW, LeftOut, folds_of, new_factor
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam.viewpoint.model import Viewpoints
 
 SIZE, DIMENSIONS, VIEWS = 6, 2, 18

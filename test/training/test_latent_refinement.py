@@ -8,9 +8,9 @@ from worlds.latent_toy import INSTANCES, toy_model, toy_views
 
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
-from semantic_slam.training.latent.estimation import ascend_azimuth
-from semantic_slam.training.latent.feature_views import turned
-from semantic_slam.training.latent.refinement import LocatedViews, RefinementSettings, refined
+from semantic_slam.training.latent.fitting.refinement import LocatedViews, RefinementSettings, refined
+from semantic_slam.training.latent.judging.estimation import ascend_azimuth
+from semantic_slam.training.latent.views.feature_views import turned
 from semantic_slam.viewpoint.model import Viewpoints
 
 VIEWS = 24

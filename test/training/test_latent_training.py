@@ -17,19 +17,25 @@ from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.extractor_store import read_extractor
 from semantic_slam.latent.latent_model import FeatureNoise, LatentModel
 from semantic_slam.latent.store import read_latent_model, save_latent_model
-from semantic_slam.training.latent import energy_training
-from semantic_slam.training.latent.change_training import ChangeSettings, fit_change_model
-from semantic_slam.training.latent.class_grounding import ground
-from semantic_slam.training.latent.contrast_training import contrast
-from semantic_slam.training.latent.energy_training import energy
-from semantic_slam.training.latent.feature_views import turned
-from semantic_slam.training.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
-from semantic_slam.training.latent.latent_prior import contrastive, n_pairs
-from semantic_slam.training.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
-from semantic_slam.training.latent.principal_components import principal_components
-from semantic_slam.training.latent.turntable_split import choose_held_out, split, wanted_angle
-from semantic_slam.training.latent.view_crops import GREY, feature_views, plain_crops, room_crops
-from semantic_slam.training.latent.view_pairs import change_peaks, changes_found, draw_pairs
+from semantic_slam.training.latent.fitting import energy_training
+from semantic_slam.training.latent.fitting.change_training import ChangeSettings, fit_change_model
+from semantic_slam.training.latent.fitting.class_grounding import ground
+from semantic_slam.training.latent.fitting.contrast_training import contrast
+from semantic_slam.training.latent.fitting.energy_training import energy
+from semantic_slam.training.latent.fitting.joint_training import CropViews, JointModel, JointSettings, train_jointly
+from semantic_slam.training.latent.fitting.latent_prior import contrastive, n_pairs
+from semantic_slam.training.latent.fitting.map_training import (
+    EncoderSettings,
+    Fitted,
+    MapSettings,
+    fit_encoder,
+    fit_map,
+)
+from semantic_slam.training.latent.fitting.principal_components import principal_components
+from semantic_slam.training.latent.views.feature_views import turned
+from semantic_slam.training.latent.views.turntable_split import choose_held_out, split, wanted_angle
+from semantic_slam.training.latent.views.view_crops import GREY, feature_views, plain_crops, room_crops
+from semantic_slam.training.latent.views.view_pairs import change_peaks, changes_found, draw_pairs
 from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.model import Viewpoints
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.odometry_bias import biased_factor
-from semantic_slam.inference.models.planar_detection import PlanarDetections
+from semantic_slam.inference.models.planar.detection import PlanarDetections
 from semantic_slam.inference.smoothing.linear.measured import Motions, Sightings
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.keys import is_vector

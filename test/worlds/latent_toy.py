@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.latent.direction import NUM_INPUTS
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
 from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
-from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam.viewpoint.model import Viewpoints
 
 FEATURES, DIMENSIONS, INSTANCES = 10, 3, 6

@@ -12,7 +12,7 @@ from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.planar_reader import PlanarReader
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_tables import DescriptorTables

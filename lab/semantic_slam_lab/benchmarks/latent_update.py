@@ -7,10 +7,10 @@ from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import DESCRIPTOR, descriptor_key, object_key, robot_key
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses

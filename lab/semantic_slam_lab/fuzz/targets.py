@@ -18,10 +18,10 @@ from numpy.random import Generator
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration, from_dict, load_configuration
-from semantic_slam.datasets.label_map import read_label_map
 from semantic_slam.datasets.space.drive import write_spatial_drive
 from semantic_slam.datasets.tum_rgbd.folder import read_tum_folder
 from semantic_slam.datasets.tum_rgbd.tum_rgbd_import import of_camera, read_drive
+from semantic_slam.datasets.user_bag.label_map import read_label_map
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.backend import Backend

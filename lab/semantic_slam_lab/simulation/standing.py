@@ -13,10 +13,10 @@ import numpy as np
 from tqdm import tqdm
 
 from semantic_slam.bag.writer import BagWriter
-from semantic_slam.datasets.avd_drive import FIRST_STAMP_NS, LABEL, STEP_NS
-from semantic_slam.datasets.avd_messages import camera_info, encoded_image, static_transform
-from semantic_slam.datasets.avd_objects import surveyed_map
+from semantic_slam.datasets.avd.drive import FIRST_STAMP_NS, LABEL, STEP_NS
+from semantic_slam.datasets.avd.objects import surveyed_map
 from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
+from semantic_slam.datasets.scene_messages import camera_info, encoded_image, static_transform
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.datasets.avd_messages import camera_info
 from semantic_slam.datasets.drives.drive import Message
 from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
 from semantic_slam.datasets.image_folders.levelling import quaternion_of
-from semantic_slam.datasets.image_formats import encoded_depth
+from semantic_slam.datasets.scene_messages import camera_info
+from semantic_slam.datasets.user_bag.image_formats import encoded_depth
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics

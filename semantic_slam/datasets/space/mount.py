@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from semantic_slam.datasets.avd_messages import camera_info, static_transform
 from semantic_slam.datasets.drives.drive import Message
 from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
+from semantic_slam.datasets.scene_messages import camera_info, static_transform
 from semantic_slam.messages import topics
 from semantic_slam.perception.frame import CameraModel
 

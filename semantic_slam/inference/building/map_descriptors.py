@@ -6,8 +6,8 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.building.run_models import RunModels
-from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.latent_prior import prior_of_classes
+from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.latent.prior import prior_of_classes
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel

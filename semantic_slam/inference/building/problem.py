@@ -12,7 +12,7 @@ from semantic_slam.inference.building.map_descriptors import appearances_of, lat
 from semantic_slam.inference.building.run_models import RunModels
 from semantic_slam.inference.building.sensing import sensing_of
 from semantic_slam.inference.building.views import semantics_name
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.interface import ClassModels, Semantics
 from semantic_slam.inference.states.detection_rates import DetectionRates

@@ -12,7 +12,7 @@ from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import CLOCK, by_bias, slopes
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.perception.measurement import SemanticMeasurements

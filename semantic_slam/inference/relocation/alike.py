@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import class_posterior
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density

@@ -6,7 +6,7 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, squared_norms
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.relocation.alike import log_alike
 from semantic_slam.inference.relocation.likelihood_field import LikelihoodField

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import log_sum_exp
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.semantics.independent_views import score_offsets
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput, at_hand
 from semantic_slam.inference.semantics.track_samples import SampledRow, sample_rows

@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.rows import take
-from semantic_slam.inference.models.detection_features import DetectionFeatures
-from semantic_slam.inference.models.latent_observation import LatentLinearisation, LatentObservation, azimuth_slopes
+from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent.observation import (
+    LatentLinearisation,
+    LatentObservation,
+    azimuth_slopes,
+)
 from semantic_slam.inference.states.spaces import Spaces
 
 

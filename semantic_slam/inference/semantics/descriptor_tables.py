@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.detection_features import DetectionFeatures
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.laplace import Mode, find_modes
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.descriptor_joint import descriptor_problem
 from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem

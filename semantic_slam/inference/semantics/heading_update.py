@@ -7,8 +7,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.inference.evidence.laplace import find_modes
-from semantic_slam.inference.models.detection_features import DetectionFeatures
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 
 MAX_ITERATIONS = 8

@@ -9,7 +9,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import cholesky, forward
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior, coverage_of
 from semantic_slam.perception.uncertainty import mutual_information

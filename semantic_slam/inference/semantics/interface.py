@@ -12,7 +12,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import Mode
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.correction import Correction

@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import transport
 from semantic_slam.inference.evidence.window import Window
 from semantic_slam.inference.models.joint_prior import joint_prior_factors
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.noise.clock_offset import line_at
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.detection_features import DetectionFeatures
-from semantic_slam.inference.models.latent_factor import exact_factor
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent.factor import exact_factor
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.linear_factors import linear_factors, linearisation_points
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.layout import Layout

@@ -20,7 +20,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.evidence.bagging import Bagging
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clutter import Clutter
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.observation import ObservationModel

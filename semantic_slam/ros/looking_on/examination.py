@@ -12,7 +12,7 @@ from rclpy.parameter import parameter_value_to_python
 
 from semantic_slam.bag.names import absolute
 from semantic_slam.configuration import load_configuration
-from semantic_slam.datasets.detection_formats import READERS
+from semantic_slam.datasets.user_bag.detection_formats import READERS
 from semantic_slam.doctor.checks import graph as graph_checks
 from semantic_slam.doctor.checks.graph import CLASSIFIER, MANAGER
 from semantic_slam.doctor.examination import examine

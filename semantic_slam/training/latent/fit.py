@@ -9,20 +9,26 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Bytes
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
-from semantic_slam.training.latent.calibration import calibrated
-from semantic_slam.training.latent.change_training import ChangeSettings, fit_change_model
-from semantic_slam.training.latent.class_grounding import ground
-from semantic_slam.training.latent.contrast_training import contrast
-from semantic_slam.training.latent.energy_training import energy, rescale_to_bowl
-from semantic_slam.training.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
-from semantic_slam.training.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
-from semantic_slam.training.latent.new_instances import LeftOut, folds_of, new_factor
-from semantic_slam.training.latent.principal_components import principal_components
-from semantic_slam.training.latent.regression_training import fit_extractor
-from semantic_slam.training.latent.torch_network import exported
-from semantic_slam.training.latent.turntable_split import TurntableSplit
-from semantic_slam.training.latent.view_crops import feature_views, plain_crops, room_crops
+from semantic_slam.training.latent.fitting.change_training import ChangeSettings, fit_change_model
+from semantic_slam.training.latent.fitting.class_grounding import ground
+from semantic_slam.training.latent.fitting.contrast_training import contrast
+from semantic_slam.training.latent.fitting.energy_training import energy, rescale_to_bowl
+from semantic_slam.training.latent.fitting.joint_training import CropViews, JointModel, JointSettings, train_jointly
+from semantic_slam.training.latent.fitting.map_training import (
+    EncoderSettings,
+    Fitted,
+    MapSettings,
+    fit_encoder,
+    fit_map,
+)
+from semantic_slam.training.latent.fitting.principal_components import principal_components
+from semantic_slam.training.latent.fitting.regression_training import fit_extractor
+from semantic_slam.training.latent.fitting.torch_network import exported
+from semantic_slam.training.latent.judging.calibration import calibrated
+from semantic_slam.training.latent.judging.new_instances import LeftOut, folds_of, new_factor
+from semantic_slam.training.latent.views.feature_views import FeatureViews
+from semantic_slam.training.latent.views.turntable_split import TurntableSplit
+from semantic_slam.training.latent.views.view_crops import feature_views, plain_crops, room_crops
 from semantic_slam.training.views import ObjectView
 
 FORMULATIONS = ("map", "energy")

@@ -4,7 +4,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.evaluation import (
+from semantic_slam.training.latent.fit import TrainedModel, seen_in_rooms, seen_plain
+from semantic_slam.training.latent.judging.evaluation import (
     azimuth_peaks,
     descriptors_from_views,
     gradient_ascent,
@@ -16,10 +17,9 @@ from semantic_slam.training.latent.evaluation import (
     one_of_each_direction,
     own_descriptors,
 )
-from semantic_slam.training.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.fit import TrainedModel, seen_in_rooms, seen_plain
-from semantic_slam.training.latent.turntable_split import TurntableSplit
-from semantic_slam.training.latent.view_pairs import changes_found
+from semantic_slam.training.latent.views.feature_views import FeatureViews
+from semantic_slam.training.latent.views.turntable_split import TurntableSplit
+from semantic_slam.training.latent.views.view_pairs import changes_found
 
 Report = dict[str, dict[str, dict[str, float]]]
 

@@ -14,9 +14,9 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.evidence.laplace import find_modes
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces

@@ -16,9 +16,9 @@ from semantic_slam.inference.evidence.keyframe_problem import (
 from semantic_slam.inference.evidence.laplace import find_modes, mode_at
 from semantic_slam.inference.evidence.prior_samples import sample_evidence
 from semantic_slam.inference.evidence.search_start import search_start
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.pruning import prune, widened
 from semantic_slam.inference.states.identity import generator, hypothesis_id
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses

@@ -7,9 +7,9 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.innovation import innovation_nees
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.evidence.laplace import find_modes
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import POSES, PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 
 NOISE = np.diag([0.1, 0.05]) ** 2
 MODEL = PlanarObservation(None, PlanarVisibility())

@@ -13,9 +13,9 @@ from semantic_slam.inference.evidence.laplace import Mode
 from semantic_slam.inference.evidence.mode_search import SAME_VALLEY, search_one, valleys
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode
 from semantic_slam.inference.evidence.window import Window, WindowStep
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import AssociatedDetection, Motion
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.component import Component

@@ -10,10 +10,10 @@ from worlds.points import BodyPointObservation
 
 from semantic_slam.contracts.geometry_model import KEYS, GeometryModelContract
 from semantic_slam.geometry import se3, so3
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS, PointObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.detection import SpatialDetection

@@ -8,10 +8,10 @@ import pytest
 
 from semantic_slam.geometry import se3
 from semantic_slam.geometry.pose import pose_vector_from_planar
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.views import PlanarViews
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE, SpatialViews

@@ -9,7 +9,7 @@ from worlds.drives.open_room import make_room
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.association.gating import best_assignments, pair_densities
 from semantic_slam.inference.building import problem_of
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.prediction import nearby
 from semantic_slam.inference.open_world.prediction.prediction import Prediction

@@ -18,9 +18,9 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import find_modes
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.models.step import AssociatedDetection, Motion, Step
 from semantic_slam.inference.semantics.correlated_views import CorrelatedViews
 from semantic_slam.inference.semantics.independent_views import IndependentViews

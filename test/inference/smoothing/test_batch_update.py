@@ -8,12 +8,12 @@ import pytest
 from worlds.harmonic_model import HarmonicModel
 
 from semantic_slam.geometry import se2
-from semantic_slam.inference.models.latent_factor import exact_factor
-from semantic_slam.inference.models.latent_observation import LatentObservation
+from semantic_slam.inference.models.latent.factor import exact_factor
+from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.linear_factors import linearisation_points
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.smoothing import batch_update
 from semantic_slam.inference.smoothing.batch_update import Extension, update_all
 from semantic_slam.inference.smoothing.errors import ConsumedSmootherError, LostComponentError

@@ -7,9 +7,9 @@ from worlds.exact_graph import estimate_of, exact_graph
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearMeasurements
 from semantic_slam.inference.smoothing.linear.measured import Measured, Motions, Sightings
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker

@@ -20,9 +20,11 @@ from semantic_slam_lab.simulation.textures import PICTURES, draw
 from semantic_slam_lab.simulation.tour import VIEWS_PER_POSITION, drive, ring, sees, tour
 from semantic_slam_lab.simulation.turntable import CAMERAS, TurntableSettings, write_turntables
 
-from semantic_slam.datasets import avd, avd_import, bigbird
-from semantic_slam.datasets.avd_objects import true_objects
-from semantic_slam.datasets.avd_path import read_path
+from semantic_slam.datasets import bigbird
+from semantic_slam.datasets.avd import avd_import
+from semantic_slam.datasets.avd import scene as avd
+from semantic_slam.datasets.avd.objects import true_objects
+from semantic_slam.datasets.avd.path import read_path
 from semantic_slam.errors import InputError
 
 SEEDS = range(4)

@@ -15,8 +15,8 @@ from semantic_slam_lab.studies.latent_slam.maps import unannotated, with_classes
 
 from semantic_slam.geometry import se2
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
-from semantic_slam.training.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.refinement import RefinementSettings
+from semantic_slam.training.latent.fitting.refinement import RefinementSettings
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam.viewpoint.model import Viewpoints
 
 DIRECTIONS = 8

@@ -70,8 +70,8 @@ def record_scene(
     number: int, max_keyframes: int | None = None, objects: Sequence[PlacedObject] | None = None
 ) -> Recording:
     """Render the room of that number, or with other ``objects``, drive through it and measure what the camera sees."""
-    from semantic_slam.datasets.avd_drive import ImportSettings
-    from semantic_slam.datasets.avd_import import import_avd
+    from semantic_slam.datasets.avd.avd_import import import_avd
+    from semantic_slam.datasets.avd.drive import ImportSettings
     from semantic_slam.evaluation.belief_bag import read_record
     from semantic_slam.inference.world.map_prior import MapPrior
     from semantic_slam.pipeline.offline import run_bag

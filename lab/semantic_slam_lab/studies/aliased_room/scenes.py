@@ -54,8 +54,8 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
 
 def evaluate_scene(folder: Path, number: int, max_keyframes: int | None) -> SceneResult:
     """One room, from rendering to metrics."""
-    from semantic_slam.datasets.avd_drive import ImportSettings
-    from semantic_slam.datasets.avd_import import import_avd
+    from semantic_slam.datasets.avd.avd_import import import_avd
+    from semantic_slam.datasets.avd.drive import ImportSettings
     from semantic_slam_lab.simulation.scene import SceneSettings, make_scene
 
     bag = folder / "bag"

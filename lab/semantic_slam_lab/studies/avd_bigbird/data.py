@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from semantic_slam.datasets.avd import AvdImage, AvdScene, find_scene, read_scene
-from semantic_slam.datasets.avd_objects import TrueObject, triangulated_prior, true_objects
+from semantic_slam.datasets.avd.objects import TrueObject, triangulated_prior, true_objects
+from semantic_slam.datasets.avd.scene import AvdImage, AvdScene, find_scene, read_scene
 from semantic_slam.datasets.bigbird import object_folders
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array

@@ -12,7 +12,7 @@ from semantic_slam.classification.class_model import ClassModel
 from semantic_slam.classification.classifier import normalised
 from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.configuration import PerceptionConfiguration
-from semantic_slam.datasets.avd import AvdScene
+from semantic_slam.datasets.avd.scene import AvdScene
 from semantic_slam.datasets.bigbird import turntable_views
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Bytes

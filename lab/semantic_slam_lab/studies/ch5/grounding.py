@@ -14,9 +14,9 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.rows import take
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
-from semantic_slam.training.latent.class_grounding import ground, nearest_class
-from semantic_slam.training.latent.estimation import infer_descriptors
-from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.fitting.class_grounding import ground, nearest_class
+from semantic_slam.training.latent.judging.estimation import infer_descriptors
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.simulation.goods import goods_class
 from semantic_slam_lab.studies.ch5.models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, trained

@@ -15,8 +15,8 @@ from sklearn.metrics import silhouette_score
 
 from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.view_crops import plain_crops
+from semantic_slam.training.latent.views.feature_views import FeatureViews
+from semantic_slam.training.latent.views.view_crops import plain_crops
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.simulation.goods import goods_class

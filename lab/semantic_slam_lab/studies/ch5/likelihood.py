@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent import evaluation
-from semantic_slam.training.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.view_pairs import changes_found
+from semantic_slam.training.latent.judging import evaluation
+from semantic_slam.training.latent.views.feature_views import FeatureViews
+from semantic_slam.training.latent.views.view_pairs import changes_found
 from semantic_slam.training.views import ObjectView
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.ch5.models import (

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.training.latent.refinement import RefinementSettings
+from semantic_slam.training.latent.fitting.refinement import RefinementSettings
 from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.studies.ch5.localization_figures import errors_figure, example_figure
 from semantic_slam_lab.studies.ch5.models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, known, new, trained

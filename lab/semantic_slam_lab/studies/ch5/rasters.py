@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Canvas
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam.viewpoint.model import Viewpoints
 
 STEPS = 61

@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.refinement import LocatedViews, RefinementSettings, refined
+from semantic_slam.training.latent.fitting.refinement import LocatedViews, RefinementSettings, refined
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.studies.ch5.models import trained

@@ -7,9 +7,9 @@ from matplotlib.figure import Figure as Canvas
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent import evaluation
-from semantic_slam.training.latent.estimation import ascend_descriptors
-from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.judging import evaluation
+from semantic_slam.training.latent.judging.estimation import ascend_descriptors
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.ch5.models import DEFAULT, FORMULATIONS, WORDS, chosen_goods, known, trained
 from semantic_slam_lab.studies.ch5.pages import framed, numbers_table

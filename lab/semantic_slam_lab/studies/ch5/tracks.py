@@ -8,9 +8,9 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.latent_factor import exact_factor
-from semantic_slam.inference.models.latent_observation import LatentObservation
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.latent.factor import exact_factor
+from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.model import DescriptorBelief
 from semantic_slam.viewpoint.model import Viewpoints

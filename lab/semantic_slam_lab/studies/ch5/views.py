@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from semantic_slam.training.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.turntable_split import TEST_PERIOD_DEG, VALIDATE_DEG
-from semantic_slam.training.latent.view_crops import feature_views, plain_crops, room_crops
+from semantic_slam.training.latent.views.feature_views import FeatureViews
+from semantic_slam.training.latent.views.turntable_split import TEST_PERIOD_DEG, VALIDATE_DEG
+from semantic_slam.training.latent.views.view_crops import feature_views, plain_crops, room_crops
 from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam_lab.repetitions import repeat

@@ -81,8 +81,8 @@ def configurations() -> dict[str, Configuration]:
 
 def evaluate_room(folder: Path, number: int, max_keyframes: int | None) -> RoomResult:
     """One room, from rendering to metrics."""
-    from semantic_slam.datasets.avd_drive import ImportSettings
-    from semantic_slam.datasets.avd_import import import_avd
+    from semantic_slam.datasets.avd.avd_import import import_avd
+    from semantic_slam.datasets.avd.drive import ImportSettings
     from semantic_slam.inference.world.map_prior import read_map_prior
     from semantic_slam_lab.simulation.layout import draw_layout
     from semantic_slam_lab.simulation.scene import SceneSettings, make_scene

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from semantic_slam.datasets import user_bag_import
+from semantic_slam.datasets.user_bag import user_bag_import
 from semantic_slam_lab.simulation.detectors.detector_bag import write_detector_bag
 from semantic_slam_lab.simulation.detectors.detector_boxes import BoxFaults
 from semantic_slam_lab.simulation.detectors.detector_words import BY_CHANCE, BY_SIDE, BY_VIEW, NAMES, DetectorFaults
@@ -42,8 +42,8 @@ class Case:
 
 def room_bag(number: int, folder: Path) -> Path:
     """The bag of a drive through a room, with its ground truth; rendered into ``folder`` where that has it not yet."""
-    from semantic_slam.datasets.avd_drive import ImportSettings
-    from semantic_slam.datasets.avd_import import import_avd
+    from semantic_slam.datasets.avd.avd_import import import_avd
+    from semantic_slam.datasets.avd.drive import ImportSettings
     from semantic_slam_lab.simulation.scene import SceneSettings, make_scene
 
     bag = folder / f"room_{number}"

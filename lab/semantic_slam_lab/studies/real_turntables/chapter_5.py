@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.training.latent.turntable_split import TurntableSplit, choose_held_out, split
+from semantic_slam.training.latent.views.turntable_split import TurntableSplit, choose_held_out, split
 from semantic_slam.training.views import ObjectView
 from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.studies.real_turntables import latent_scores

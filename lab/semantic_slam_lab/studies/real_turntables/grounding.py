@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam.training.turntables import read_classes
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.ch5.grounding import METHODS, TAGGED, judged

@@ -9,14 +9,20 @@ from torch import nn
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.latent.latent_model import FeatureNoise, Instances, LatentModel
-from semantic_slam.training.latent.calibration import feature_noise
-from semantic_slam.training.latent.contrast_training import contrast
-from semantic_slam.training.latent.energy_training import energy, rescale_to_bowl
-from semantic_slam.training.latent.feature_views import FeatureViews
-from semantic_slam.training.latent.joint_training import CropViews, JointModel, JointSettings, train_jointly
-from semantic_slam.training.latent.map_training import EncoderSettings, Fitted, MapSettings, fit_encoder, fit_map
-from semantic_slam.training.latent.new_instances import LeftOut, folds_of, new_factor
-from semantic_slam.training.latent.torch_network import exported
+from semantic_slam.training.latent.fitting.contrast_training import contrast
+from semantic_slam.training.latent.fitting.energy_training import energy, rescale_to_bowl
+from semantic_slam.training.latent.fitting.joint_training import CropViews, JointModel, JointSettings, train_jointly
+from semantic_slam.training.latent.fitting.map_training import (
+    EncoderSettings,
+    Fitted,
+    MapSettings,
+    fit_encoder,
+    fit_map,
+)
+from semantic_slam.training.latent.fitting.torch_network import exported
+from semantic_slam.training.latent.judging.calibration import feature_noise
+from semantic_slam.training.latent.judging.new_instances import LeftOut, folds_of, new_factor
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam.viewpoint.model import Viewpoints
 from semantic_slam_lab.studies.real_turntables.photographs import Photographs
 

@@ -9,9 +9,9 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.latent.latent_model import LatentModel
-from semantic_slam.training.latent import evaluation
-from semantic_slam.training.latent.estimation import azimuth_raster
-from semantic_slam.training.latent.feature_views import FeatureViews
+from semantic_slam.training.latent.judging import evaluation
+from semantic_slam.training.latent.judging.estimation import azimuth_raster
+from semantic_slam.training.latent.views.feature_views import FeatureViews
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.real_turntables.photographs import Photographs
 

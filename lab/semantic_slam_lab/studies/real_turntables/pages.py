@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
-from semantic_slam.training.latent.view_crops import plain_crops
+from semantic_slam.training.latent.views.view_crops import plain_crops
 from semantic_slam_lab.studies.ch3.pages import COLUMNS, number
 from semantic_slam_lab.studies.ch5.grounding import METHODS as GROUNDING
 from semantic_slam_lab.studies.real_turntables.claims import WORDS

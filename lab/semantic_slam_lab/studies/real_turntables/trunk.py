@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.networks.imagenet_networks import NETWORKS
 from semantic_slam.perception.networks.network import DropoutNetwork
 from semantic_slam.training.augmentation import room_crop
-from semantic_slam.training.latent.view_crops import plain_crops
+from semantic_slam.training.latent.views.view_crops import plain_crops
 from semantic_slam.training.views import ObjectView
 from semantic_slam_lab.repetitions import keyed_generator, repeat
 

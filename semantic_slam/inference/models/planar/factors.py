@@ -8,7 +8,7 @@ import gtsam
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.custom_factor import custom_factor
 from semantic_slam.inference.models.observation import Linearisation
-from semantic_slam.inference.models.planar_detection import PlanarDetection
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.states.spaces import Spaces
 
 

@@ -5,8 +5,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.planar.detection import PlanarDetections
 from semantic_slam.inference.models.planar.polar import polar
-from semantic_slam.inference.models.planar_detection import PlanarDetections
 
 
 def least_cost(detections: PlanarDetections, covariance: Array, body: Array, sigmas: Array) -> tuple[Array, float]:

@@ -16,6 +16,7 @@ from semantic_slam.geometry.arrays import Array, broadcast_copy
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.se2 import sine_cosine
 from semantic_slam.inference.models.observation import Classes, Linearisation
+from semantic_slam.inference.models.planar.detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.models.planar.factors import bearing_factor, range_factor
 from semantic_slam.inference.models.planar.frames import object_in_body
 from semantic_slam.inference.models.planar.gate import least_cost
@@ -24,7 +25,6 @@ from semantic_slam.inference.models.planar.residual import MeasuredRows
 from semantic_slam.inference.models.planar.slopes import by_pose, by_position
 from semantic_slam.inference.models.planar.views import PlanarViews
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.models.scored_views import ScoredViews
 from semantic_slam.inference.models.view_scores import ViewScores
 from semantic_slam.inference.states.gaussian import GaussianPrior

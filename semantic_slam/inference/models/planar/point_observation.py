@@ -14,11 +14,11 @@ from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.observation import Classes, Linearisation
+from semantic_slam.inference.models.planar.detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.models.planar.factors import bearing_factor, point_range_factor
 from semantic_slam.inference.models.planar.gate import least_cost
 from semantic_slam.inference.models.planar.polar import polar, polar_jacobian
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.models.planar_detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses

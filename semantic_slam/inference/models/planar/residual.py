@@ -6,9 +6,9 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.planar.detection import PlanarDetections
 from semantic_slam.inference.models.planar.frames import object_in_body
 from semantic_slam.inference.models.planar.polar import polar, polar_jacobian
-from semantic_slam.inference.models.planar_detection import PlanarDetections
 from semantic_slam.inference.models.repeated_rows import per_detection
 
 

@@ -9,8 +9,8 @@ from scipy.special import ndtr
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.models.depth_ranges import WIDEST_RAD, covered, distance_per_depth, off_axis
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
+from semantic_slam.inference.models.planar.depth_ranges import WIDEST_RAD, covered, distance_per_depth, off_axis
 from semantic_slam.inference.models.sensed_region import SensedRegion
 
 NO_SCAN = np.zeros((0, 2))

@@ -1,0 +1,178 @@
+"""The messages of a user's bag, one by one, as the messages of an input bag."""
+
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from semantic_slam.bag.mcap_stream import RawMessage
+from semantic_slam.bag.names import absolute
+from semantic_slam.bag.reader import BagReader, TruncatedBagError
+from semantic_slam.bag.writer import BagWriter
+from semantic_slam.datasets.user_bag.detection_formats import READERS, in_body
+from semantic_slam.datasets.user_bag.detector_classes import class_names_of, with_class_names
+from semantic_slam.datasets.user_bag.hints import Hints
+from semantic_slam.datasets.user_bag.image_formats import compress_colour, compress_depth
+from semantic_slam.datasets.user_bag.label_map import LabelMap
+from semantic_slam.datasets.user_bag.tf_odometry import TfOdometry
+from semantic_slam.datasets.user_bag.topics import Selection, Topic
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import CODECS, to_message
+from semantic_slam.messages.sensor import TransformTree
+
+Handler = Callable[[RawMessage], None]
+RAW_IMAGE = "sensor_msgs/msg/Image"
+PASSED_ON = (
+    topics.TF_STATIC,
+    topics.INITIAL_POSE,
+    topics.GROUND_TRUTH_ODOMETRY,
+    topics.GROUND_TRUTH_OBJECTS,
+    topics.GROUND_TRUTH_ASSOCIATIONS,
+)
+"""Topics copied under their own names where they have the type that we expect."""
+
+
+class Converter:
+    """Writes what the selected topics hold, and counts everything by name."""
+
+    def __init__(
+        self,
+        reader: BagReader,
+        writer: BagWriter,
+        selection: Selection,
+        labels: LabelMap,
+        odom_frame: str,
+        base_frame: str,
+    ) -> None:
+        self.written: Counter[str] = Counter()  # by topic of the new bag
+        self.dropped: Counter[str] = Counter()  # by reason
+        self.ignored: Counter[str] = Counter()  # by topic of the old bag
+        self._reader = reader
+        self._writer = writer
+        self._selection = selection
+        self._labels = labels
+        self._fixed = self._fixed_transforms()
+        self._tf = TfOdometry(odom_frame, base_frame, self._fixed)
+        self._hints = Hints(base_frame, self._fixed)
+        self._class_names = self._all_class_names()
+        self._handlers = self._choose_handlers(selection)
+
+    def convert(self, message: RawMessage) -> bool:
+        """Convert one message; True when it was the detections of a frame."""
+        handler = self._handlers.get(message.topic)
+        if handler is None:
+            self.ignored[message.topic] += 1
+            return False
+        try:
+            handler(message)
+        except InputError as fault:  # one message; the others may be good
+            self.dropped[str(fault)] += 1
+        return message.topic == self._selection.detections.name
+
+    def check_complete(self) -> None:
+        """Raise InputError when nothing usable came from a topic that was chosen."""
+        selection = self._selection
+        needed = {
+            topics.DETECTIONS: selection.detections,
+            topics.IMAGE_COMPRESSED: selection.image,
+            topics.CAMERA_INFO: selection.camera_info,
+            topics.ODOMETRY: selection.odometry,
+        }
+        for name, topic in needed.items():
+            if topic is not None and not self.written[absolute(name)]:
+                raise InputError(f"{self._reader.path}: nothing on {topic} was usable; {self._remedy(topic)}")
+
+    def hints(self) -> list[str]:
+        """What a run of the new bag would stumble over, a line each."""
+        return self._hints.lines(has_images=self._selection.image is not None)
+
+    def _remedy(self, topic: Topic) -> str:
+        if topic.type_name != topics.TYPES[topics.TF]:
+            return "see the reasons above, or choose another topic"
+        pairs = ", ".join(f"{parent} -> {child}" for parent, child in sorted(self._tf.seen))
+        wanted = f"{self._tf.odom_frame} -> {self._tf.base_frame}"
+        return f"it lacks {wanted} but has {pairs}; name the frames with --odom-frame and --base-frame"
+
+    def _fixed_transforms(self) -> TransformTree:
+        """All static transforms, wherever in the bag they are."""
+        tree = TransformTree()
+        with suppress(TruncatedBagError):  # said again, and not suppressed, when the bag is converted
+            for message in self._reader.messages([topics.TF_STATIC]):
+                tree.add(self._decode(message))
+        return tree
+
+    def _all_class_names(self) -> tuple[str, ...]:
+        """Every class that the detector names anywhere in the bag."""
+        named: set[str] = set()
+        with suppress(TruncatedBagError):  # said again when the bag is converted
+            for message in self._reader.messages([self._selection.detections.name]):
+                with suppress(InputError):  # counted when the message is converted
+                    named |= class_names_of(READERS[message.type_name](self._decode(message)))
+        return tuple(sorted(named))
+
+    def _choose_handlers(self, selection: Selection) -> dict[str, Handler]:
+        """What to do with each topic of the old bag, by its name."""
+        handlers = {
+            absolute(name): self._copy_to(name)
+            for name in PASSED_ON
+            if self._reader.topics.get(absolute(name)) == topics.TYPES[name]
+        }
+        is_tf = selection.odometry.type_name == topics.TYPES[topics.TF]
+        handlers[selection.odometry.name] = self._odometry_from_tf if is_tf else self._copy_to(topics.ODOMETRY)
+        handlers[selection.detections.name] = self._detections
+        if selection.imu is not None:
+            handlers[selection.imu.name] = self._copy_to(topics.IMU)
+        if selection.camera_info is not None:
+            handlers[selection.camera_info.name] = self._copy_to(topics.CAMERA_INFO)
+        if selection.image is not None:
+            handlers[selection.image.name] = self._images(selection.image)
+        if selection.depth is not None:
+            handlers[selection.depth.name] = self._convert_to(topics.DEPTH_COMPRESSED, compress_depth)
+        return handlers
+
+    def _images(self, topic: Topic) -> Handler:
+        """Raw colour images are compressed, others copied."""
+        if topic.type_name == RAW_IMAGE:
+            return self._convert_to(topics.IMAGE_COMPRESSED, compress_colour)
+        return self._copy_to(topics.IMAGE_COMPRESSED)
+
+    def _copy_to(self, name: str) -> Handler:
+        """A handler that copies a message's bytes unchanged to the topic ``name``."""
+
+        def copy(message: RawMessage) -> None:
+            self._writer.write_raw(name, message.type_name, message.cdr, message.stamp_ns)
+            self.written[absolute(name)] += 1
+            if self._hints.wants(name):
+                self._hints.see(name, self._decode(message))
+
+        return copy
+
+    def _convert_to(self, name: str, conversion: Callable[[Any, str], Any]) -> Handler:
+        """What ``conversion`` makes of the decoded message."""
+
+        def convert(message: RawMessage) -> None:
+            self._write(name, conversion(self._decode(message), message.topic), message.stamp_ns)
+
+        return convert
+
+    def _detections(self, message: RawMessage) -> None:
+        detections = with_class_names(READERS[message.type_name](self._decode(message)), self._class_names)
+        base_frame = self._tf.base_frame
+        detections = in_body(
+            detections, message.type_name, base_frame, lambda frame_id: self._fixed.lookup(base_frame, frame_id)
+        )
+        self._write(topics.DETECTIONS, self._labels.apply(detections), message.stamp_ns)
+
+    def _odometry_from_tf(self, message: RawMessage) -> None:
+        for estimate in self._tf.read(self._decode(message)):
+            self._write(topics.ODOMETRY, estimate, message.stamp_ns)
+
+    def _decode(self, message: RawMessage) -> Any:
+        return self._reader.decode(message.cdr, message.type_name)
+
+    def _write(self, name: str, value: Any, stamp_ns: int) -> None:
+        self._writer.write(name, value, stamp_ns)
+        self.written[absolute(name)] += 1
+        if self._hints.wants(name):
+            self._hints.see(name, to_message(value) if type(value) in CODECS else value)
