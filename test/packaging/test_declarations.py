@@ -22,7 +22,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:pkg_resources is deprecated")  #
 OURS = {"semantic_slam", "semantic_slam_lab"}
 OF_ROS = {"rclpy", "rcl_interfaces", "lifecycle_msgs", "semantic_slam_msgs", "std_srvs"}
 """What only the nodes import, and what kills and forges in the laboratory; ROS brings it."""
-TRAINING = ("semantic_slam/training/", "semantic_slam/report/viewpoint_page.py")
+TRAINING = "semantic_slam/training/"
 """What only the commands import that fit models."""
 CLUSTER = "semantic_slam/cluster.py"
 """What only ``--scheduler`` imports."""
@@ -93,7 +93,7 @@ def test_the_citation_names_the_same_version() -> None:
 @pytest.mark.slow
 def test_run_time_imports_are_exactly_the_declared_dependencies() -> None:
     used = imported(ROOT / "semantic_slam")
-    apart = (*TRAINING, CLUSTER, CONTRACTS)
+    apart = (TRAINING, CLUSTER, CONTRACTS)
     modules = {name for name, files in used.items() if not all(file.startswith(apart) for file in files)}
     known = names(declared(ROOT).install_requires)
     assert distributions(modules - OF_ROS, known) == known
