@@ -15,7 +15,7 @@ class OdometryConfiguration:
     noise_factors: tuple[float, ...] = parameter(
         (1.0,),
         "association: open, or given with iterate_updates: false: factors on the covariance, of which every hypothesis"
-        " has one; evidence decides",
+        " has one; evidence decides, and has to be very strong, 150 to 1, for one below 1",
     )
     estimate_bias: bool = parameter(
         False,

@@ -134,14 +134,17 @@ class Replay:
     def branched(self, front: Sequence[Progress], most: int) -> list[Progress]:
         """The likeliest ``most`` continuations of some histories through one keyframe, the likeliest first.
 
-        All have come as far, and none names the next step; some of them is kept, as by :meth:`further`.
+        Those that pruning would keep beside the best: all have come as far, and none names the next step. Some of them
+        is kept, as by :meth:`further`.
         Raises LostComponentError where there is none.
         """
         expander, numbers = Expander(self.problem, self.association), [own.number for own in front]
         held = [WeightedComponent(own.component, 0.0) for own in front]
         expansion = expander.expand(self.steps[front[0].at], numbers, held)
         log_joints = np.array([own.log_joint for own in front])[expansion.assignments.parents] + expansion.log_psi
-        rows = np.argsort(-log_joints, kind="stable")[:most].tolist()
+        ranked = np.argsort(-log_joints, kind="stable")[:most]
+        least = log_joints[ranked[0]] - np.log(self.problem.pruning.ratio)
+        rows = ranked[log_joints[ranked] >= least].tolist()
         grown = expander.grow(expansion, rows, in_place=not any(map(self._is_kept, front)))
         found = [
             self._continued(front[expansion.assignments.parents[row]], expansion, row, own)

@@ -5,11 +5,14 @@ other, they would tell of the heading of the whole map, which nothing measures (
 Observability-based rules for designing consistent EKF SLAM estimators, 2010).
 """
 
+from dataclasses import dataclass
+
 import gtsam
 import numpy as np
 
+from semantic_slam.geometry.arrays import squared_norms
 from semantic_slam.inference.smoothing.isam import single_step_isam
-from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors
+from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, LinearMeasurements
 
 MOST_TIMES = 15
 """Times that all is made anew after one update, at most."""
@@ -20,37 +23,86 @@ MOST_OFF = 0.1
 
 No estimate is off by more than the root of twice that in those of its own.
 """
+FREELY = 5
+"""Times that go all the way, wherever they end: a loop that closes far away ends sooner so."""
+MOST_HALVED = 4
+"""Times that one way is halved, at most."""
 
 
 def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2, LinearFactors]:
     """An iSAM2 and its measurements after these are made anew until they stay, where they are bent.
 
-    A loop that closes may move a long way so far that one time ends nowhere near.
+    A loop that closes may move a long way so far that one time ends nowhere near. What has not settled after a few
+    times overshoots: then a time after which all would fit worse than before goes half the way, or half of that.
+    Raises RuntimeError when the system is indeterminate.
     """
-    for _ in range(MOST_TIMES):
+    misfit = np.inf
+    for time in range(MOST_TIMES):
         factors = factors.in_one_part()
-        steps = isam.getDelta().vector()
-        at = factors.charts.located(steps)
+        at = factors.charts.located(isam.getDelta().vector())
         if factors.off(at) <= MOST_OFF:
             break
-        if at.largest_turn > LARGEST_TURN:
-            at = factors.charts.located(LARGEST_TURN / at.largest_turn * steps)
-        isam, factors = _afresh(isam, factors, factors.charts.values(at, isam.calculateEstimate()))
+        share = min(1.0, LARGEST_TURN / at.largest_turn) if at.largest_turn > 0.0 else 1.0
+        others = _others(isam, factors)
+        anew = _Anew.about(_after(isam, factors, share), others, factors)
+        for _ in range(MOST_HALVED):
+            if time < FREELY or anew.misfit <= misfit:
+                break
+            share *= 0.5
+            anew = _Anew.about(_after(isam, factors, share), others, factors)
+        misfit = anew.misfit
+        isam, factors = anew.held()
     return isam, factors
 
 
-def _afresh(isam: gtsam.ISAM2, factors: LinearFactors, values: gtsam.Values) -> tuple[gtsam.ISAM2, LinearFactors]:
-    """Another iSAM2, with charts about ``values``, of all measurements and of the factors that are linear anyway."""
+def _after(isam: gtsam.ISAM2, factors: LinearFactors, share: float) -> gtsam.Values:
+    """Where all is after a share of the way to what iSAM2 has solved for."""
+    solved = isam.getDelta()
+    at = factors.charts.located(share * solved.vector())
+    return factors.charts.values(at, isam.getLinearizationPoint().retract(solved.scale(share)))
+
+
+def _others(isam: gtsam.ISAM2, factors: LinearFactors) -> gtsam.NonlinearFactorGraph:
+    """The factors that are linear anyway."""
     held, measured = isam.getFactorsUnsafe(), np.zeros(factors.num_slots, dtype=bool)
     for own in factors.joined:
         measured[own.slots] = True
     graph = gtsam.NonlinearFactorGraph()
     for slot in np.flatnonzero(~measured).tolist():
         graph.add(held.at(slot))
-    others = graph.size()
-    empty, made = factors.about(values)
-    for own in made:
-        graph.push_back(own.factors())
-    fresh = single_step_isam(factors.charts.spaces, errors_repeat=True)
-    fresh.update(graph, values)
-    return fresh, empty.with_new(made, others)
+    return graph
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Anew:
+    """All measurements made linear about ``values``, and the factors that are linear anyway."""
+
+    values: gtsam.Values
+    others: gtsam.NonlinearFactorGraph
+    empty: LinearFactors  # with charts about the values
+    made: list[LinearMeasurements]
+
+    @classmethod
+    def about(cls, values: gtsam.Values, others: gtsam.NonlinearFactorGraph, factors: LinearFactors) -> "_Anew":
+        """With what ``factors`` measure."""
+        empty, made = factors.about(values)
+        return cls(values=values, others=others, empty=empty, made=made)
+
+    @property
+    def misfit(self) -> float:
+        """Half the sum of the squares of all residuals at the values."""
+        measured = sum(0.5 * float(squared_norms(own.constant + own.of.offset).sum()) for own in self.made)
+        return measured + float(self.others.error(self.values))
+
+    def held(self) -> tuple[gtsam.ISAM2, LinearFactors]:
+        """An iSAM2 that holds them, with charts about the values."""
+        graph = gtsam.NonlinearFactorGraph(self.others)
+        for own in self.made:
+            graph.push_back(own.factors())
+        fresh = single_step_isam(self.empty.charts.spaces, errors_repeat=True)
+        try:
+            fresh.update(graph, self.values)
+        except RuntimeError:  # too poorly conditioned for Cholesky
+            fresh = single_step_isam(self.empty.charts.spaces, errors_repeat=True, factorization="QR")
+            fresh.update(graph, self.values)
+        return fresh, self.empty.with_new(self.made, self.others.size())

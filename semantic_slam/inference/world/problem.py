@@ -106,8 +106,8 @@ class Problem:
     @property
     def log_root_weights(self) -> list[float]:
         """Log weights of the hypotheses before any measurement: one for each noise that robot and sensor may have."""
-        count = len(self.noises)
-        return [-float(np.log(count))] * count
+        log_priors = np.array([0.0 if own is None else own.log_prior for own in self.noises])
+        return [float(own) for own in log_priors - np.log(np.exp(log_priors).sum())]
 
     def beginning(self, lineage: Sequence[LineageStep]) -> int:
         """The number under which a history begins: which of the noises, and then which start."""

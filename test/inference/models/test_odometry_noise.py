@@ -54,6 +54,14 @@ def test_evidence_is_the_average_over_the_noises() -> None:
     np.testing.assert_allclose(weights_of_noises(both), expected, atol=1e-6)
 
 
+def test_odometry_that_is_better_than_configured_needs_very_strong_evidence() -> None:
+    factors = [0.1, 1.0]
+    alone = [after(room_of([factor], 3, 1.0, 1e9, merge_position_m=0.0)).log_evidence for factor in factors]
+    both = after(room_of(factors, 3, 1.0, 1e9, merge_position_m=0.0))
+    better, configured = alone[0] - np.log(151.0), alone[1] + np.log(150.0 / 151.0)
+    assert both.log_evidence == pytest.approx(np.logaddexp(better, configured), abs=1e-6)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "right"), [(1.0, 0), (1.0 / 16.0, 1)], ids=["honest", "too sure"])
 def test_evidence_finds_the_noise(share: float, right: int) -> None:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from itertools import product
 
+import numpy as np
+
 from semantic_slam.configuration import Configuration
 
 NAMES = {
@@ -13,6 +15,11 @@ NAMES = {
 """Name in the configuration -> field of :class:`NoiseSettings`."""
 DISTANCE, DEPTH = "distance", "depth"
 """What a detection's range may be: to the object, or along the sensor's axis alone."""
+VERY_STRONG = 150.0
+"""Odds by which evidence has to speak for odometry that is better than configured (Kass and Raftery 1995, Bayes factors).
+
+Taken to be better than it is, it makes a belief sure of what is wrong; taken to be worse, only less sure.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +35,11 @@ class NoiseSettings:
     def as_told(self) -> bool:
         """Whether detections are taken as they are told."""
         return self.detection_factor == 1.0 and not self.ranges_are_depth
+
+    @property
+    def log_prior(self) -> float:
+        """Log weight before any measurement, up to what is the same for all settings."""
+        return -float(np.log(VERY_STRONG)) if self.odometry_factor < 1.0 else 0.0
 
     @classmethod
     def grid(cls, configuration: Configuration) -> "tuple[NoiseSettings, ...]":
