@@ -16,7 +16,7 @@ NAMES = {
 DISTANCE, DEPTH = "distance", "depth"
 """What a detection's range may be: to the object, or along the sensor's axis alone."""
 VERY_STRONG = 150.0
-"""Odds by which evidence has to speak for odometry that is better than configured (Kass and Raftery 1995, Bayes factors).
+"""Odds by which evidence has to speak for odometry that is better than configured (Kass and Raftery 1995).
 
 Taken to be better than it is, it makes a belief sure of what is wrong; taken to be worse, only less sure.
 """
