@@ -16,14 +16,14 @@ from semantic_slam.inference.open_world.moving.mover_proposals import (
     with_mover,
     with_standing,
 )
-from semantic_slam.inference.revision.beside import seldom_beside, without_second_boxes
 from semantic_slam.inference.revision.catching_up import CatchingUp
-from semantic_slam.inference.revision.dissolving import Dissolving
-from semantic_slam.inference.revision.hindsight import HIDES
+from semantic_slam.inference.revision.hindsight.beside import seldom_beside, without_second_boxes
+from semantic_slam.inference.revision.hindsight.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight.hindsight import HIDES
+from semantic_slam.inference.revision.hindsight.planar import PlanarHindsight
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
-from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
-from semantic_slam.inference.revision.returns import Returns
+from semantic_slam.inference.revision.returns.returns import Returns
 from semantic_slam.inference.revision.tried import Group, Tried
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.world.objects import ObjectRegistry

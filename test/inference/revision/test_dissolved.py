@@ -7,10 +7,10 @@ import pytest
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se3, so3
-from semantic_slam.inference.revision.dissolved import dissolved, lineage_of, without
-from semantic_slam.inference.revision.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight.dissolved import dissolved, lineage_of, without
+from semantic_slam.inference.revision.hindsight.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
-from semantic_slam.inference.revision.spatial_hindsight import SpatialHindsight
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.objects import ObjectEntry
 
@@ -94,7 +94,7 @@ def test_what_lost_is_tried_again_where_twice_as_much_speaks_for_it(
     dissolving, counts = Dissolving(4, replay, engine.registry), []
     for gain in (10.0, 19.0, 21.0):
         monkeypatch.setattr(
-            "semantic_slam.inference.revision.dissolving.dissolved",
+            "semantic_slam.inference.revision.hindsight.dissolving.dissolved",
             lambda view, gain=gain: [replace(without(view, view.owners, 0), gain=gain)],
         )
         found = dissolving.histories(right)

@@ -6,11 +6,11 @@ import pytest
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se2
 from semantic_slam.inference.revision.replay import Replay
-from semantic_slam.inference.revision.returns import Returns
-from semantic_slam.inference.revision.run_model import RunModel
-from semantic_slam.inference.revision.runs import Runs, numbered
-from semantic_slam.inference.revision.solution import solved
-from semantic_slam.inference.revision.whole_drive import WholeDrive
+from semantic_slam.inference.revision.returns.returns import Returns
+from semantic_slam.inference.revision.returns.run_model import RunModel
+from semantic_slam.inference.revision.returns.runs import Runs, numbered
+from semantic_slam.inference.revision.returns.solution import solved
+from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
 from semantic_slam.inference.states.lineage import LineageStep
 
 SIGMAS = np.array([0.05, 0.02])

@@ -9,9 +9,9 @@ from worlds.same_beliefs import assert_same
 
 from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe
 from semantic_slam.errors import InputError
-from semantic_slam.inference.revision.beside import seldom_beside
-from semantic_slam.inference.revision.dissolved import each_without
-from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
+from semantic_slam.inference.revision.hindsight.beside import seldom_beside
+from semantic_slam.inference.revision.hindsight.dissolved import each_without
+from semantic_slam.inference.revision.hindsight.planar import PlanarHindsight
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import LineageStep
 

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.revision.runs import Runs
-from semantic_slam.inference.revision.solution import Solution, System
-from semantic_slam.inference.revision.whole_drive import WholeDrive
+from semantic_slam.inference.revision.returns.runs import Runs
+from semantic_slam.inference.revision.returns.solution import Solution, System
+from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
 
 
 @dataclass(frozen=True, kw_only=True)

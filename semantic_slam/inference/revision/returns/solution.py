@@ -14,7 +14,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.odometry_bias import CHANGE
-from semantic_slam.inference.revision.whole_drive import WholeDrive
+from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
 
 MAX_STEPS = 12
 """Steps of Gauss and Newton."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Flags, Index
-from semantic_slam.inference.revision.hindsight import Hindsight
+from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 from semantic_slam.inference.revision.replay import Lineage
 
 Owners = Sequence[Index]

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.revision.first_and_missed import FirstAndMissed
-from semantic_slam.inference.revision.run_model import RunModel
-from semantic_slam.inference.revision.runs import Parting, Runs, numbered, offsets
-from semantic_slam.inference.revision.solution import Solution, solved
-from semantic_slam.inference.revision.whole_drive import WholeDrive
+from semantic_slam.inference.revision.returns.first_and_missed import FirstAndMissed
+from semantic_slam.inference.revision.returns.run_model import RunModel
+from semantic_slam.inference.revision.returns.runs import Parting, Runs, numbered, offsets
+from semantic_slam.inference.revision.returns.solution import Solution, solved
+from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
 
 MOST_JOINED = 4
 """Objects that are joined after one parting."""

@@ -11,7 +11,7 @@ from semantic_slam.inference.open_world.planar.detection_probability import look
 from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.second_boxes import second_box_densities
-from semantic_slam.inference.revision.hindsight import Hindsight
+from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,8 @@ from itertools import permutations
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.revision.dissolved import each_without, lineage_of
-from semantic_slam.inference.revision.planar_hindsight import PlanarHindsight
+from semantic_slam.inference.revision.hindsight.dissolved import each_without, lineage_of
+from semantic_slam.inference.revision.hindsight.planar import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage
 
 REACH = 2.0

@@ -16,7 +16,7 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
-from semantic_slam.inference.revision.hindsight import Hindsight
+from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 
 
 @dataclass(frozen=True, kw_only=True)

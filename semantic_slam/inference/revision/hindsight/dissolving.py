@@ -1,9 +1,9 @@
 """Histories in space in which objects of a live one are none, and which of them were tried."""
 
-from semantic_slam.inference.revision.dissolved import Dissolved, dissolved, lineage_of, without_all
-from semantic_slam.inference.revision.hindsight import Hindsight
+from semantic_slam.inference.revision.hindsight.dissolved import Dissolved, dissolved, lineage_of, without_all
+from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
+from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
 from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
-from semantic_slam.inference.revision.spatial_hindsight import SpatialHindsight
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 MORE = 2.0
