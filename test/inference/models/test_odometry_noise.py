@@ -10,6 +10,7 @@ from worlds.same_beliefs import assert_same
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError
 from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.models.noise.noise_settings import shares_of_odometry
 from semantic_slam.inference.pool import InProcessPool
 
 FACTORS = [1.0, 16.0]
@@ -58,8 +59,8 @@ def test_odometry_that_is_better_than_configured_needs_very_strong_evidence() ->
     factors = [0.1, 1.0]
     alone = [after(room_of([factor], 3, 1.0, 1e9, merge_position_m=0.0)).log_evidence for factor in factors]
     both = after(room_of(factors, 3, 1.0, 1e9, merge_position_m=0.0))
-    better, configured = alone[0] - np.log(151.0), alone[1] + np.log(150.0 / 151.0)
-    assert both.log_evidence == pytest.approx(np.logaddexp(better, configured), abs=1e-6)
+    np.testing.assert_allclose(shares_of_odometry(factors), [1.0 / 151.0, 150.0 / 151.0])
+    assert both.log_evidence == pytest.approx(np.logaddexp(*(alone + np.log(shares_of_odometry(factors)))), abs=1e-6)
 
 
 @pytest.mark.slow

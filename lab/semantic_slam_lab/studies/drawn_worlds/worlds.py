@@ -10,6 +10,7 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.noise.clock_offset import OFFSETS, shifts_of
+from semantic_slam.inference.models.noise.noise_settings import shares_of_odometry
 from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance
 from semantic_slam.inference.models.odometry_bias import CLOCK, bias_sigmas, slopes
 from semantic_slam.inference.states.miss_runs import MissRuns
@@ -117,7 +118,9 @@ def drawn_world(
     times = np.concatenate([[0.0], FIRST_S + INTERVAL_S * np.arange(num_keyframes)])
     objects = _objects(path, float(random.choice(configuration.open_world.birth_densities)), random)
     sensor = _Sensor(configuration, truth, objects, random)
-    scale = float(np.sqrt(random.choice(odometry.noise_factors))) if truth.noise is None else truth.noise
+    shares = shares_of_odometry(odometry.noise_factors)
+    drawn = float(np.sqrt(random.choice(odometry.noise_factors, p=shares)))
+    scale = drawn if truth.noise is None else truth.noise
     pose = np.array(configuration.initial_pose.mean)
     pose = se2.compose(pose, se2.exp(np.array(configuration.initial_pose.sigma) * random.normal(size=3)))
     keyframes, poses, detected = [], [], []

@@ -1,11 +1,13 @@
 """What one hypothesis takes a robot's sensors to be; evidence decides between hypotheses that differ in it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.geometry.arrays import Array
 
 NAMES = {
     "odometry.noise_factor": "odometry_factor",
@@ -50,3 +52,9 @@ class NoiseSettings:
             cls(odometry_factor=odometry, detection_factor=detection, ranges_are_depth=kind == DEPTH, axis_rad=axis)
             for kind, odometry, detection in factors
         )
+
+
+def shares_of_odometry(factors: Sequence[float]) -> Array:
+    """(n,) probabilities of ``factors`` (n,) on the covariance of odometry before any measurement."""
+    weights = np.exp([NoiseSettings(odometry_factor=own).log_prior for own in factors])
+    return np.asarray(weights / weights.sum())
