@@ -42,7 +42,7 @@ def test_live_a_player_in_place_of_one_that_died_goes_on_and_another_one_begins(
         manager = relative_name(topics.MANAGER_PROGRESS)
         progress = Outlet(node, manager, topics.TYPES[topics.MANAGER_PROGRESS], qos.latched())
         progress.send(encode(ReplayProgress(frame_stamp(DONE), frames=DONE + 1, finished=False)))
-        parameters = {"bag": str(bag), "rate": 1.0, "resume": resume, "wait_for_listeners_s": 2.0}
+        parameters = {"bag": str(bag), "rate": 1.0, "resume": resume, "wait_for_listeners_s": 5.0}
         with processes(tmp_path) as nodes:
             nodes.start(NodeSpec("bag_player", "bag_player", parameters))
             give_up = time.monotonic() + TIMEOUT_S
