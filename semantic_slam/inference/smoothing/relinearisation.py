@@ -6,6 +6,7 @@ Observability-based rules for designing consistent EKF SLAM estimators, 2010).
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import gtsam
 import numpy as np
@@ -88,7 +89,7 @@ class _Anew:
         empty, made = factors.about(values)
         return cls(values=values, others=others, empty=empty, made=made)
 
-    @property
+    @cached_property
     def misfit(self) -> float:
         """Half the sum of the squares of all residuals at the values."""
         measured = sum(0.5 * float(squared_norms(own.constant + own.of.offset).sum()) for own in self.made)
