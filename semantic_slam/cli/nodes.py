@@ -31,12 +31,10 @@ def backend_node() -> None:
 
 def start(name: str) -> None:
     """Run the node of the module ``name``, whose own ``main`` leaves the process with its exit code."""
-    # A node that is ended has done what it was asked, though it has not begun yet: there is nothing to put in order,
-    # and an exception in the midst of an import turns into others.
-    before = signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
+    # A node that is ended has done what it was asked, though it has not begun yet: until it is being made there is
+    # nothing to put in order, and an exception in the midst of an import turns into others.
+    signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
     refused = exit_code(need_ros)
     if refused:
         sys.exit(refused)
-    main = import_module(f"semantic_slam.ros.{name}").main
-    signal.signal(signal.SIGINT, before)
-    main()
+    import_module(f"semantic_slam.ros.{name}").main()

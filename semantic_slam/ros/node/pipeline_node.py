@@ -15,17 +15,18 @@ from typing import Any
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import remove_ros_args
 
-from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.exit_codes import CommandParser, exit_code
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.messages import topics
 from semantic_slam.ros.node.backlog import Backlog
 from semantic_slam.ros.node.diagnostics import Diagnostics
 from semantic_slam.ros.node.health import repeated_status
+from semantic_slam.ros.node.interrupt import Interrupt, leave
 from semantic_slam.ros.node.parameters import declare_fixed
 from semantic_slam.ros.node.worker import Worker
 from semantic_slam.ros.wire.qos import PICTURES, SENSOR_DEPTH
@@ -245,36 +246,32 @@ def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], A
 
 def run_node(make_node: Callable[[], PipelineNode]) -> None:
     """Run a node until it ends or is interrupted. Raises InputError and whatever stopped its worker."""
+    _with_ros_arguments(rclpy.init)
+    executor = SingleThreadedExecutor()
+    interrupt = Interrupt()
     node = None
-    has_begun = False
     try:
-        _with_ros_arguments(rclpy.init)
-        has_begun = True
         node = make_node()
-        node.begin()
-        _spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        executor.add_node(node)
+        if not interrupt.done():
+            node.begin()
+        executor.spin_until_future_complete(interrupt)
+    except ExternalShutdownException:
         pass
     except ParameterException as fault:
         raise InputError(f"{' '.join(str(fault).split())}; see config/default.yaml") from None
     except Exception:
-        if not has_begun or rclpy.ok():  # after an interrupt, whatever is still being made fails
+        if rclpy.ok():  # after SIGTERM, whatever is still being made or published fails
             raise
     finally:
         if node is not None:
             node.worker.stop()
             node.close()
         rclpy.try_shutdown()
+        if node is not None:
+            node.destroy_node()  # and others learn that it has gone
     if node is not None and node.fault is not None:
         raise node.fault
-
-
-def _spin(node: PipelineNode) -> None:
-    try:
-        rclpy.spin(node)
-    except Exception:
-        if rclpy.ok():  # after an interrupt, whatever still wants to publish fails
-            raise
 
 
 def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable[[], None]:
@@ -293,7 +290,7 @@ def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable
         with suppress(KeyboardInterrupt):  # a node that is ended has done what it was asked
             command()
 
-    return lambda: run_main(ended_or_interrupted)
+    return lambda: leave(exit_code(ended_or_interrupted))
 
 
 def _with_ros_arguments(function: Callable[..., Any], *arguments: Any) -> Any:
