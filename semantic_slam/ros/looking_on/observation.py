@@ -24,6 +24,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.node_status import is_ours
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.shared_memory import remove_remains
 from semantic_slam.ros.wire.transport import receive, relative_name
 
 NAME = "doctor"
@@ -153,6 +154,7 @@ def observer(ros_arguments: Sequence[str]) -> Iterator[Observer]:
     """An :class:`Observer` in a context of its own; raises InputError for wrong ROS arguments."""
     context = Context()
     try:
+        remove_remains()
         rclpy.init(args=list(ros_arguments), context=context)
         node = rclpy.create_node(NAME, context=context)
     except RuntimeError as fault:

@@ -30,6 +30,7 @@ from semantic_slam.ros.node.interrupt import Interrupt, leave
 from semantic_slam.ros.node.parameters import declare_fixed
 from semantic_slam.ros.node.worker import Worker
 from semantic_slam.ros.wire.qos import PICTURES, SENSOR_DEPTH
+from semantic_slam.ros.wire.shared_memory import remove_remains
 from semantic_slam.ros.wire.transport import receive, relative_name
 
 QUIET_TICK_S = 0.1
@@ -225,6 +226,11 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
     def close(self) -> None:
         """Release what the node holds; called once it has ended and its worker has stopped."""
 
+    def destroy_node(self) -> None:
+        """Take leave of other nodes, and give back what the middleware has for this one in shared memory."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()  # rclpy leaves it, and it holds all that is below the node
+
     def _failed(self, fault: Exception) -> None:
         if rclpy.ok():  # after an interrupt, whatever still wants to publish fails
             self.fault = fault
@@ -246,6 +252,7 @@ def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], A
 
 def run_node(make_node: Callable[[], PipelineNode]) -> None:
     """Run a node until it ends or is interrupted. Raises InputError and whatever stopped its worker."""
+    remove_remains()
     _with_ros_arguments(rclpy.init)
     executor = SingleThreadedExecutor()
     interrupt = Interrupt()
@@ -269,7 +276,7 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
             node.close()
         rclpy.try_shutdown()
         if node is not None:
-            node.destroy_node()  # and others learn that it has gone
+            node.destroy_node()
     if node is not None and node.fault is not None:
         raise node.fault
 
