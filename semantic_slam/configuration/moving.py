@@ -17,7 +17,7 @@ class MovingConfiguration:
         (), "that share by the detector's label, in place of share, whatever the case: [car=0.2, tree=0]"
     )
     speeds_m_s: tuple[float, ...] = parameter(
-        (0.1, 0.5, 2.5, 12.0),
+        (0.5, 2.5, 12.0),
         "standard deviations of a moving object's velocity along x and y, of which it has one; evidence decides",
     )
     steadiness_s: float = parameter(

@@ -89,13 +89,13 @@ class PredictedMovers:
 
     def pairs(self, covariance: Array) -> tuple[Array, Array]:
         """(D, T) log densities and distances at the prediction; infinitely far where there is nothing to recognise."""
-        shape = (len(self.shares), len(self))
-        numbers, rows = (grid.ravel() for grid in np.indices(shape))
+        numbers, rows = np.nonzero(self.detections.has_range[:, None] & self.recognised)
         robots = broadcast_copy(self.movers.robot, (len(rows), 3))
         found = self.log_densities(rows, numbers, robots, np.broadcast_to(covariance, (len(rows), 3, 3)))
-        density, distance = (values.reshape(shape) for values in found)
-        possible = self.detections.has_range[:, None] & self.recognised
-        return np.where(possible, density, -np.inf), np.where(possible, distance, np.inf)
+        density = np.full((len(self.shares), len(self)), -np.inf)
+        distance = np.full(density.shape, np.inf)
+        density[numbers, rows], distance[numbers, rows] = found
+        return density, distance
 
     @cached_property
     def detected(self) -> Array:
