@@ -36,7 +36,7 @@ def remove_remains(folder: Path = FOLDER) -> None:
 
 
 def _settled(folder: Path, names: list[str]) -> Iterator[str]:
-    """Those that are half made yet once they are so old that nobody makes them any more."""
+    """Ports that are half made yet once they are so old that nobody makes them any more."""
     for name in names:
         time.sleep(max(0.0, min(SETTLED_S - _age_s(folder / name), SETTLED_S)))
         if _is_half_made(folder / name):
