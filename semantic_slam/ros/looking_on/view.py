@@ -24,7 +24,6 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros.wire import qos
-from semantic_slam.ros.wire.shared_memory import remove_remains
 from semantic_slam.ros.wire.transport import is_installed, relative_name, ros_type
 from semantic_slam.view.live_run import LiveRun
 from semantic_slam.view.server import ViewServer
@@ -109,7 +108,6 @@ def serve(host: str, port: int, belief: str, words: list[str]) -> None:
     """Serve the page until interrupted. Raises InputError, and whatever ends the node."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     os.environ.setdefault(*WITHOUT_SHARED_MEMORY)
-    remove_remains()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     listener = None
     try:
