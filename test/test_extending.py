@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from worlds.commands import call
+from worlds.processes.commands import call
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "examples" / "foreign_package"

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from worlds import commands
-from worlds.bag_factory import input_entries, write_bag, write_configuration
-from worlds.node_runs import processes
+from worlds.bags.bag_factory import input_entries, write_bag, write_configuration
+from worlds.processes import commands
+from worlds.processes.node_runs import processes
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from worlds.installed import declared
+from worlds.processes.installed import declared
 
 from semantic_slam.configuration import Configuration, to_dict
 

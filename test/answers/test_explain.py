@@ -6,7 +6,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from worlds.planar_world import make_world
+from worlds.scenes.planar_world import make_world
 
 from semantic_slam.answers.explain.explanation import compared_classes, explanation_of
 from semantic_slam.answers.explain.ledger import class_ledger, histories

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.bag_factory import of_topic, write_bag
-from worlds.places import place_entries
+from worlds.bags.bag_factory import of_topic, write_bag
+from worlds.bags.places import place_entries
 
 from semantic_slam.answers.explain.explanation import explain
 from semantic_slam.cli.commands import main

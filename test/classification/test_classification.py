@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from worlds.chapter3_fixtures import check_classification
-from worlds.dense_classification import KINDS, Dense, problem
+from worlds.exact.chapter3_fixtures import check_classification
+from worlds.exact.dense_classification import KINDS, Dense, problem
 
 from semantic_slam.classification.baselines import ModelBasedClassifier, SimpleBayesClassifier
 from semantic_slam.classification.class_model import ClassModel

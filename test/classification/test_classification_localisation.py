@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from worlds.dense_classification import Dense, problem
+from worlds.exact.dense_classification import Dense, problem
 
 from semantic_slam.classification.class_model import ClassModel
 from semantic_slam.classification.classifier import Scores

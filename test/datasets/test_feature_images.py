@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.imported import read_bag
-from worlds.user_bag_factory import FOCAL, Seen, UserBag, write_drive
+from worlds.bags.imported import read_bag
+from worlds.bags.user_bag_factory import FOCAL, Seen, UserBag, write_drive
 
 from semantic_slam.cli import import_dataset
 from semantic_slam.datasets.user_bag.feature_images import from_feature_image

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from worlds.image_folder import hand_held, write_cube_slam, write_seven_scenes
+from worlds.bags.image_folder import hand_held, write_cube_slam, write_seven_scenes
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import import_dataset

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from worlds.image_folder import hand_held
-from worlds.imported import read_bag
-from worlds.tum_folder import stamp_s, write_tum_folder
+from worlds.bags.image_folder import hand_held
+from worlds.bags.imported import read_bag
+from worlds.bags.tum_folder import stamp_s, write_tum_folder
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import import_dataset

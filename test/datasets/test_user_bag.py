@@ -6,7 +6,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from worlds.user_bag_factory import FOCAL, HEIGHT, SECOND, WIDTH, Seen, UserBag, picture, write_drive
+from worlds.bags.user_bag_factory import FOCAL, HEIGHT, SECOND, WIDTH, Seen, UserBag, picture, write_drive
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter

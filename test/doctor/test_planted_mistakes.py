@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, without, write_bag
-from worlds.mistakes import (
+from worlds.bags.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, without, write_bag
+from worlds.bags.mistakes import (
     Entries,
     each,
     of_another_model,

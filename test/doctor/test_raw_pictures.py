@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from worlds.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, of_topic, without
-from worlds.mistakes import Entries
+from worlds.bags.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, of_topic, without
+from worlds.bags.mistakes import Entries
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from worlds.imported import import_bag
+from worlds.bags.imported import import_bag
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.doctor.bag_summary import summarise_bag

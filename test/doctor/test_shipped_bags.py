@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.spoiled_bag import Change, later, spoiled
+from worlds.bags.spoiled_bag import Change, later, spoiled
 
 from semantic_slam.cli import doctor
 from semantic_slam.cli.exit_codes import BAD_INPUT, DONE, exit_code

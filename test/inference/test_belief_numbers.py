@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from worlds.drives.open_room import make_room
-from worlds.planar_world import make_world
+from worlds.scenes.planar_world import make_world
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from worlds.bodies import IN_PLANE, MODEL, NAMES, drive, level_run, planar_run
-from worlds.spatial_fixtures import NOTHING_LEFT_OUT
+from worlds.exact.spatial_fixtures import NOTHING_LEFT_OUT
+from worlds.scenes.bodies import IN_PLANE, MODEL, NAMES, drive, level_run, planar_run
 
 from semantic_slam import Engine
 from semantic_slam.training.viewpoint.regression import fit_class

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.chapter3_fixtures import check_classification
-from worlds.exact_fixtures import Outcome, run
-from worlds.spatial_fixtures import spatial_deviations
+from worlds.exact.chapter3_fixtures import check_classification
+from worlds.exact.exact_fixtures import Outcome, run
+from worlds.exact.spatial_fixtures import spatial_deviations
 
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.evaluation.mixture import heaviest_position_error, position_determinant, weighted_position_error

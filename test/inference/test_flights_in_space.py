@@ -2,8 +2,8 @@
 
 import numpy as np
 from scipy.stats import chi2
-from worlds.flights import OPTICAL, ORIGIN, Flight
-from worlds.spatial_fixtures import spatial
+from worlds.exact.spatial_fixtures import spatial
+from worlds.scenes.flights import OPTICAL, ORIGIN, Flight
 
 from semantic_slam import Engine, MapPrior, ObjectPrior
 from semantic_slam.geometry import se3, so3

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.planar_world import OBJECTS, World, beliefs, make_world
 from worlds.same_beliefs import SUBSTANCE, assert_same
+from worlds.scenes.planar_world import OBJECTS, World, beliefs, make_world
 
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError, SemanticSlamError

@@ -5,10 +5,10 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
-from worlds.harmonic_model import HarmonicModel
-from worlds.latent_world import MODEL, make_latent_world
-from worlds.planar_world import OBJECTS
-from worlds.solved_candidates import candidates_of
+from worlds.exact.solved_candidates import candidates_of
+from worlds.scenes.planar_world import OBJECTS
+from worlds.views.harmonic_model import HarmonicModel
+from worlds.views.latent_world import MODEL, make_latent_world
 
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.closed_keyframe import predict

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from worlds.harmonic_model import HarmonicModel
-from worlds.latent_world import MODEL, ROOM, make_latent_room, make_latent_world
-from worlds.planar_world import OBJECTS
+from worlds.scenes.planar_world import OBJECTS
+from worlds.views.harmonic_model import HarmonicModel
+from worlds.views.latent_world import MODEL, ROOM, make_latent_room, make_latent_world
 
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.geometry.se2 import between

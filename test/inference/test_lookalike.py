@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds.harmonic_model import HarmonicModel
+from worlds.views.harmonic_model import HarmonicModel
 
 from semantic_slam.inference.lookalike import lookalikes
 from semantic_slam.inference.models.latent.detection_features import DetectionFeatures

@@ -1,8 +1,8 @@
 """A camera that is lost among objects that look alike: places repeat, and the sides that it sees tell where it is."""
 
 import numpy as np
-from worlds.flights import Flight
-from worlds.spatial_fixtures import NAMES, spatial
+from worlds.exact.spatial_fixtures import NAMES, spatial
+from worlds.scenes.flights import Flight
 
 from semantic_slam import Engine, MapPrior, ObjectPrior
 from semantic_slam.geometry import se3, so3

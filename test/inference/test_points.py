@@ -6,7 +6,15 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
-from worlds.points import BodyPointObservation, PointOutcome, PointWorld, body_point, drive, range_bearing, run_points
+from worlds.scenes.points import (
+    BodyPointObservation,
+    PointOutcome,
+    PointWorld,
+    body_point,
+    drive,
+    range_bearing,
+    run_points,
+)
 
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry import se2

@@ -6,8 +6,8 @@ import gtsam
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from worlds.exact.spatial_fixtures import spatial
 from worlds.same_beliefs import assert_same
-from worlds.spatial_fixtures import spatial
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool

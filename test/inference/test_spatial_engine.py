@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.spatial_fixtures import NOTHING_LEFT_OUT, history_weights, run_spatial, spatial
+from worlds.exact.spatial_fixtures import NOTHING_LEFT_OUT, history_weights, run_spatial, spatial
 
 from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.geometry import se2, se3, so3

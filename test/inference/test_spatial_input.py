@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.spatial_fixtures import spatial
+from worlds.exact.spatial_fixtures import spatial
 
 from semantic_slam import Configuration, Detection, Engine, InputError, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.geometry import se3

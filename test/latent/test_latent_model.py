@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from worlds.harmonic_model import HarmonicModel
-from worlds.latent_toy import (
+from worlds.views.harmonic_model import HarmonicModel
+from worlds.views.latent_toy import (
     DIMENSIONS,
     FEATURES,
     random_network,

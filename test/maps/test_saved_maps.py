@@ -10,7 +10,7 @@ import gtsam
 import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
-from worlds.small_map import GIVEN, LOOSE, PLACES, keyframes, run_to_its_end, small_map
+from worlds.scenes.small_map import GIVEN, LOOSE, PLACES, keyframes, run_to_its_end, small_map
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.building import make_run_configuration, problem_of, start_of_run

@@ -5,7 +5,16 @@ import struct
 import cv2
 import numpy as np
 import pytest
-from worlds.bag_factory import OPTICAL, START, T_BASE_CAMERA, camera_info, compressed, input_entries, odometry, of_topic
+from worlds.bags.bag_factory import (
+    OPTICAL,
+    START,
+    T_BASE_CAMERA,
+    camera_info,
+    compressed,
+    input_entries,
+    odometry,
+    of_topic,
+)
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar, transform_points

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
-from worlds.installed import ROOT, declared
+from worlds.processes.installed import ROOT, declared
 
 import semantic_slam
 

@@ -7,7 +7,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
-from worlds.installed import ROOT
+from worlds.processes.installed import ROOT
 
 Graph = dict[str, set[str]]
 PACKAGES = {"semantic_slam": ROOT / "semantic_slam", "semantic_slam_lab": ROOT / "lab" / "semantic_slam_lab"}

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from worlds.installed import ROOT, Environment, declared, environment, source_copy, wheel
+from worlds.processes.installed import ROOT, Environment, declared, environment, source_copy, wheel
 
 import semantic_slam
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.bag_factory import (
+from worlds.bags.bag_factory import (
     HEIGHT,
     PERIOD,
     SPEED_M,

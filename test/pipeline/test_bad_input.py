@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from worlds.bag_factory import (
+from worlds.bags.bag_factory import (
     frame_stamp,
     input_entries,
     noisy,
@@ -14,7 +14,7 @@ from worlds.bag_factory import (
     write_bag,
     write_configuration,
 )
-from worlds.commands import call
+from worlds.processes.commands import call
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report

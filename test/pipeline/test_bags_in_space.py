@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, TableTops, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
-from worlds.imported import read_bag
-from worlds.table_bag import in_space, table_entries, write_table_bag
+from worlds.bags.imported import read_bag
+from worlds.bags.table_bag import in_space, table_entries, write_table_bag
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import Entry, input_entries, of_topic, write_bag
-from worlds.installed import ROOT
-from worlds.places import place_entries
+from worlds.bags.bag_factory import Entry, input_entries, of_topic, write_bag
+from worlds.bags.places import place_entries
+from worlds.processes.installed import ROOT
 
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.default_configuration import configuration_for

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.bag_factory import OBJECTS, Entry, input_entries, of_topic, write_bag, write_configuration
-from worlds.imported import read_bag
-from worlds.places import NUM_FRAMES, place_entries
+from worlds.bags.bag_factory import OBJECTS, Entry, input_entries, of_topic, write_bag, write_configuration
+from worlds.bags.imported import read_bag
+from worlds.bags.places import NUM_FRAMES, place_entries
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.errors import InputError

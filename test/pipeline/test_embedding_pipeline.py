@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.bag_factory import Entry, input_entries, of_topic, write_bag, write_configuration
-from worlds.imported import read_bag
-from worlds.places import NUM_FRAMES, place_entries
+from worlds.bags.bag_factory import Entry, input_entries, of_topic, write_bag, write_configuration
+from worlds.bags.imported import read_bag
+from worlds.bags.places import NUM_FRAMES, place_entries
 
 from semantic_slam.answers.appearances import appearances_of
 from semantic_slam.answers.find_objects import find_objects

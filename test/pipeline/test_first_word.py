@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.bag_factory import SPEED_M, frame_stamp, input_entries, of_topic
-from worlds.planar_world import make_world
+from worlds.bags.bag_factory import SPEED_M, frame_stamp, input_entries, of_topic
+from worlds.scenes.planar_world import make_world
 
 from semantic_slam.configuration import SemanticModelConfiguration, from_dict
 from semantic_slam.inference.inputs.keyframe import Keyframe

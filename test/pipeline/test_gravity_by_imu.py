@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.bag_factory import static_transform
+from worlds.bags.bag_factory import static_transform
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 import zstandard
-from worlds.bag_factory import HEIGHT, WIDTH, compressed, input_entries, map_prior, of_topic, write_bag
+from worlds.bags.bag_factory import HEIGHT, WIDTH, compressed, input_entries, map_prior, of_topic, write_bag
 from worlds.belief_factory import small_belief
 
 from semantic_slam.bag.chunk_limits import LARGEST_CHUNK

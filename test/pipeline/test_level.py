@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from semantic_slam_lab.simulation.tables import Flight, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
-from worlds.imported import read_bag
-from worlds.table_bag import in_space, table_entries, write_table_bag
+from worlds.bags.imported import read_bag
+from worlds.bags.table_bag import in_space, table_entries, write_table_bag
 
 from semantic_slam.configuration import OdometryConfiguration
 from semantic_slam.geometry import so3

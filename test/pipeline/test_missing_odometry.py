@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.bag_factory import PERIOD, START, odometry
+from worlds.bags.bag_factory import PERIOD, START, odometry
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.inference.inputs.keyframe import Keyframe

@@ -5,7 +5,7 @@ import random
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from worlds.bag_factory import OPTICAL, START, camera_info, detections, image
+from worlds.bags.bag_factory import OPTICAL, START, camera_info, detections, image
 
 from semantic_slam.configuration import PerceptionConfiguration, from_dict
 from semantic_slam.datasets.image_folders.pictures import transform

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from semantic_slam_lab.studies.victoria_park.data import Variant, make_drive
-from worlds.bag_factory import START
+from worlds.bags.bag_factory import START
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import from_dict

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
-from worlds.bag_factory import (
+from worlds.bags.bag_factory import (
     HEIGHT,
     OBJECTS,
     SPEED_M,

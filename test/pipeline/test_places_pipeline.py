@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.bag_factory import (
+from worlds.bags.bag_factory import (
     OBJECTS,
     T_BASE_CAMERA,
     frame_stamp,
@@ -14,8 +14,8 @@ from worlds.bag_factory import (
     write_bag,
     write_configuration,
 )
-from worlds.imported import read_bag
-from worlds.places import NUM_FRAMES, place_entries, relative_positions
+from worlds.bags.imported import read_bag
+from worlds.bags.places import NUM_FRAMES, place_entries, relative_positions
 
 from semantic_slam.configuration import from_dict, load_configuration
 from semantic_slam.errors import InputError

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.bag_factory import PERIOD, Entry, frame_stamp, map_prior, odometry, write_bag, write_configuration
-from worlds.node_runs import assert_same, beliefs
-from worlds.places import place_entries
+from worlds.bags.bag_factory import PERIOD, Entry, frame_stamp, map_prior, odometry, write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.node_runs import assert_same, beliefs
 
 from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.errors import InputError

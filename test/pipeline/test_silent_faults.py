@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.bag_factory import OPTICAL, camera_info, input_entries, odometry, of_topic, write_bag
-from worlds.places import place_entries
+from worlds.bags.bag_factory import OPTICAL, camera_info, input_entries, odometry, of_topic, write_bag
+from worlds.bags.places import place_entries
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.datasets.user_bag.hints import Hints

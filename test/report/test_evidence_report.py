@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import input_entries, of_topic, write_bag
+from worlds.bags.bag_factory import input_entries, of_topic, write_bag
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.messages import topics

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from worlds.installed import ROOT
+from worlds.processes.installed import ROOT
 
 from semantic_slam.cli.bag_to_report import main, parse
 from semantic_slam.cli.many_reports import names_of, report_many

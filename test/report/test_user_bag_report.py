@@ -5,8 +5,8 @@ import sys
 
 import numpy as np
 import pytest
-from worlds.bag_factory import write_configuration
-from worlds.user_bag_factory import write_drive
+from worlds.bags.bag_factory import write_configuration
+from worlds.bags.user_bag_factory import write_drive
 
 from semantic_slam.cli import bag_to_report, import_dataset
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior

@@ -16,7 +16,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from semantic_slam_msgs.msg import DetectionArray
 from sensor_msgs.msg import CompressedImage, Image
-from worlds.installed import ROOT
+from worlds.processes.installed import ROOT
 
 from semantic_slam.errors import MessageError
 from semantic_slam.messages import topics

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.bag_factory import input_entries, map_prior, of_topic, write_bag, write_configuration
-from worlds.node_runs import Replay, assert_same, beliefs, run
+from worlds.bags.bag_factory import input_entries, map_prior, of_topic, write_bag, write_configuration
+from worlds.processes.node_runs import Replay, assert_same, beliefs, run
 
 from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.configuration import SemanticModelConfiguration, load_configuration

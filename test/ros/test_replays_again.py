@@ -13,9 +13,9 @@ import pytest
 import rclpy
 from rclpy.node import Node
 from std_srvs.srv import Trigger
-from worlds.bag_factory import frame_stamp, of_topic, write_bag, write_configuration
-from worlds.node_runs import TIMEOUT_S, assert_same, beliefs, processes
-from worlds.places import place_entries
+from worlds.bags.bag_factory import frame_stamp, of_topic, write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.node_runs import TIMEOUT_S, assert_same, beliefs, processes
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.inference.belief import HybridBelief

@@ -11,9 +11,9 @@ import rclpy
 from rclpy.node import Node
 from semantic_slam_msgs.srv import Explain, LoadMap, SaveMap
 from std_srvs.srv import SetBool, Trigger
-from worlds.bag_factory import PERIOD, Entry, write_bag, write_configuration
-from worlds.node_runs import assert_same, beliefs, processes
-from worlds.places import place_entries
+from worlds.bags.bag_factory import PERIOD, Entry, write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.node_runs import assert_same, beliefs, processes
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.evaluation.belief_bag import read_record

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.bag_factory import of_topic, write_bag, write_configuration
-from worlds.places import place_entries
+from worlds.bags.bag_factory import of_topic, write_bag, write_configuration
+from worlds.bags.places import place_entries
 
 from semantic_slam.answers.appearances import SeenView
 from semantic_slam.class_models.embedding import embedding_model, load_embedding_model

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.commands import call
-from worlds.synthetic_views import FEATURES, synthetic_samples
+from worlds.processes.commands import call
+from worlds.views.synthetic_views import FEATURES, synthetic_samples
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.contracts.viewpoint_model import looking_from

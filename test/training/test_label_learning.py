@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.bag_factory import of_topic, write_bag, write_configuration
-from worlds.places import place_entries
+from worlds.bags.bag_factory import of_topic, write_bag, write_configuration
+from worlds.bags.places import place_entries
 
 from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.configuration import Configuration, load_configuration

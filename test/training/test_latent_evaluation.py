@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.latent_toy import (
+from worlds.views.latent_toy import (
     DIMENSIONS,
     FEATURES,
     INSTANCES,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.latent_toy import INSTANCES, toy_model, toy_views
+from worlds.views.latent_toy import INSTANCES, toy_model, toy_views
 
 from semantic_slam.latent.latent_model import LatentModel
 from semantic_slam.latent.smooth_network import Layer, SmoothNetwork

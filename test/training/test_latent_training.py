@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors.numpy import save_file
-from worlds.latent_toy import DIMENSIONS, FEATURES, INSTANCES, random_network, toy_model, toy_views
+from worlds.views.latent_toy import DIMENSIONS, FEATURES, INSTANCES, random_network, toy_model, toy_views
 
 from semantic_slam.errors import InputError
 from semantic_slam.latent.change_model import ChangeModel

@@ -7,7 +7,7 @@ import cv2
 import h5py
 import numpy as np
 import pytest
-from worlds import commands
+from worlds.processes import commands
 
 from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS

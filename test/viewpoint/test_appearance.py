@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from worlds.synthetic_views import FEATURES, synthetic_samples
+from worlds.views.synthetic_views import FEATURES, synthetic_samples
 
 from semantic_slam.class_models.viewpoint_models import shipped_models
 from semantic_slam.configuration import Configuration, PerceptionConfiguration

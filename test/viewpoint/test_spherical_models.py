@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.synthetic_views import FEATURES, expected_on_sphere, spherical_samples, synthetic_samples
+from worlds.views.synthetic_views import FEATURES, expected_on_sphere, spherical_samples, synthetic_samples
 
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from safetensors.numpy import save_file
-from worlds.synthetic_views import FEATURES, synthetic_samples
+from worlds.views.synthetic_views import FEATURES, synthetic_samples
 
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration

@@ -4,7 +4,7 @@ import gzip
 
 import numpy as np
 import pytest
-from worlds.imported import import_bag
+from worlds.bags.imported import import_bag
 
 from semantic_slam.datasets.drives.g2o import read_graph
 from semantic_slam.datasets.drives.g2o_import import drive_of

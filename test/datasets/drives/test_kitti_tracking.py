@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds.imported import import_bag
+from worlds.bags.imported import import_bag
 
 from semantic_slam.datasets.drives.kitti_tracking import LabelledBoxes, centre_covariances
 from semantic_slam.datasets.drives.kitti_tracking_import import noisy_odometry, read_drive

@@ -4,7 +4,7 @@ import gzip
 
 import numpy as np
 import pytest
-from worlds.imported import import_bag
+from worlds.bags.imported import import_bag
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import planar_from_pose_vector

@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from worlds.linear_gaussian import LinearDetection, LinearModel
+from worlds.exact.linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.inference.association.gating import best_assignments, pair_densities
 from semantic_slam.inference.association.sums import log_sum_of_all

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from worlds.linear_gaussian import LinearDetection, LinearModel
-from worlds.outlier_enumeration import LinearWorld, RobustLinearModel, by_engine, by_enumeration
+from worlds.exact.linear_gaussian import LinearDetection, LinearModel
+from worlds.exact.outlier_enumeration import LinearWorld, RobustLinearModel, by_engine, by_enumeration
 
 from semantic_slam.configuration import ClosedWorldConfiguration
 from semantic_slam.inference.models.step import Motion

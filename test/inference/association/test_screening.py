@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds.linear_gaussian import LinearDetection, LinearModel
+from worlds.exact.linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
 from semantic_slam.inference.association.screening import ScreenedAssignments, screen

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds.linear_gaussian import LinearDetection, LinearModel
+from worlds.exact.linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.configuration import PruningConfiguration
 from semantic_slam.errors import SemanticSlamError

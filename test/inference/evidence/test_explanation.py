@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 from worlds.drives.open_room import make_room
-from worlds.planar_world import World, make_world
+from worlds.scenes.planar_world import World, make_world
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array

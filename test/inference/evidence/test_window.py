@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from worlds.planar_world import make_world
+from worlds.scenes.planar_world import make_world
 
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry import se2

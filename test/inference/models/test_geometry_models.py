@@ -5,8 +5,8 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
-from worlds.linear_gaussian import LinearDetection, LinearModel
-from worlds.points import BodyPointObservation
+from worlds.exact.linear_gaussian import LinearDetection, LinearModel
+from worlds.scenes.points import BodyPointObservation
 
 from semantic_slam.contracts.geometry_model import KEYS, GeometryModelContract
 from semantic_slam.geometry import se3, so3

@@ -3,7 +3,7 @@
 import gtsam
 import numpy as np
 import pytest
-from worlds.harmonic_model import HarmonicModel
+from worlds.views.harmonic_model import HarmonicModel
 
 from semantic_slam.geometry import se2
 from semantic_slam.inference.models.latent.detection_features import DetectionFeatures

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.lost_world import PLACES, STEP, LostWorld, configuration, errors, make_world, map_of
 from worlds.same_beliefs import assert_same
+from worlds.scenes.lost_world import PLACES, STEP, LostWorld, configuration, errors, make_world, map_of
 
 from semantic_slam import Engine
 from semantic_slam.configuration import Configuration

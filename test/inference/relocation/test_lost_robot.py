@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from worlds.lost_world import PLACES, SYMMETRIC, configuration, errors, make_world, map_of, run
 from worlds.same_beliefs import assert_same
+from worlds.scenes.lost_world import PLACES, SYMMETRIC, configuration, errors, make_world, map_of, run
 
 from semantic_slam import Engine
 from semantic_slam.evaluation.history import histories

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.lost_world import PLACES, STEP, LostWorld, configuration, make_world, map_of
+from worlds.scenes.lost_world import PLACES, STEP, LostWorld, configuration, make_world, map_of
 
 from semantic_slam import Engine
 from semantic_slam.errors import InputError

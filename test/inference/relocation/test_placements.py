@@ -4,7 +4,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from worlds.lost_world import PLACES, configuration, make_world, map_of
+from worlds.scenes.lost_world import PLACES, configuration, make_world, map_of
 
 from semantic_slam import Engine, Keyframe
 from semantic_slam.configuration import OpenWorldConfiguration

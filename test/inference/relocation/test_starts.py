@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds.lost_world import configuration, make_world, map_of
+from worlds.scenes.lost_world import configuration, make_world, map_of
 
 from semantic_slam import Engine
 from semantic_slam.geometry import se2

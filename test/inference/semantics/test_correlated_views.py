@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from worlds.planar_world import World, beliefs, make_world
+from worlds.exact.solved_candidates import candidates_of
 from worlds.same_beliefs import assert_same
-from worlds.solved_candidates import candidates_of
+from worlds.scenes.planar_world import World, beliefs, make_world
 
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration

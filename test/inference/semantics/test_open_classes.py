@@ -1,7 +1,7 @@
 """A hypothesis that takes an object's first view for an outlier knows no more of its class than before."""
 
 import numpy as np
-from worlds.planar_world import beliefs, make_world
+from worlds.scenes.planar_world import beliefs, make_world
 
 
 def test_a_first_view_that_is_an_outlier_tells_no_class():

@@ -3,7 +3,7 @@
 import gtsam
 import numpy as np
 import pytest
-from worlds.exact_graph import estimate_of, exact_graph
+from worlds.exact.exact_graph import estimate_of, exact_graph
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array

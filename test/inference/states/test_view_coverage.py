@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds.planar_world import OBJECTS, beliefs, make_world
+from worlds.scenes.planar_world import OBJECTS, beliefs, make_world
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.states.view_coverage import LOOK_RAD, NO_VIEWS, SIGNIFICANCE, ViewCoverage

@@ -6,7 +6,7 @@ import pytest
 from semantic_slam_lab.benchmarks import latent_drive, latent_update
 from semantic_slam_lab.benchmarks.latent_drive import Drive
 from semantic_slam_lab.benchmarks.latent_update import Circuit, measured
-from worlds.harmonic_model import HarmonicModel
+from worlds.views.harmonic_model import HarmonicModel
 
 from semantic_slam.geometry.pose import planar_from_pose_vector
 

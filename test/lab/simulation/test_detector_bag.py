@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from worlds.installed import ROOT
+from worlds.processes.installed import ROOT
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report, import_dataset

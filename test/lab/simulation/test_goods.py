@@ -13,7 +13,7 @@ from semantic_slam_lab.simulation.mujoco_scene import PlacedObject, scene_xml
 from semantic_slam_lab.simulation.renderer import Renderer, camera_model
 from semantic_slam_lab.simulation.textures import SIZE
 from semantic_slam_lab.simulation.turntable import CAMERAS, table_from_camera
-from worlds.commands import call
+from worlds.processes.commands import call
 
 
 def test_names_go_through_the_classes_in_turn() -> None:

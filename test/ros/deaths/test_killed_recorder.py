@@ -7,10 +7,10 @@ import time
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import write_bag, write_configuration
+from worlds.bags.bag_factory import write_bag, write_configuration
+from worlds.bags.places import place_entries
 from worlds.belief_factory import small_belief
-from worlds.node_runs import TIMEOUT_S, Replay, processes
-from worlds.places import place_entries
+from worlds.processes.node_runs import TIMEOUT_S, Replay, processes
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import input_entries, write_bag, write_configuration
-from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
+from worlds.bags.bag_factory import input_entries, write_bag, write_configuration
+from worlds.processes.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import load_configuration

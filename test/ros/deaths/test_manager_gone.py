@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import write_bag, write_configuration
-from worlds.node_runs import TIMEOUT_S, processes
-from worlds.places import place_entries
+from worlds.bags.bag_factory import write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.node_runs import TIMEOUT_S, processes
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.ros.launching.node_set import node_set

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.bag_factory import input_entries, map_prior, write_bag, write_configuration
-from worlds.node_runs import Replay, assert_same, beliefs, run
+from worlds.bags.bag_factory import input_entries, map_prior, write_bag, write_configuration
+from worlds.processes.node_runs import Replay, assert_same, beliefs, run
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.inference.belief import HybridBelief

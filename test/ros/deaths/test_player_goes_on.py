@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from worlds.bag_factory import Entry, frame_stamp, input_entries, write_bag
-from worlds.node_runs import TIMEOUT_S, processes
+from worlds.bags.bag_factory import Entry, frame_stamp, input_entries, write_bag
+from worlds.processes.node_runs import TIMEOUT_S, processes
 
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode

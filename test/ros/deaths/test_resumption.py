@@ -3,7 +3,7 @@
 from collections import Counter
 
 import pytest
-from worlds.bag_factory import input_entries, of_topic
+from worlds.bags.bag_factory import input_entries, of_topic
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.messages import topics

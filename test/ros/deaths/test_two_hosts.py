@@ -4,10 +4,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import map_prior, write_bag, write_configuration
-from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
-from worlds.places import place_entries
-from worlds.two_hosts import two_hosts
+from worlds.bags.bag_factory import map_prior, write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
+from worlds.processes.two_hosts import two_hosts
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag

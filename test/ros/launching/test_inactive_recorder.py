@@ -9,7 +9,7 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from worlds.belief_factory import small_belief
-from worlds.node_runs import beliefs
+from worlds.processes.node_runs import beliefs
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration

@@ -10,7 +10,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
-from worlds.bag_factory import T_BASE_CAMERA, input_entries, write_bag, write_configuration
+from worlds.bags.bag_factory import T_BASE_CAMERA, input_entries, write_bag, write_configuration
 
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader

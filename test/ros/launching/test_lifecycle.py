@@ -13,9 +13,9 @@ import rclpy
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
-from worlds.bag_factory import write_bag, write_configuration
-from worlds.node_runs import assert_same, beliefs, processes
-from worlds.places import place_entries
+from worlds.bags.bag_factory import write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.node_runs import assert_same, beliefs, processes
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag

@@ -5,8 +5,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from worlds.bag_factory import input_entries, write_bag, write_configuration
-from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, run
+from worlds.bags.bag_factory import input_entries, write_bag, write_configuration
+from worlds.processes.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, run
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.messages import topics

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from worlds.node_runs import processes
+from worlds.processes.node_runs import processes
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.ros.launching.node_set import NodeSpec

@@ -15,9 +15,9 @@ import pytest
 from semantic_slam_lab.fuzz.asker import Asker
 from semantic_slam_lab.fuzz.forger import Forger, forger
 from semantic_slam_lab.fuzz.live import disturb, uncounted
-from worlds.bag_factory import write_bag, write_configuration
-from worlds.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
-from worlds.places import place_entries
+from worlds.bags.bag_factory import write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag

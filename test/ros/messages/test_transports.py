@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 import rclpy
-from worlds.bag_factory import T_BASE_CAMERA, input_entries, of_topic, write_configuration
-from worlds.node_runs import processes
+from worlds.bags.bag_factory import T_BASE_CAMERA, input_entries, of_topic, write_configuration
+from worlds.processes.node_runs import processes
 
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode

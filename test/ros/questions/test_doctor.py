@@ -14,9 +14,9 @@ import pytest
 import rclpy
 import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from worlds.bag_factory import T_BASE_CAMERA, Entry, input_entries, of_topic
-from worlds.installed import ROOT
-from worlds.node_runs import processes
+from worlds.bags.bag_factory import T_BASE_CAMERA, Entry, input_entries, of_topic
+from worlds.processes.installed import ROOT
+from worlds.processes.node_runs import processes
 
 from semantic_slam.bag.names import absolute
 from semantic_slam.configuration import from_dict

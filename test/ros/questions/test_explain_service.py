@@ -11,8 +11,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from semantic_slam_msgs.srv import Explain
-from worlds.bag_factory import of_topic, write_bag
-from worlds.places import place_entries
+from worlds.bags.bag_factory import of_topic, write_bag
+from worlds.bags.places import place_entries
 
 from semantic_slam.answers.explain.explanation import explain
 from semantic_slam.answers.explain.text import lines_of

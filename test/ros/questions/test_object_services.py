@@ -12,7 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from semantic_slam_lab.studies.embeddings.known_map import map_of
 from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath, QueryPlace, SaveMap
-from worlds.small_map import LOOSE, run_to_its_end
+from worlds.scenes.small_map import LOOSE, run_to_its_end
 
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.maps.map_file import read_map

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 from worlds.drives.open_room import OBJECTS, Room, make_room
-from worlds.exact_graph import estimate_of, exact_graph
+from worlds.exact.exact_graph import estimate_of, exact_graph
 from worlds.same_beliefs import assert_same
 
 from semantic_slam import Detection, Engine, Keyframe

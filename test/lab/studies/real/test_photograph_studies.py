@@ -11,7 +11,7 @@ from semantic_slam_lab.studies.real_cabinet.study import settled_view
 from semantic_slam_lab.studies.real_kitchen.judged import matched
 from semantic_slam_lab.studies.real_kitchen.reference import Standing, agreed_places
 from semantic_slam_lab.studies.real_kitchen.visual_odometry import LEAST_MATCHES, Seen, matches, relative_pose
-from worlds.image_folder import hand_held, write_cube_slam
+from worlds.bags.image_folder import hand_held, write_cube_slam
 
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
 from semantic_slam.datasets.image_folders.layouts import read_image_folder

@@ -6,7 +6,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from worlds.bag_factory import HEIGHT, WIDTH, Entry, map_prior, of_topic
+from worlds.bags.bag_factory import HEIGHT, WIDTH, Entry, map_prior, of_topic
 
 from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 from semantic_slam.messages import topics

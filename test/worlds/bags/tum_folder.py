@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
-from worlds.image_folder import CX, CY, FX, FY, HEIGHT, WIDTH, pictures
+from worlds.bags.image_folder import CX, CY, FX, FY, HEIGHT, WIDTH, pictures
 
 PERIOD_S = 0.5
 

@@ -1,7 +1,7 @@
 """A robot among three upright objects of two classes, in the plane and in space that is as flat."""
 
 import numpy as np
-from worlds.spatial_fixtures import NOTHING_LEFT_OUT
+from worlds.exact.spatial_fixtures import NOTHING_LEFT_OUT
 
 from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.geometry import se2

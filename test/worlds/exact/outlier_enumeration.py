@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from worlds.exact_fixtures import NO_PRUNING
-from worlds.linear_gaussian import LinearDetection, LinearDetections, LinearModel, StepReader
+from worlds.exact.exact_fixtures import NO_PRUNING
+from worlds.exact.linear_gaussian import LinearDetection, LinearDetections, LinearModel, StepReader
 
 from semantic_slam.configuration import ClosedWorldConfiguration, WeightsConfiguration
 from semantic_slam.geometry.arrays import Array

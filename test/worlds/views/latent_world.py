@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from worlds.drives.open_room import OBJECTS as ROOM
 from worlds.drives.open_room import make_room
-from worlds.harmonic_model import HarmonicModel
-from worlds.planar_world import OBJECTS, make_world
+from worlds.scenes.planar_world import OBJECTS, make_world
+from worlds.views.harmonic_model import HarmonicModel
 
 from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.engine import Engine

@@ -4,7 +4,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from worlds.linear_gaussian import LinearDetection, LinearModel, StepReader
+from worlds.exact.linear_gaussian import LinearDetection, LinearModel, StepReader
 
 from semantic_slam.configuration import PruningConfiguration, WeightsConfiguration
 from semantic_slam.inference.belief import HybridBelief

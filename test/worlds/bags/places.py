@@ -1,7 +1,7 @@
 """The small input bag without its pictures: what stands in the boxes told as places."""
 
 import numpy as np
-from worlds.bag_factory import OBJECTS, SPEED_M, Entry, frame_stamp, input_entries, of_topic
+from worlds.bags.bag_factory import OBJECTS, SPEED_M, Entry, frame_stamp, input_entries, of_topic
 
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message

@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from setuptools import Distribution as Project
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 BUILT_FROM = ("semantic_slam", "config", "launch", "msg_defs", "resource", "lab")
 """Folders that a wheel is built from."""
 
