@@ -12,7 +12,7 @@ import numpy as np
 
 from semantic_slam.configuration import DetectionErrorsConfiguration, MovingConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,16 @@ class Moving:
 
     @cached_property
     def speeds(self) -> Array:
-        """(S,) standard deviations [m/s] of a velocity's parts. Raises InputError."""
+        """(S,) standard deviations [m/s] of a velocity's parts; 0: what may move, and stands. Raises InputError."""
         speeds = self.settings.speeds_m_s
-        if not speeds or min(speeds) <= 0.0:
-            raise InputError("moving.speeds_m_s must be positive, and one at least; correct them")
+        if not speeds or min(speeds) < 0.0 or max(speeds) == 0.0:
+            raise InputError("moving.speeds_m_s must not be negative, and one at least positive; correct them")
         return np.array(speeds)
+
+    @cached_property
+    def stands(self) -> Flags:
+        """(S,) whether what may move stands under a speed. Raises InputError."""
+        return np.asarray(self.speeds == 0.0)
 
     def shares(self, labels: Sequence[str]) -> Array:
         """(D,) prior probabilities that the objects of detections with these labels move."""

@@ -107,7 +107,8 @@ def departure_marginals(components: Sequence[Component], reported: ReportedObjec
 def _moving(movers: Movers, rates: DetectionRates) -> Array:
     """(T,) probability that what may move does, if it exists."""
     exists = np.maximum(rates.average(movers.existence), LEAST_PROBABILITY)
-    return np.where(movers.decided, 1.0, rates.average(movers.existence * movers.moving) / exists)
+    may_move = np.where(movers.decided, 1.0, rates.average(movers.existence * movers.moving) / exists)
+    return np.asarray(may_move * movers.drives)
 
 
 def aligned_marginals(

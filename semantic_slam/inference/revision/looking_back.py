@@ -1,7 +1,7 @@
 """Looks back from one live history: what may be likelier is replayed, and enters with what it weighs."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from functools import reduce
 
@@ -184,13 +184,15 @@ class LookingBack:
     def _with_movers(self, followed: Revised) -> list[Lineage]:
         """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""
         problem, now, lineage = self._replay.problem, len(self._replay.steps), followed.lineage
-        if not self._replay.may_move or followed.component.tracked is None:
+        movers = followed.component.movers
+        if not self._replay.may_move or followed.component.tracked is None or movers is None:
             return []
         first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
-        steps, trail = self._replay.steps, followed.component.tracked.trail
+        steps = [replace(own, detections=followed.component.sensed(own.detections)) for own in self._replay.steps]
+        trail = followed.component.tracked.trail
         since = now - AGAIN * self._settings.every_keyframes
         groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
-        alone = standing_proposals(lineage, steps, trail, problem.moving, since)
+        alone = standing_proposals(lineage, movers, max(since, 0))
         return self._each_and_all(lineage, groups, self._tried, with_mover) + self._each_and_all(
             lineage, alone, self._stood, with_standing
         )

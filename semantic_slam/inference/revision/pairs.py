@@ -12,6 +12,7 @@ from semantic_slam.inference.revision.replay import Lineage
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.keys import object_key
+from semantic_slam.inference.states.lineage import movers_of
 
 LARGEST_DISTANCE = 4.0
 """Mahalanobis distance between two objects up to which they may be one."""
@@ -26,11 +27,11 @@ Pair = tuple[int, ...]
 def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> list[Pair]:
     """Pairs (older, younger) of objects that may be one by where they are, never seen in one frame; nearest first.
 
-    Those that move are left out: where they are now is not where they were.
+    Those that may move are left out: where they are now is not where they were.
     """
     places, spreads = objects.object_poses[:, :2], objects.object_covariances[:, :2, :2]
-    moving = objects.moving if objects.moving.size else np.zeros(len(ids))
-    alive = [row for row in range(len(ids)) if objects.existence[row] > LEAST_EXISTENCE and moving[row] < 1.0]
+    movers = movers_of(lineage)
+    alive = [row for row, number in enumerate(ids) if objects.existence[row] > LEAST_EXISTENCE and number not in movers]
     together = seen_together(lineage)
     found: list[tuple[float, Pair]] = []
     for one, other in combinations(alive, 2):

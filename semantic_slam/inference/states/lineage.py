@@ -30,6 +30,12 @@ def next_id(parent_id: int, stamp_ns: int, step: LineageStep) -> int:
     return hypothesis_id(parent_id, stamp_ns, step.association, step.class_assignment, step.mode, step.changes)
 
 
+def movers_of(lineage: Sequence[LineageStep]) -> set[int]:
+    """Objects that a history takes for ones that move, or may."""
+    pairs = (pair for step in lineage for pair in zip(step.association, step.class_assignment, strict=True))
+    return {n for n, kind in pairs if kind == MOVES}
+
+
 def revised(lineage: Sequence[LineageStep], changes: Sequence[Reassigned]) -> tuple[LineageStep, ...]:
     """The lineage in which detections of long ago are of other objects; steps without any stay the same."""
     steps = list(lineage)

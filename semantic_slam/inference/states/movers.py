@@ -21,7 +21,7 @@ STATE = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Movers:
-    """T objects, ascending by id, each under S speeds that it may have been born with.
+    """T objects, ascending by id, each under S speeds that it may have been born with; under some it stands.
 
     One that has been seen once may still be a static object, too: it then stands among these under the same id, with
     the existence and the detectability that it has there, and moves with probability ``moving``.
@@ -29,6 +29,7 @@ class Movers:
 
     stamp_ns: int
     robot: Array  # (3,) reference pose
+    stands: Flags  # (S,) whether what may move stands under a speed
     ids: Index  # (T,)
     moving: Array  # (T, G) probability that it moves, if it exists; 1 where that is decided
     existence: Array  # (T, G) given what the sensor is taken to detect
@@ -42,11 +43,13 @@ class Movers:
         return len(self.ids)
 
     @classmethod
-    def none(cls, num_speeds: int, num_rates: int, misses_in_runs: bool) -> "Movers":
-        """Before the first detection."""
+    def none(cls, stands: Flags, num_rates: int, misses_in_runs: bool) -> "Movers":
+        """Before the first detection; ``stands`` (S,)."""
+        num_speeds = len(stands)
         return cls(
             stamp_ns=0,
             robot=np.zeros(3),
+            stands=stands,
             ids=np.zeros(0, dtype=int),
             moving=np.zeros((0, num_rates)),
             existence=np.zeros((0, num_rates)),
@@ -66,6 +69,11 @@ class Movers:
     def decided_ids(self) -> frozenset[int]:
         """Ids of those."""
         return frozenset(self.ids[self.decided].tolist())
+
+    @cached_property
+    def drives(self) -> Array:
+        """(T,) probability that it does not stand, if it is one that may move."""
+        return np.asarray(np.exp(self.log_speeds[:, ~self.stands]).sum(axis=1))
 
     def rows(self, object_ids: Index) -> Index:
         """Where (n,) objects stand; all of them must be there."""

@@ -11,8 +11,9 @@ from semantic_slam.inference.open_world.moving.mover_proposals import (
     with_mover,
     with_standing,
 )
-from semantic_slam.inference.revision.replay import Replay
+from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.states.lineage import MOVES
+from semantic_slam.inference.states.movers import Movers
 
 
 @pytest.mark.slow
@@ -73,13 +74,19 @@ def test_what_stands_and_was_taken_to_move_is_proposed_to_stand_and_weighs_more(
     engine, _ = run(world, configuration(0.1))
     lineage, names = next(iter(engine.live.values())).lineage, objects_of(engine, world)
     steps = [engine.problem.reader.step(keyframe) for keyframe in world.keyframes]
-    moving = engine.problem.moving
-    assert standing_proposals(lineage, steps, world.truth, moving) == []
     posts = [n for n, own in names.items() if not {10, 11} & set(own) and len(own) > 10]
     wrong = with_mover(lineage, (posts[0],))
-    assert standing_proposals(wrong, steps, world.truth, moving) == [(posts[0],)]
     right = with_standing(wrong, (posts[0],))
     assert right == lineage
     replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), steps)
     before, after = map(replay.followed, (wrong, right))
     assert before is not None and after is not None and after.log_joint > before.log_joint
+    assert standing_proposals(wrong, movers_in(before)) == [(posts[0],)]
+    assert standing_proposals(wrong, movers_in(before), since=len(steps)) == []
+    assert standing_proposals(right, movers_in(after)) == []
+
+
+def movers_in(history: Revised) -> Movers:
+    """What may move in it."""
+    assert history.component.movers is not None
+    return history.component.movers

@@ -98,11 +98,44 @@ def test_a_label_tells_what_may_move() -> None:
         Detection(range_m=3.0, bearing_rad=0.5 * n, label=own) for n, own in enumerate(("tree", "CAR", "dog"))
     ]
     belief = engine.process(Keyframe.planar(0, detections=detections))
-    np.testing.assert_allclose(belief.moving, [0.0, 0.6, 0.3])
+    drive = 3 / 4  # of what may move, one speed of four is none
+    np.testing.assert_allclose(belief.moving, [0.0, drive * 0.6, drive * 0.3])
 
 
 def _values(settings: Configuration) -> dict[str, Any]:
     return {"association": "open", "semantic_model": {"kind": "none"}, "open_world": {"iterate_updates": False}}
+
+
+@pytest.mark.parametrize(("speed_m_s", "moving"), [(0.0, 0.0), (1.0, 1.0)])
+def test_what_may_move_and_stands_is_said_to_stand(speed_m_s: float, moving: float) -> None:
+    """A second of sights, of which the histories that take it to move never let the robot make use."""
+    engine, random = Engine(configuration(0.9, pruning={"ratio": 1e9})), np.random.default_rng(0)
+    for k in range(20):
+        noise = random.normal(size=2) * np.sqrt(np.diag(COVARIANCE))
+        sight = Detection(range_m=2.0 + speed_m_s * k + noise[0], bearing_rad=noise[1], covariance=COVARIANCE)
+        belief = engine.process(Keyframe.planar(k, detections=[sight], motion_sigmas=(1e-3,) * 3))
+        if speed_m_s * (k + 1) > 5.0:
+            break
+    held = [own.component.movers for own in engine.pool._backends[0].held.values()]
+    first = [own.drives[0] for own in held if own.decided.any()]
+    assert first
+    np.testing.assert_allclose(first, moving, atol=0.02)
+    np.testing.assert_allclose(belief.moving[belief.existence > 0.5], moving, atol=0.02)
+
+
+def test_what_stood_for_long_is_still_known_by_its_place() -> None:
+    """What moves is lost after a while out of sight, but not what may and does not."""
+    engine, random = Engine(configuration(0.9, pruning={"ratio": 1e9})), np.random.default_rng(0)
+    shown = [*range(15), *range(75, 78)]
+    for k in range(shown[-1] + 1):
+        noise = random.normal(size=2) * np.sqrt(np.diag(COVARIANCE))
+        sight = Detection(range_m=2.0 + noise[0], bearing_rad=noise[1], covariance=COVARIANCE)
+        turned = np.pi if k in (15, 75) else 0.0  # and looks the other way between
+        motion = np.array([0.0, 0.0, turned])
+        detections = [sight] if k in shown else []
+        engine.process(Keyframe.planar(k, motion=motion, detections=detections, motion_sigmas=(1e-3,) * 3))
+    lineage = next(own.lineage for own in engine.live.values() if MOVES in own.lineage[1].class_assignment)
+    assert lineage[-1].association == lineage[0].association
 
 
 @pytest.mark.parametrize("entry", ["car", "car=much", "=0.5", "car=1.5"])
@@ -145,7 +178,7 @@ def test_the_evidence_of_two_frames_is_that_of_all_explanations(moved_m: float) 
         pruning={"ratio": 1e300},
         perception={"sigma_range_m": SIGMAS[0], "sigma_bearing_rad": SIGMAS[1]},
         initial_pose={"sigma": [1e-6, 1e-6, 1e-6]},
-        moving={"share": SHARE, "speeds_m_s": [0.05, 0.4], "steadiness_s": 3.0},
+        moving={"share": SHARE, "speeds_m_s": [0.0, 0.05, 0.4], "steadiness_s": 3.0},
     )
     engine, sure = Engine(settings), [1e-6, 1e-6, 1e-6]
     ranges = [RANGE, RANGE + moved_m]

@@ -16,13 +16,14 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.moving.moving_objects import PlacedDetections, rotation
-from semantic_slam.inference.states.lineage import MOVES, LineageStep
+from semantic_slam.inference.states.lineage import MOVES, LineageStep, movers_of
+from semantic_slam.inference.states.movers import Movers
 
 MOST_DETECTIONS = 40
 """Detections from which on an object stands where it was seen, or moves and is known to."""
 LEAST_DETECTIONS = 3
-ROUGHLY = 5.0
-"""Nats by which these scores may be off."""
+LIKELY = 0.5
+"""Probability that it drives up to which what may move is tried as standing."""
 ROBOT_SIGMA_M = 0.05
 """By which the robot's path may be off from one keyframe to the next, besides what detections are off."""
 
@@ -57,15 +58,15 @@ def mover_proposals(
 ) -> list[Group]:
     """Objects of a history, younger than ``first_new``, that may be one that moves; the most gain first.
 
-    ``trail`` (K, 3): the robot at the keyframes of ``steps``. Objects that were not seen from the keyframe ``since`` on
-    are left out: all that tells of them was weighed before.
+    ``trail`` (K, 3): the robot at the keyframes of ``steps``, whose detections are as the history takes them. Objects
+    that were not seen from the keyframe ``since`` on are left out: all that tells of them was weighed before.
     """
     every = _sightings(lineage, steps, trail)
     seen = {n: own for n, own in every.items() if n >= first_new and own.keyframes[-1] >= since}
     groups: dict[Group, Sightings] = {(n,): own for n, own in seen.items() if len(own.stamps_ns) <= MOST_DETECTIONS}
     share = moving.largest_share
     log_birth = float(np.log(settings.birth_density))  # detections have the same probability either way
-    allowance = -float(np.log(share / len(moving.speeds)))  # two sightings do not tell a velocity: a third one may
+    allowance = -float(np.log(share / np.sum(~moving.stands)))  # two sightings do not tell a velocity: a third one may
     scores = {group: _scores(own, moving, share) for group, own in groups.items()}
     apart = {group: max(own) for group, own in scores.items()}
 
@@ -86,7 +87,7 @@ def mover_proposals(
         apart[joined] = apart[pair[0]] + apart[pair[1]] + log_birth
         gains = {own: value for own, value in gains.items() if not set(own) & set(pair)}
         gains |= {own: gain(own) for own in ((joined, other) for other in groups if other != joined)}
-    known = _moving(lineage)
+    known = movers_of(lineage)
     found = {
         group: scores[group][1] - apart[group]
         for group, own in groups.items()
@@ -95,18 +96,15 @@ def mover_proposals(
     return sorted((group for group, value in found.items() if value > 0.0), key=lambda group: -found[group])
 
 
-def standing_proposals(
-    lineage: Lineage, steps: Sequence[Step], trail: Array, moving: Moving, since: int = 0
-) -> list[Group]:
-    """Objects of a history that move in it, each by itself, and may stand; those that gain most by it first.
+def standing_proposals(lineage: Lineage, movers: Movers, since: int = 0) -> list[Group]:
+    """Objects of a history that it takes for ones that may move, and that stand, each by itself; the surest first.
 
-    Arguments as of :func:`mover_proposals`.
+    ``movers`` of that history. Objects that were not seen from the keyframe ``since`` on are left out.
     """
-    every, known = _sightings(lineage, steps, trail), _moving(lineage)
-    seen = {n: own for n, own in every.items() if n in known and own.keyframes[-1] >= since}
-    scores = {n: _scores(own, moving, moving.largest_share) for n, own in seen.items()}
-    gains = {n: stands - moves for n, (stands, moves) in scores.items() if stands - moves > -ROUGHLY}
-    return [(n,) for n in sorted(gains, key=lambda n: -gains[n])]
+    seen = {n for step in lineage[since:] for n in step.association}
+    rows = np.flatnonzero(movers.decided & (movers.drives < LIKELY))
+    surest = movers.ids[rows[np.argsort(movers.drives[rows], kind="stable")]].tolist()
+    return [(n,) for n in surest if n in seen]
 
 
 def with_standing(lineage: Lineage, group: Group) -> Lineage:
@@ -134,12 +132,6 @@ def with_mover(lineage: Lineage, group: Group) -> Lineage:
     return tuple(steps)
 
 
-def _moving(lineage: Lineage) -> set[int]:
-    """Objects that move in a history."""
-    pairs = (pair for step in lineage for pair in zip(step.association, step.class_assignment, strict=True))
-    return {n for n, kind in pairs if kind == MOVES}
-
-
 def _sightings(lineage: Lineage, steps: Sequence[Step], trail: Array) -> Mapping[int, Sightings]:
     rows: dict[int, list[tuple[int, int, Array, float]]] = {}
     for keyframe, (taken, step, robot) in enumerate(zip(lineage, steps, trail, strict=True)):
@@ -156,7 +148,7 @@ def _sightings(lineage: Lineage, steps: Sequence[Step], trail: Array) -> Mapping
 
 def _scores(seen: Sightings, moving: Moving, share: float) -> tuple[float, float]:
     """Log weights of all detections but the first, as of an object that stands still and as of one that moves."""
-    speeds = np.concatenate([[0.0], moving.speeds])
+    speeds = np.concatenate([[0.0], moving.speeds[~moving.stands]])
     place = np.full(len(speeds), seen.variances[0])
     both, rate = np.zeros(len(speeds)), speeds**2
     mean, drift = np.tile(seen.places[0], (len(speeds), 1)), np.zeros((len(speeds), 2))

@@ -21,6 +21,8 @@ from semantic_slam.inference.states.movers import STATE, Movers
 
 LOST_M = 5.0
 """Standard deviation of its place, under every speed, from which on a moving object is not recognised any more."""
+LOG_LEAST_SPEED = float(np.log(0.01))
+"""Log probability below which a speed does not count there."""
 HEADING_VARIANCE = 3.1**2
 """Variance [rad^2] of the heading of what moves: nothing is known of it."""
 
@@ -192,6 +194,7 @@ class PredictedMovers:
         return Movers(
             stamp_ns=self.movers.stamp_ns,
             robot=robot,
+            stands=self.movers.stands,
             ids=ids,
             moving=np.repeat(self.shares[numbers, None], existence.shape[1], axis=1),
             existence=existence,
@@ -255,6 +258,7 @@ def predicted_movers(
         detected = detected * (moved.detectable / rates.runs.share)[:, None]
     placed = PlacedDetections.of(detections)
     variances = 0.5 * np.trace(moved.spreads[..., :2, :2], axis1=-2, axis2=-1)
+    variances[moved.log_speeds < LOG_LEAST_SPEED] = np.inf
     return PredictedMovers(
         model=model,
         movers=moved,
