@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.errors import InputError
@@ -17,13 +18,14 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.reported.component_marginals import existence_of, held_as
+from semantic_slam.inference.reported.component_marginals import existence_of, held_as, mover_marginals
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ReportedObjects
 from semantic_slam.maps.checks import MOST_OBJECTS
-from semantic_slam.maps.from_belief import mapped_rows, saved_map_of_belief
+from semantic_slam.maps.from_belief import MOVES, mapped_rows, saved_map_of_belief
 from semantic_slam.maps.saved_map import Looks, MapHypotheses, SavedMap
 from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
 
@@ -140,17 +142,34 @@ def _hypothesis(component: Component, ids: Index, reported: ReportedObjects) -> 
     existence, states = np.zeros(count), np.full((count, 3), np.nan)
     covariances = np.full((3 * count, 3 * count), np.nan)
     rows = [row for row, number in enumerate(ids.tolist()) if number in component.object_ids]
-    if not rows:
-        return existence, states, covariances
     held = [held_as(component, int(ids[row]), reported) for row in rows]
     for row, number in zip(rows, held, strict=True):
         other = reported.displaced.partner.get(number)
         existence[row] = existence_of(component, number) + (0.0 if other is None else existence_of(component, other))
-    own, joint = component.joint_of_objects(held)
-    states[rows], square = _in_map(component, own, joint)
-    places = (3 * np.array(rows)[:, None] + np.arange(3)).ravel()
-    covariances[np.ix_(places, places)] = square
+    blocks = []
+    if rows:
+        states[rows], square = _in_map(component, *component.joint_of_objects(held))
+        blocks.append(square)
+    if (apart := _standing_apart(component, ids)) is not None:
+        own = np.flatnonzero(np.isin(ids, apart.ids)).tolist()
+        _, robot = component.robot_and_objects([])
+        existence[own], states[own], alone = mover_marginals(component, apart, robot[0])
+        rows, blocks = rows + own, [*blocks, *alone]
+    places = (3 * np.array(rows, dtype=int)[:, None] + np.arange(3)).ravel()
+    covariances[np.ix_(places, places)] = block_diag(*blocks) if blocks else np.zeros((0, 0))
     return np.minimum(existence, 1.0), states, covariances
+
+
+def _standing_apart(component: Component, ids: Index) -> Movers | None:
+    """Those of the objects that a component takes for ones that may move, and that stand; None: there are none.
+
+    What they have in common with the others, the robot, is left out.
+    """
+    movers = component.movers
+    if movers is None:
+        return None
+    stand = movers.decided & (movers.drives <= MOVES) & np.isin(movers.ids, ids)
+    return movers.take(stand) if stand.any() else None
 
 
 def _in_map(component: Component, states: Array, joint: Array) -> tuple[Array, Array]:

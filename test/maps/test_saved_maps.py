@@ -10,13 +10,17 @@ import gtsam
 import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
+from worlds.drives import moving_world
 from worlds.scenes.small_map import GIVEN, LOOSE, PLACES, keyframes, run_to_its_end, small_map
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.building import make_run_configuration, problem_of, start_of_run
 from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.keys import object_key
+from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.world.map_prior import parse_map_prior
 from semantic_slam.maps.as_prior import map_prior_of
 from semantic_slam.maps.from_belief import saved_map_of_belief
@@ -50,6 +54,27 @@ def test_joint_covariance_is_the_marginal_of_the_whole_graph() -> None:
         slopes[3 * row : 3 * row + 2, 3 * row : 3 * row + 2], slopes[3 * row + 2, 3 * row + 2] = turn, 1.0
     np.testing.assert_allclose(saved.hypotheses.covariances[0], slopes @ joint @ slopes.T, atol=1e-6)
     assert np.abs(joint[:2, 3:5]).max() > 0.5 * joint[0, 0], "places are known by one start"
+
+
+def test_what_stands_is_on_the_map_of_histories_in_which_it_may_move(tmp_path: Path) -> None:
+    engine, random = Engine(moving_world.configuration(0.9)), np.random.default_rng(0)
+    places, sigmas = np.array([[2.0, 0.0], [3.0, 1.0]]), np.array([0.05, 0.02])
+    for k in range(15):
+        polar = np.column_stack([np.hypot(*places.T), np.arctan2(places[:, 1], places[:, 0])])
+        polar += sigmas * random.normal(size=polar.shape)
+        sights = [Detection(range_m=r, bearing_rad=b, covariance=np.diag(sigmas**2)) for r, b in polar]
+        belief = engine.process(Keyframe.planar(k, detections=sights, motion_sigmas=(1e-3,) * 3))
+    assert isinstance(engine.pool, InProcessPool)
+    saved = write_map(tmp_path / "street.map", saved_map_of_engine(engine, engine.pool, belief))
+    own = np.flatnonzero(saved.objects.existence > 0.5)
+    kinds = {step.class_assignment for live in engine.live.values() for step in live.lineage}
+    assert len(own) == len(places) and any(MOVES in kind for kind in kinds) and len(saved.hypotheses.log_weights) > 1
+    np.testing.assert_allclose(saved.hypotheses.existence[:, own], 1.0, atol=0.02)
+    for states in saved.hypotheses.states[:, own, :2]:
+        np.testing.assert_allclose(states, places, atol=0.1)
+    square = saved.hypotheses.covariances.reshape(-1, len(saved.objects.ids), 3, len(saved.objects.ids), 3)
+    assert np.isfinite(square[:, own][:, :, :, own]).all()
+    same_arrays(saved, read_map(tmp_path / "street.map"))
 
 
 def test_a_file_gives_the_map_back_to_the_last_bit(known: SavedMap, tmp_path: Path) -> None:

@@ -61,13 +61,22 @@ def _with_movers(
     own = movers.take(movers.decided)
     if not len(own):
         return known
-    states, covariances = as_objects(own.seen_from(component.newest_robot()), known.covariances[0])
+    existence, states, covariances = mover_marginals(component, own, known.covariances[0])
     return ComponentMarginals(
         present=np.concatenate([known.present, [reported.row_of[n] for n in own.ids.tolist()]]),
         states=np.concatenate([known.states, states]),
         covariances=np.concatenate([known.covariances, covariances]),
-        existence=np.concatenate([known.existence, component.objects.rates.average(own.existence)]),
+        existence=np.concatenate([known.existence, existence]),
     )
+
+
+def mover_marginals(component: Component, movers: Movers, robot_covariance: Array) -> tuple[Array, Array, Array]:
+    """(T,) existence, (T, 3) states and (T, 3, 3) covariances of some of what may move in a component.
+
+    ``robot_covariance`` (3, 3) of the newest pose, in its tangent space.
+    """
+    states, covariances = as_objects(movers.seen_from(component.newest_robot()), robot_covariance)
+    return component.objects.rates.average(movers.existence), states, covariances
 
 
 def motion_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
