@@ -161,7 +161,7 @@ def _hypothesis(component: Component, ids: Index, reported: ReportedObjects) -> 
 
 
 def _standing_apart(component: Component, ids: Index) -> Movers | None:
-    """Those of the objects that a component takes for ones that may move, and that stand; None: there are none.
+    """Objects that a component takes for ones that may move, and that stand; None: there are none.
 
     What they have in common with the others, the robot, is left out.
     """

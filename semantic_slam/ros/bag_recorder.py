@@ -10,6 +10,7 @@ Parameters:
   lossless   true in a replay by bag_player at rate 0 (default false)
 """
 
+import time
 from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
@@ -42,6 +43,8 @@ from semantic_slam.ros.wire.transport import is_installed
 RESULTS = (topics.MEASUREMENTS, topics.BELIEF, topics.POSE)
 FLUSH_S = 0.5
 """How often what was recorded is handed to the operating system: no more is lost when this process is killed."""
+PATIENCE_S = 5.0
+"""How long one waits for a belief when others that follow on each other have come before it."""
 STAMP_END = 12
 """Bytes of a serialised message up to the end of its header's stamp."""
 NEWEST = (topics.RUN_CONFIGURATION, topics.PATH, topics.MARKERS)
@@ -67,6 +70,7 @@ class BagRecorder(PipelineNode):
         self._stamp_ns = 0  # of the newest belief, for messages without a stamp; before it the newest one of all
         self._num_beliefs, self._belief_stamp_ns = 0, -1
         self._ahead: tuple[int, int] | None = None  # keyframe and stamp of a belief that came before its turn
+        self._ahead_since = 0, 0.0  # keyframe of the first of those that follow on each other, and when it came [s]
         self._has_gap = False  # beliefs have passed since the last one that was recorded
         self._run_id = ""
         self._next_run: Any = None  # the announcement of another session, whose first belief is still to come
@@ -212,9 +216,16 @@ class BagRecorder(PipelineNode):
         return True
 
     def _note_ahead(self, keyframe: int, stamp_ns: int) -> None:
-        """A belief ahead of its turn is nobody's, unless the next one follows on it: then those between were lost."""
-        if self._ahead is not None and keyframe == self._ahead[0] + 1:
-            self._fail_for(self._ahead[0])
+        """A belief ahead of its turn is nobody's, unless others follow on it for a while: then those between were lost.
+
+        Copies that somebody else sends may overtake a few.
+        """
+        now, follows = time.monotonic(), self._ahead is not None and keyframe == self._ahead[0] + 1
+        if not follows:
+            self._ahead_since = keyframe, now
+        first, since = self._ahead_since
+        if follows and now - since > PATIENCE_S:
+            self._fail_for(first)
         self._refuse_ahead()
         self._ahead = keyframe, stamp_ns
 

@@ -25,7 +25,7 @@ from semantic_slam.ros.launching.processes import NodeProcesses
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 10
-TIMEOUT_S = 60.0
+TIMEOUT_S, TRIES = 60.0, 3
 STEPS = (
     (Transition.TRANSITION_CONFIGURE, "inactive"),
     (Transition.TRANSITION_ACTIVATE, "active"),
@@ -36,8 +36,11 @@ STEPS = (
 def answer(node: Node, kind: Any, name: str, request: Any) -> Any:
     client = node.create_client(kind, name)
     assert client.wait_for_service(timeout_sec=TIMEOUT_S)
-    future = client.call_async(request)
-    rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT_S)
+    for _ in range(TRIES):  # a reply is lost to a client that its server has not discovered yet
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT_S / TRIES)
+        if future.done():
+            break
     return future.result()
 
 
