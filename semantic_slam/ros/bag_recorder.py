@@ -14,7 +14,7 @@ import time
 from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
@@ -50,6 +50,15 @@ STAMP_END = 12
 NEWEST = (topics.RUN_CONFIGURATION, topics.PATH, topics.MARKERS)
 
 
+class Ahead(NamedTuple):
+    """The newest belief that came before its turn, of some that follow on each other."""
+
+    keyframe: int
+    stamp_ns: int
+    first: int  # keyframe of the first of them
+    since_s: float  # when that one came
+
+
 class BagRecorder(PipelineNode):
     """Writes parameter ``bag`` until the replay or the node ends. A gap in the keyframes is a fault."""
 
@@ -69,8 +78,7 @@ class BagRecorder(PipelineNode):
         self._path = Path(path)
         self._stamp_ns = 0  # of the newest belief, for messages without a stamp; before it the newest one of all
         self._num_beliefs, self._belief_stamp_ns = 0, -1
-        self._ahead: tuple[int, int] | None = None  # keyframe and stamp of a belief that came before its turn
-        self._ahead_since = 0, 0.0  # keyframe of the first of those that follow on each other, and when it came [s]
+        self._ahead: Ahead | None = None
         self._has_gap = False  # beliefs have passed since the last one that was recorded
         self._run_id = ""
         self._next_run: Any = None  # the announcement of another session, whose first belief is still to come
@@ -220,22 +228,23 @@ class BagRecorder(PipelineNode):
 
         Copies that somebody else sends may overtake a few.
         """
-        now, follows = time.monotonic(), self._ahead is not None and keyframe == self._ahead[0] + 1
-        if not follows:
-            self._ahead_since = keyframe, now
-        first, since = self._ahead_since
-        if follows and now - since > PATIENCE_S:
-            self._fail_for(first)
+        before, follows = self._ahead, self._ahead is not None and keyframe == self._ahead.keyframe + 1
         self._refuse_ahead()
-        self._ahead = keyframe, stamp_ns
+        self._ahead = Ahead(keyframe, stamp_ns, keyframe, time.monotonic())
+        if before is not None and follows:
+            self._ahead = self._ahead._replace(first=before.first, since_s=before.since_s)
+            self._fail_if_lost()
 
     def _refuse_ahead(self) -> None:
         if self._ahead is not None:
             self.refused[f"{topics.BELIEF}: out of turn"] += 1
             self._ahead = None
 
-    def _fail_for(self, keyframe: int) -> None:
-        raise SemanticSlamError(f"keyframe {keyframe} came where {self._num_beliefs} was due: beliefs were lost")
+    def _fail_if_lost(self) -> None:
+        """Raises SemanticSlamError when what is due has not come long after its followers."""
+        if self._ahead is not None and time.monotonic() - self._ahead.since_s > PATIENCE_S:
+            came, due = self._ahead.first, self._num_beliefs
+            raise SemanticSlamError(f"keyframe {came} came where {due} was due: beliefs were lost")
 
     def _manager_progress(self, data: bytes) -> None:
         progress = decode(data, topics.TYPES[topics.MANAGER_PROGRESS])
@@ -253,10 +262,10 @@ class BagRecorder(PipelineNode):
             return
         if self._belief_stamp_ns >= self._ends_at_ns:
             self.end()
-        elif self._ahead is not None and self._ahead[1] == self._ends_at_ns:
-            self._fail_for(self._ahead[0])
-        else:
-            self.when_drained(self._end, None)
+            return
+        if self._ahead is not None and self._ahead.stamp_ns == self._ends_at_ns:
+            self._fail_if_lost()
+        self.when_drained(self._end, None)
 
 
 def session_place(path: Path, number: int) -> Path:

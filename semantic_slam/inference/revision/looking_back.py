@@ -190,9 +190,9 @@ class LookingBack:
         first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
         steps = [replace(own, detections=followed.component.sensed(own.detections)) for own in self._replay.steps]
         trail = followed.component.tracked.trail
-        since = now - AGAIN * self._settings.every_keyframes
+        since = max(now - AGAIN * self._settings.every_keyframes, 0)
         groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
-        alone = standing_proposals(lineage, movers, max(since, 0))
+        alone = standing_proposals(lineage, movers, since)
         return self._each_and_all(lineage, groups, self._tried, with_mover) + self._each_and_all(
             lineage, alone, self._stood, with_standing
         )

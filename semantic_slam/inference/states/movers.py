@@ -24,14 +24,14 @@ class Movers:
     """T objects, ascending by id, each under S speeds that it may have been born with; under some it stands.
 
     One that has been seen once may still be a static object, too: it then stands among these under the same id, with
-    the existence and the detectability that it has there, and moves with probability ``moving``.
+    the existence and the detectability that it has there, and may move with probability ``moving``.
     """
 
     stamp_ns: int
     robot: Array  # (3,) reference pose
     stands: Flags  # (S,) whether what may move stands under a speed
     ids: Index  # (T,)
-    moving: Array  # (T, G) probability that it moves, if it exists; 1 where that is decided
+    moving: Array  # (T, G) probability that it may move, if it exists; 1 where that is decided
     existence: Array  # (T, G) given what the sensor is taken to detect
     detectable: Array | None  # (T, G) probability that it can be detected next; None: always
     log_speeds: Array  # (T, S) log probabilities of the speeds
@@ -62,7 +62,7 @@ class Movers:
 
     @cached_property
     def decided(self) -> Flags:
-        """(T,) whether the hypothesis takes it to move."""
+        """(T,) whether the hypothesis takes it for one that may move."""
         return np.asarray((self.moving >= 1.0).all(axis=1))
 
     @cached_property

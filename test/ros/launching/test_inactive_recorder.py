@@ -13,9 +13,11 @@ from worlds.processes.node_runs import beliefs
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration
+from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
+from semantic_slam.ros import bag_recorder
 from semantic_slam.ros.bag_recorder import BagRecorder
 from semantic_slam.ros.node.pipeline_node import PASSED
 from semantic_slam.ros.wire import qos
@@ -72,3 +74,21 @@ def test_a_recorder_that_is_not_active_keeps_no_beliefs_and_goes_on_behind_the_g
     with BagReader(tmp_path / "bag") as reader:
         kept = [reader.decode(m.cdr, m.type_name).run_id for m in reader.messages([topics.RUN_CONFIGURATION])]
     assert kept == ids[1:]
+
+
+def test_copies_that_overtake_beliefs_end_no_recorder_and_beliefs_that_are_lost_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rclpy.init(args=["--ros-args", "-p", f"bag:={tmp_path / 'bag'}", "-p", "autostart:=false"])
+    try:
+        recorder = BagRecorder()
+        due = [recorder._is_due(keyframe, keyframe) for keyframe in (0, 2, 3, 1, 2, 3)]
+        assert due == [True, False, False, True, True, True]
+        assert recorder.refused[f"{topics.BELIEF}: out of turn"] == 2
+        monkeypatch.setattr(bag_recorder, "PATIENCE_S", -1.0)
+        assert not recorder._is_due(5, 5)
+        with pytest.raises(SemanticSlamError, match="keyframe 5 came where 4 was due"):
+            recorder._is_due(6, 6)
+        recorder.worker.stop()
+    finally:
+        rclpy.try_shutdown()
