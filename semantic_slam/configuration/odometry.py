@@ -17,6 +17,21 @@ class OdometryConfiguration:
         "association: open, or given with iterate_updates: false: factors on the covariance, of which every hypothesis"
         " has one; evidence decides, and has to be very strong, 150 to 1, for one below 1",
     )
+    slip_share: float = parameter(
+        0.0,
+        "association: open, or given with iterate_updates: false, in the plane: share of the motions from one keyframe"
+        " to the next in which odometry slips, as wheels do that spin or are lifted for a moment; 0: it never does",
+        minimum=0.0,
+        maximum=0.5,
+    )
+    sigma_slip_m: float = parameter(
+        0.1,
+        "slip_share: standard deviation of x and y by which such a motion is off, beside that of all others",
+        minimum=1e-6,
+    )
+    sigma_slip_rad: float = parameter(
+        0.1, "slip_share: standard deviation of the heading by which it is, likewise", minimum=1e-6
+    )
     estimate_bias: bool = parameter(
         False,
         "estimate a constant error per metre with the poses; for association: open, or given, with"

@@ -14,7 +14,7 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.reassociation.reassociation import Reassociation
 from semantic_slam.inference.reassociation.solved import RevisedComponent
 from semantic_slam.inference.semantics.interface import SemanticEvidence
-from semantic_slam.inference.smoothing.component import WeightedComponent
+from semantic_slam.inference.smoothing.component import Component, WeightedComponent
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, grow
@@ -23,6 +23,10 @@ from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.carried import NEW_GROUND, NOWHERE, carried_to, with_carried
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.slips import Slips, is_slipped, with_slip, without_slip
+
+LEAST_SHARE = 0.2
+"""Weight of the hypotheses that are weighed with a slip, too: of the few that matter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +87,10 @@ class Expander:
         """
         if path is not None and step.index > 0 and carried_to(path):
             path, carried = with_carried(path, NOWHERE), carried_to(path)
+        slips = self.problem.slips if step.index > 0 else None
         try:
             if carried == NOWHERE or self.problem.carried is None:
-                return self._expanded(step, parent_ids, held, path)
+                return self._expanded(step, parent_ids, held, path, slips)
             there = self.problem.carried.step(step, carried)
             if carried == NEW_GROUND:
                 held = [replace(own, component=own.component.on_new_ground()) for own in held]
@@ -97,20 +102,30 @@ class Expander:
             ) from None
 
     def _expanded(
-        self, step: Step, parent_ids: Sequence[int], held: Sequence[WeightedComponent], path: LineageStep | None
+        self,
+        step: Step,
+        parent_ids: Sequence[int],
+        held: Sequence[WeightedComponent],
+        path: LineageStep | None,
+        slips: Slips | None = None,
     ) -> Expansion:
         parents, revisions = self._with_revised(step, Parents.of(parent_ids, held), path)
+        if slips is not None:
+            parents, revisions = _with_slipping(slips, parents, revisions, path)
+            path = path if path is None else without_slip(path)
         keyframe = self.association.predict(step, parents, path)  # by the motion model: Eqs. 4.11, 4.21
         candidates = keyframe.weigh(keyframe.associate())  # every beta_k, Eq. 4.20; classes and modes
         semantics = self._semantics(keyframe, candidates)
         factors, existence = keyframe.existence(candidates)
         rows = candidates.assignments
         steps = [
-            replace(own, changes=revisions[parent].changes) if revisions[parent].changes else own
+            _told(own, revisions[parent], parents.components[parent])
             for own, parent in zip(candidates.steps(keyframe.used, len(step.names)), rows.parents, strict=True)
         ]
         used = [step.detections[number] for number in keyframe.used]
         gains = np.array([own.log_gain + own.component.log_change(used) for own in revisions])
+        if slips is not None:
+            gains = gains + slips.log_weights(parents.components)
         log_psi = _log_psi(rows, semantics, factors) + gains[rows.parents]
         return Expansion(
             step=step,
@@ -180,6 +195,29 @@ class Expander:
         if not len(keyframe.used):
             return SemanticEvidence.silent(len(candidates.assignments))
         return self.problem.semantics.weigh(keyframe.semantic_input(candidates))
+
+
+def _told(step: LineageStep, revised: RevisedComponent, parent: Component) -> LineageStep:
+    """A candidate's step with what its parent was changed by before, and whether its motion slipped."""
+    if revised.changes:
+        step = replace(step, changes=revised.changes)
+    return with_slip(step) if parent.slip is not None else step
+
+
+def _with_slipping(
+    slips: Slips, parents: Parents, revisions: list[RevisedComponent], path: LineageStep | None
+) -> tuple[Parents, list[RevisedComponent]]:
+    """The parents, and the likely ones with a motion that slips; along a ``path`` as it has it."""
+    if path is not None:
+        if not is_slipped(path):
+            return parents, revisions
+        return replace(parents, components=[slips.slipping(own) for own in parents.components]), revisions
+    places = np.flatnonzero(parents.log_weights >= np.log(LEAST_SHARE)).tolist()
+    return Parents(
+        ids=[*parents.ids, *(parents.ids[place] for place in places)],
+        components=[*parents.components, *(slips.slipping(parents.components[place]) for place in places)],
+        log_weights=np.append(parents.log_weights, parents.log_weights[places]),
+    ), [*revisions, *(revisions[place] for place in places)]
 
 
 def _without_past(outcome: Outcome, oldest: int) -> Outcome:

@@ -31,6 +31,11 @@ def _check_odometry(configuration: Configuration, association: type[AssociationS
             "odometry.noise_factors must be positive, and other than [1.0] only with association: open, or given with"
             " open_world.iterate_updates: false"
         )
+    if configuration.odometry.slip_share > 0.0 and not tracks:
+        raise InputError(
+            "odometry.slip_share is for association: open, or given with open_world.iterate_updates: false; set these,"
+            " or it to 0"
+        )
     single_steps = tracks and not configuration.open_world.iterate_updates
     if configuration.odometry.estimate_bias and not single_steps:
         raise InputError(

@@ -19,6 +19,7 @@ from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.world.carried import Carried
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.slips import Slips
 from semantic_slam.inference.world.starts import Starts
 from semantic_slam.registry import SEMANTICS
 from semantic_slam.viewpoint.novelty import QUANTILE
@@ -39,6 +40,7 @@ def problem_of(run: RunConfiguration) -> Problem:
     return Problem(
         viewpoint=models.viewpoint,
         carried=Carried.of(configuration.revision),
+        slips=Slips.of(configuration.odometry),
         starts=Starts.of(robot) if is_relocated else None,
         inferred_noise=InferredNoise.of(configuration, noises, rates),
         noises=noises,

@@ -44,6 +44,7 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
     yield closed.displaced_share > 0.0, "set closed_world.displaced_share: 0"
     yield configuration.history.is_on, "set history.horizon_keyframes: 0"
     yield revision.carried_probability > 0.0, "set revision.carried_probability: 0"
+    yield configuration.odometry.slip_share > 0.0, "set odometry.slip_share: 0"
     if not association.tracks_objects:
         yield configuration.odometry.sigma_level_rad > 0.0, "set odometry.sigma_level_rad: 0, or association: open"
         return

@@ -141,13 +141,14 @@ class Replay:
         expander, numbers = Expander(self.problem, self.association), [own.number for own in front]
         held = [WeightedComponent(own.component, 0.0) for own in front]
         expansion = expander.expand(self.steps[front[0].at], numbers, held)
-        log_joints = np.array([own.log_joint for own in front])[expansion.assignments.parents] + expansion.log_psi
+        origins = np.array([numbers.index(own) for own in expansion.parents.ids])[expansion.assignments.parents]
+        log_joints = np.array([own.log_joint for own in front])[origins] + expansion.log_psi
         ranked = np.argsort(-log_joints, kind="stable")[:most]
         least = log_joints[ranked[0]] - np.log(self.problem.pruning.ratio)
         rows = ranked[log_joints[ranked] >= least].tolist()
         grown = expander.grow(expansion, rows, in_place=not any(map(self._is_kept, front)))
         found = [
-            self._continued(front[expansion.assignments.parents[row]], expansion, row, own)
+            self._continued(front[origins[row]], expansion, row, own)
             for row, own in zip(rows, grown, strict=True)
             if isinstance(own, Component)
         ]

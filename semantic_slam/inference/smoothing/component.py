@@ -56,6 +56,8 @@ class Component:
     elsewhere: frozenset[int] = frozenset()  # objects of a map on which the robot is not placed: no detection is of one
     left_behind: frozenset[int] = frozenset()  # likewise, when the robot was set down on new ground; none hides another
     settings: NoiseSettings | None = None  # that number's; None: all as told
+    slip: Array | None = None  # (r, r) covariance by which the next motion slips; None: it does not
+    slipped: bool = False  # whether the newest motion did
     movers: Movers | None = None  # objects that move, or may; None: nothing does
     metre: Metre | None = None  # how well it is known; None: for sure
     outliers: OutlierCounts = field(default_factory=OutlierCounts)  # in their place, so far
@@ -220,6 +222,8 @@ class Component:
     def _moved_by(self, motion: Motion) -> Motion:
         if self.settings is not None and self.settings.odometry_factor != 1.0:
             motion = replace(motion, covariance=self.settings.odometry_factor * motion.covariance)
+        if self.slip is not None:
+            motion = replace(motion, covariance=motion.covariance + self.slip)
         if motion.shifts is None or motion.by_bias is None or self.tracked is None:
             return motion
         mean, sigma = self.tracked.clock
@@ -263,6 +267,8 @@ class Component:
             corrections=update.corrections,
             tracked=tracked,
             local=None if far else local,
+            slip=None,
+            slipped=self.slip is not None,
             movers=update.movers,
             outliers=self.outliers if update.outliers is None else update.outliers,
         )

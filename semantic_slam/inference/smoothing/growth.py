@@ -22,6 +22,8 @@ from semantic_slam.inference.smoothing.isam import AT_ONCE
 from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
 
 Outcome = Component | LostComponentError
+Noise = tuple[int, bool]
+"""Which of the noises a component takes robot and sensor to have, and whether its next motion slips."""
 
 
 def grow(
@@ -45,7 +47,7 @@ def grow(
 
 def _converged(
     parents: Sequence[Component],
-    shared: dict[int, KeyframeFactors],
+    shared: dict[Noise, KeyframeFactors],
     updates: Sequence[ComponentUpdate],
     in_place: bool,
     max_fresh: int,
@@ -53,12 +55,11 @@ def _converged(
     """Outcomes of updates taken together, until they converge."""
     moved = _moved(parents, updates)
     extensions = [
-        extension(parent, shared[parent.noise], update, moved=bool(far))
+        extension(parent, shared[_noise(parent)], update, moved=bool(far))
         for parent, update, far in zip(parents, updates, moved, strict=True)
     ]
-    smoothers = update_all(
-        [parent.smoother for parent in parents], extensions, only_children(parents) if in_place else ()
-    )
+    before = [parent.smoother for parent in parents]
+    smoothers = update_all(before, extensions, only_children(before) if in_place else ())
     return [
         outcome if isinstance(outcome, LostComponentError) else _attempt(parent.child, update, outcome, max_fresh)
         for parent, update, outcome in zip(parents, updates, smoothers, strict=True)
@@ -67,7 +68,7 @@ def _converged(
 
 def _stepped(
     parents: Sequence[Component],
-    shared: dict[int, KeyframeFactors],
+    shared: dict[Noise, KeyframeFactors],
     updates: Sequence[ComponentUpdate],
     in_place: bool,
     max_fresh: int,
@@ -76,15 +77,15 @@ def _stepped(
 
     Descriptors stay with their records: they enter with a turn of their object, which one update cannot make.
     """
-    last = {id(parent): place for place, parent in enumerate(parents)} if in_place else {}
+    last = {id(parent.smoother): place for place, parent in enumerate(parents)} if in_place else {}
     moved = _moved(parents, updates)
 
     def child(place: int, parent: Component, update: ComponentUpdate) -> Component:
-        graph, values = new_factors(parent, shared[parent.noise], update)
+        graph, values = new_factors(parent, shared[_noise(parent)], update)
         classed, start = classed_measurements(parent, update), linearisation_start(parent, update)
-        mine = parent.smoother if last.get(id(parent)) == place else parent.smoother.fork()
+        mine = parent.smoother if last.get(id(parent.smoother)) == place else parent.smoother.fork()
         far = bool(moved[place])
-        measured = [] if mine.in_charts is None else shared[parent.noise].measured(parent, update)
+        measured = [] if mine.in_charts is None else shared[_noise(parent)].measured(parent, update)
         smoother = mine.stepped(graph, values, classed, start, again=far, measured=measured)
         return parent.child(update, smoother, max_fresh, far=far)
 
@@ -117,9 +118,13 @@ def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> 
     return np.asarray((np.abs(space.local(predicted, modes)) > limit).any(axis=-1))
 
 
-def _shared(parents: Sequence[Component], motion: Motion) -> dict[int, KeyframeFactors]:
+def _noise(parent: Component) -> Noise:
+    return parent.noise, parent.slip is not None
+
+
+def _shared(parents: Sequence[Component], motion: Motion) -> dict[Noise, KeyframeFactors]:
     """The factors of the keyframe under each of the noises that odometry may have."""
-    by_noise = {parent.noise: parent for parent in parents}
+    by_noise = {_noise(parent): parent for parent in parents}
     return {
         noise: KeyframeFactors(component.spaces, component.model, component.keyframe + 1, motion)
         for noise, component in by_noise.items()

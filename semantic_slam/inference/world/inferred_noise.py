@@ -24,6 +24,7 @@ class InferredNoise:
     """N quantities: those that hypotheses differ in, and biases of odometry and sensor that are estimated."""
 
     settings: tuple[str, ...] = ()  # as the configuration names them
+    slips: tuple[str, ...] = ()  # whether the newest motion slipped, where odometry may
     rates: tuple[str, ...] = ()  # of what is detected and is there; each hypothesis is a mixture over them
     bias_means: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of the prior
     bias_sigmas: Array = field(default_factory=lambda: np.zeros(0))  # (p,) 0: that one is not estimated
@@ -38,6 +39,7 @@ class InferredNoise:
         means, sigmas = odometry_bias.bias_means(odometry), odometry_bias.bias_sigmas(odometry)
         return cls(
             settings=tuple(differing),
+            slips=("odometry.slipped",) if odometry.slip_share > 0.0 else (),
             rates=tuple(open_rates),
             bias_means=means,
             bias_sigmas=sigmas,
@@ -49,11 +51,12 @@ class InferredNoise:
         """(N,) as the configuration has them."""
         estimated = [name for name, sigma in zip(odometry_bias.NAMES, self.bias_sigmas, strict=False) if sigma > 0.0]
         estimated += [name for name, sigma in zip(SENSOR_NAMES, self.sensor_sigmas, strict=True) if sigma > 0.0]
-        return (*self.settings, *self.rates, *estimated)
+        return (*self.settings, *self.slips, *self.rates, *estimated)
 
     def moments(self, component: Component) -> Array:
         """(N, 2) means and standard deviations under one hypothesis."""
         settings = [(getattr(component.settings, NAMES[name]), 0.0) for name in self.settings]
+        settings += [(float(component.slipped), 0.0) for _ in self.slips]
         rates = component.objects.rates
         settings += [rates.moments(detection_rates.NAMES[name]) for name in self.rates]
         biases = np.zeros((len(self.bias_sigmas), 2))

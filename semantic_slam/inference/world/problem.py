@@ -39,6 +39,7 @@ from semantic_slam.inference.world.carried import Carried
 from semantic_slam.inference.world.displaced_objects import Displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.slips import Slips
 from semantic_slam.inference.world.starts import ANYWHERE, Starts
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
 from semantic_slam.viewpoint.model import ViewpointModel
@@ -86,6 +87,7 @@ class Problem:
     sigma_metre: float = 0.0  # share by which all ranges may be too long, where no map tells
     noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
     carried: Carried | None = None  # where the robot may be carried to in mid-drive; None: it never is
+    slips: Slips | None = None  # of odometry; None: it never does
     starts: Starts | None = None  # of a robot that is lost on a map, in an open world; None: it begins at its prior
 
     @cached_property

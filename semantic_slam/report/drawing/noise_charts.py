@@ -12,6 +12,7 @@ MEANINGS = {
     "odometry.bias_turn_scale": "Share of every turn that odometry leaves out.",
     "odometry.clock_offset_s": "Seconds by which odometry is stamped later than detections of that instant.",
     "odometry.noise_factor": "Factor on the covariance of odometry.",
+    "odometry.slipped": "Probability that odometry slipped from the keyframe before.",
     "perception.noise_factor": "Factor on the covariance of a detection's place.",
     "perception.ranges_are_depth": "Probability that a detection's range is its depth along the sensor's axis.",
     "detection_errors.range_offset_m": "Metres by which all ranges are too long.",
