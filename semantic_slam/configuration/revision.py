@@ -25,6 +25,13 @@ class RevisionConfiguration:
         " the map the robot may be to the next; 0: never",
         minimum=0,
     )
+    lost_hypotheses: int = parameter(
+        0,
+        "hypotheses that are followed of a robot that was lost so when it began, beside the looks for where it may be;"
+        " 0: as pruning says",
+        minimum=0,
+        maximum=100_000,
+    )
     carried_probability: float = parameter(
         0.0,
         "from one keyframe to the next, that the robot is lifted and set down elsewhere, of which odometry tells"

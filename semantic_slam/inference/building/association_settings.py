@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from semantic_slam.configuration import Configuration
+from semantic_slam.configuration import Configuration, PruningConfiguration
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
@@ -27,6 +27,12 @@ def as_used(configuration: Configuration, association: type[AssociationStrategy]
             miss_persistences=(),
         )
     return replace(configuration, revision=revision, open_world=world)
+
+
+def while_lost(configuration: Configuration) -> PruningConfiguration:
+    """How much is followed of a robot that is lost when it begins."""
+    pruning, most = configuration.pruning, configuration.revision.lost_hypotheses
+    return replace(pruning, max_hypotheses=min(pruning.max_hypotheses, most)) if most > 0 else pruning
 
 
 def moving_of(configuration: Configuration, association: type[AssociationStrategy]) -> Moving:

@@ -4,7 +4,7 @@ import json
 
 from semantic_slam.configuration import Configuration, from_dict
 from semantic_slam.inference.association.strategy import strategy_of
-from semantic_slam.inference.building.association_settings import as_used, moving_of, noises_of
+from semantic_slam.inference.building.association_settings import as_used, moving_of, noises_of, while_lost
 from semantic_slam.inference.building.class_prior import even_classes
 from semantic_slam.inference.building.clutter import clutter_of
 from semantic_slam.inference.building.known_objects import KnownObjects, known_objects
@@ -36,12 +36,13 @@ def problem_of(run: RunConfiguration) -> Problem:
     latent = latent_observation_of(models, known.prior, known.entries)
     robot = sensing.robot_prior(run.initial_pose, run.initial_covariance)
     is_relocated = bool(known.entries) and configuration.revision.lost_every_keyframes > 0
+    starts = Starts.of(robot) if is_relocated else None
     noises, rates = noises_of(configuration, association), DetectionRates.of(configuration.open_world)
     return Problem(
         viewpoint=models.viewpoint,
         carried=Carried.of(configuration.revision),
         slips=Slips.of(configuration.odometry),
-        starts=Starts.of(robot) if is_relocated else None,
+        starts=starts,
         inferred_noise=InferredNoise.of(configuration, noises, rates),
         noises=noises,
         sigma_metre=configuration.perception.sigma_range_scale,
@@ -65,7 +66,7 @@ def problem_of(run: RunConfiguration) -> Problem:
         novelty_false_alarms=configuration.perception.novelty_false_alarms + 1.0 - QUANTILE,
         distinct=configuration.distinct_assignment,
         weights=configuration.weights,
-        pruning=configuration.pruning,
+        pruning=configuration.pruning if starts is None else while_lost(configuration),
         open_world=configuration.open_world,
         detection_errors=configuration.detection_errors,
         revision=configuration.revision,

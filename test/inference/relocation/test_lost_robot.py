@@ -66,6 +66,17 @@ def test_a_map_that_looks_the_same_after_half_a_turn_leaves_it_undecided() -> No
     assert len(engine.live) >= 2
 
 
+@pytest.mark.parametrize(("sigma", "most"), [([10.0, 10.0, 3.0], 2), ([0.9, 0.9, 0.2], 10)], ids=["lost", "known"])
+def test_fewer_hypotheses_are_followed_of_a_robot_that_was_lost(sigma: list[float], most: int) -> None:
+    revision = {"lost_every_keyframes": 2, "lost_hypotheses": 2}
+    ambiguous = {"detection_probability": 0.5, "clutter_per_frame": 1.0}
+    pruning = {"max_hypotheses": 10, "ratio": 1e12}
+    start = {"sigma": sigma}
+    settings = configuration(rates=ambiguous, initial_pose=start, revision=revision, pruning=pruning)
+    _, beliefs = run(make_world(np.zeros(3), 6), settings)
+    assert max(len(belief.hypotheses) for belief in beliefs) == most
+
+
 @pytest.mark.slow
 def test_a_robot_that_was_lost_is_the_same_in_any_number_of_backends() -> None:
     settings = configuration()
