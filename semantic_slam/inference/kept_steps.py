@@ -15,6 +15,7 @@ class KeptSteps:
     def __init__(self, in_memory: int | None = None) -> None:
         """``in_memory``: so many stay there, older ones go to disk, but where that is full; None: all stay."""
         self.stamps_ns = array("q")
+        self.disk_fault = ""  # why no more go to disk, in the system's words; "" where they do
         self._in_memory = in_memory
         self._kept: deque[Step] = deque()
         self._disk = NamelessFile()
@@ -49,8 +50,8 @@ class KeptSteps:
         """Move the oldest step there; on a disk that takes no more all stay in memory from now on."""
         try:
             self._disk.append(pickle.dumps(self._kept[0], protocol=pickle.HIGHEST_PROTOCOL))
-        except OSError:
-            self._in_memory = None
+        except OSError as fault:
+            self._in_memory, self.disk_fault = None, fault.strerror or str(fault)
         else:
             self._kept.popleft()
             self._ends.append(self._disk.length)

@@ -13,7 +13,7 @@ from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.protocol import Candidates
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
-from semantic_slam.ros.node.health import dropped_status
+from semantic_slam.ros.node.health import Status, disk_status, dropped_status
 from semantic_slam.ros.node.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.rounds.liveliness import Sign
@@ -36,8 +36,8 @@ class BackendNode(PipelineNode):
         self._sign = Sign(self, self.backend_id)
         self._candidates = self._outlet(topics.CANDIDATES)
         self._components = self._outlet(topics.COMPONENTS)
-        self._status = dropped_status(self._rounds.dropped)  # replaced by the worker, published by the executor
-        self.health.add_source(lambda: [self._status])
+        self._statuses = self._health()  # replaced by the worker, published by the executor
+        self.health.add_source(lambda: self._statuses)
         self._follow(topics.RUN_CONFIGURATION, qos.latched_by_any())
         self._follow(topics.KEYFRAMES, qos.everything_from_the_start())
         self._follow(topics.COMMITS, qos.everything_from_the_start())
@@ -48,10 +48,13 @@ class BackendNode(PipelineNode):
     def _follow(self, topic: str, profile: QoSProfile) -> None:
         def handle(data: bytes) -> None:
             self._send(self._rounds.take(data, topics.TYPES[topic], more=self.worker.has_more))
-            self._status = dropped_status(self._rounds.dropped)
+            self._statuses = self._health()
             self.repeated = self._rounds.repeated.copy()
 
         self.listen(topic, handle, profile)
+
+    def _health(self) -> list[Status]:
+        return [dropped_status(self._rounds.dropped), disk_status(self._rounds.disk_fault)]
 
     def _send(self, answers: list[Answer]) -> None:
         for answer in answers:

@@ -96,6 +96,7 @@ def test_on_a_full_disk_keyframes_stay_in_memory(
     kept = alone(toured[0]).steps
     assert (len(kept), kept.first, kept.num_on_disk) == (60, 0, 0)
     assert [kept[k].index for k in (0, 59)] == [0, 59]
+    assert kept.disk_fault == "No space left on device"
 
 
 def test_a_summary_is_off_by_less_than_a_fifth_of_a_standard_deviation() -> None:

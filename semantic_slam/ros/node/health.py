@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from tempfile import gettempdir
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
@@ -68,6 +69,20 @@ def dropped_status(dropped: Counter[str]) -> Status:
         return Status("dropped", Level.OK, "nothing dropped")
     text = "; ".join(f"{number} x {reason}" for reason, number in sorted(dropped.items()))
     return Status("dropped", Level.WARN, text, {f"dropped: {reason}": str(n) for reason, n in sorted(dropped.items())})
+
+
+def disk_status(fault: str) -> Status:
+    """Whether keyframes can be kept on disk; ``fault``: why not, in the system's words."""
+    if not fault:
+        return Status("disk", Level.OK, "keyframes can be kept on disk")
+    folder = gettempdir()
+    return Status(
+        "disk",
+        Level.WARN,
+        f"keyframes stay in memory, which grows: {folder} takes no more ({fault});"
+        " free space there, or name another folder by TMPDIR, and start this node again",
+        {"folder": folder, "fault": fault},
+    )
 
 
 def repeated_status(repeated: Counter[str]) -> Status:

@@ -59,6 +59,11 @@ class WorkOrder:
     _keyframes: Waiting[Keyframe] = field(default_factory=lambda: Waiting(topics.KEYFRAMES))
     _commits: Waiting[Commit] = field(default_factory=lambda: Waiting(topics.COMMITS))
 
+    @property
+    def disk_fault(self) -> str:
+        """Why keyframes of a run stay in memory that should be on disk; "" where none do."""
+        return next((fault for run in self._runs.values() if (fault := run.backend.steps.disk_fault)), "")
+
     def take(self, data: bytes, type_name: str, *, more: bool = False) -> list[Answer]:
         """The answers to a message of the wire; one that cannot be used is counted.
 

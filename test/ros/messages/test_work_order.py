@@ -1,5 +1,7 @@
 """A backend works in the order of the rounds, and nothing that it is sent otherwise changes what it answers."""
 
+import errno
+import os
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import replace
@@ -22,6 +24,7 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message, to_message
 from semantic_slam.messages.typestore import serialize
+from semantic_slam.ros.node.health import Level, disk_status
 from semantic_slam.ros.rounds.waiting import MOST_WAITING
 from semantic_slam.ros.rounds.work_order import WorkOrder
 
@@ -111,6 +114,23 @@ def test_over_the_wire_beliefs_are_those_of_this_process_and_nothing_is_dropped(
     for ours, theirs in zip(drive(configuration, wire), drive(configuration, InProcessPool(number)), strict=True):
         assert_same(ours, theirs)
     assert not wire.dropped
+
+
+def test_a_full_disk_changes_no_belief_and_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    short = from_dict(
+        {"semantic_model": {"kind": "none"}, "history": {"horizon_keyframes": 20}, "weights": {"max_history": 10}}
+    )
+    expected, wire = drive(short, InProcessPool(1), 26), Wire()
+    assert disk_status(wire.orders[0].disk_fault).level == Level.OK
+
+    def full(*_: Any) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "pwrite", full)
+    for ours, theirs in zip(drive(short, wire, 26), expected, strict=True):
+        assert_same(ours, theirs)
+    said = disk_status(wire.orders[0].disk_fault)
+    assert said.level == Level.WARN and "No space left on device" in said.message and "TMPDIR" in said.message
 
 
 def orders_of_topics() -> list[tuple[int, ...]]:
