@@ -15,7 +15,8 @@ from semantic_slam.geometry.arrays import Index
 from semantic_slam.messages.ground_truth import MOVING
 from semantic_slam.perception.frame import Detections
 
-LABEL = "landmark"
+LANDMARK, ROBOT = "landmark", "robot"
+"""What a detector of both would call them: which of them a thing is, its number alone tells."""
 """What a detector of barcodes that cannot read would say of robots, too."""
 
 
@@ -64,7 +65,8 @@ def read_drive(folder: Path, robot: int, *, with_robots: bool) -> tuple[Drive, d
     frames, associations = [], []
     for rows in readings.frames():
         kept = np.flatnonzero(keep[rows]) + rows.start
-        frames.append(_detections(readings, kept, int(readings.stamps_ns[rows.start])))
+        labels = tuple(ROBOT if names[row].startswith(MOVING) else LANDMARK for row in kept)
+        frames.append(_detections(readings, kept, labels, int(readings.stamps_ns[rows.start])))
         associations.append(tuple(names[row] for row in kept))
     truth, objects = mrclam.read_truth(folder, robot), mrclam.read_landmarks(folder, barcode_of)
     if with_robots and objects is not None:
@@ -81,12 +83,12 @@ def _true_id(barcode: int, subjects: dict[int, int]) -> str:
     return f"{MOVING}{barcode}" if subjects[barcode] <= NUM_ROBOTS else str(barcode)
 
 
-def _detections(readings: Readings, rows: Index, stamp_ns: int) -> Detections:
+def _detections(readings: Readings, rows: Index, labels: tuple[str, ...], stamp_ns: int) -> Detections:
     return Detections(
         stamp_ns=stamp_ns,
         frame_id=BODY_FRAME,
         boxes=np.full((len(rows), 4), np.nan),
-        labels=(LABEL,) * len(rows),
+        labels=labels,
         scores=np.ones(len(rows)),
         track_ids=tuple(str(readings.barcodes[row]) for row in rows),
         ranges_m=readings.ranges_m[rows],
@@ -103,9 +105,9 @@ def _joined(first: TrueObjects, second: TrueObjects) -> TrueObjects:
 
 
 def _counts(names: list[str], with_robots: bool) -> dict[str, int]:
-    kinds = Counter("robot" if name.startswith(MOVING) else "landmark" if name else "none" for name in names)
+    kinds = Counter(ROBOT if name.startswith(MOVING) else LANDMARK if name else "none" for name in names)
     return {
-        "readings of landmarks": kinds["landmark"],
-        f"of other robots ({'kept' if with_robots else 'left out'})": kinds["robot"],
+        "readings of landmarks": kinds[LANDMARK],
+        f"of other robots ({'kept' if with_robots else 'left out'})": kinds[ROBOT],
         "of barcodes that nobody carries (kept)": kinds["none"],
     }

@@ -87,6 +87,8 @@ def test_a_drive_cannot_begin_after_its_last_reading(folder, monkeypatch):
 def test_other_robots_are_kept_with_their_truth_where_that_is_asked_for(folder, monkeypatch):
     bag = run(monkeypatch, folder, "--robots")
     assert [frame.track_ids for frame in bag["/detections"]] == [("63", "14"), ("14",), ("81", "43")]
+    labels = [frame.labels for frame in bag["/detections"]]
+    assert labels == [("landmark", "robot"), ("robot",), ("landmark", "landmark")]  # nobody carries 43
     named = [truth.object_ids for truth in bag["/ground_truth/associations"]]
     assert named == [("63", "moving/14"), ("moving/14",), ("81", "")]
     objects = bag["/ground_truth/objects"][0]
