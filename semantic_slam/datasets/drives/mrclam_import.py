@@ -17,7 +17,6 @@ from semantic_slam.perception.frame import Detections
 
 LANDMARK, ROBOT = "landmark", "robot"
 """What a detector of both would call them: which of them a thing is, its number alone tells."""
-"""What a detector of barcodes that cannot read would say of robots, too."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
