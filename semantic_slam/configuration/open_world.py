@@ -93,6 +93,11 @@ class OpenWorldConfiguration:
         False,
         "detectors' scores so far tell which objects are what the detector looks for; others are said not to exist",
     )
+    learn_alarm_scores: bool = parameter(
+        False,
+        "detectors' scores of what was looked for again, and was there or not, tell how likely exists what was seen"
+        " little",
+    )
     occluder_radius_m: float = parameter(
         0.25,
         "radius of a detected object, which hides what is behind it; 0: neither it nor the depth image hides anything",

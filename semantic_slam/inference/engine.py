@@ -300,9 +300,7 @@ class Engine:
         live = self._as_believed(components)
         rows = [self._in_map(components[n], own.lineage, reported) for n, own in live.items()]
         objects = stack_rows([own.objects for own in rows])
-        genuine = self.genuine.probabilities(live, reported.ids)
-        if genuine is not None:
-            objects = replace(objects, existence=objects.existence * genuine)
+        objects = replace(objects, existence=self.genuine.existence(live, reported.ids, objects.existence))
         return Mixture(
             ids=list(live),
             parent_ids=[own.told_parent_id for own in live.values()],

@@ -1,7 +1,7 @@
-"""Which objects are what the detector looks for, and not what it takes for that again and again at one place.
+"""What scores tell of whether objects exist: of false alarms, and of what is mistaken again and again at one place.
 
-The scores of an object's detections tell, see ``detector_scores``. Where kinds are looked for, scores repeat from one
-keyframe to the next as places do. Scores weigh no association here, which leaves some of what they tell unused.
+The scores of an object's detections tell, see ``alarm_scores`` and ``detector_scores``. They repeat from one keyframe
+to the next as places do. Scores weigh no association here, which leaves some of what they tell unused.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.semantics.alarm_scores import AlarmScores
 from semantic_slam.inference.semantics.detector_scores import ScoreKinds, log_odds, moments_of
 
 MORE = 1.05
@@ -22,7 +23,8 @@ class GenuineObjects:
     """Follows the scores of each live hypothesis's objects, keyframe by keyframe."""
 
     def __init__(self, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration) -> None:
-        self._is_on, self._errors = settings.learn_scores, errors
+        self._learns_kinds, self._learns_alarms = settings.learn_scores, settings.learn_alarm_scores
+        self._errors = errors
         self._news: list[float] = []  # of each keyframe, the share of a score that the keyframe before has not told
         self._moments: list[Array] = []  # of each keyframe (D, 3)
         self._odds: list[Array] = []  # of each keyframe (d,), those that are told
@@ -30,28 +32,38 @@ class GenuineObjects:
         self._num_fitted = 0  # scores in them
         self._of: dict[int, Array] = {}  # hypothesis -> (N, 3) sums of moments by object id, each as far as it is news
 
+    @property
+    def is_on(self) -> bool:
+        """Whether scores tell anything."""
+        return self._learns_kinds or self._learns_alarms
+
     def note(self, step: Step) -> None:
         """Take in the scores of one more keyframe."""
-        if not self._is_on:
+        if not self.is_on:
             return
         odds = log_odds(np.asarray(step.scores, dtype=np.float64))
         self._news.append(self._share_of_news(step))
         self._moments.append(moments_of(odds))
         self._odds.append(odds[np.isfinite(odds)])
 
-    def probabilities(self, live: Mapping[int, Hypothesis], object_ids: Sequence[int]) -> Array | None:
-        """(H, O) that the objects of each live hypothesis are genuine; None where scores tell nothing."""
-        if not self._is_on:
-            return None
+    def existence(self, live: Mapping[int, Hypothesis], object_ids: Sequence[int], by_places: Array) -> Array:
+        """(H, O) existence of the objects of each live hypothesis, heaviest first, from that ``by_places`` (H, O)."""
+        if not self.is_on or not live:
+            return by_places
         self._of = {number: self._sums(own) for number, own in live.items()}
-        kinds = self._kinds_so_far()
-        if kinds is None:
-            return None
         ids = np.asarray(object_ids, dtype=int)
-        rows = [
-            np.where((ids < len(own))[:, None], own[np.minimum(ids, len(own) - 1)], 0.0) for own in self._of.values()
-        ]
-        return np.array([kinds.genuine(row) for row in rows]).reshape(len(live), len(ids))
+        moments = np.array([_of_ids(own, ids) for own in self._of.values()])
+        found = self._without_alarms(ids, by_places, moments) if self._learns_alarms else by_places
+        kinds = self._kinds_so_far() if self._learns_kinds else None
+        return found if kinds is None else found * kinds.genuine(moments)
+
+    def _without_alarms(self, ids: Index, by_places: Array, moments: Array) -> Array:
+        """(H, O) existence with what the scores of the heaviest hypothesis's objects, those given up too, tell."""
+        heaviest = next(iter(self._of.values()))
+        exists = np.zeros(max(len(heaviest), 1 + max(ids, default=-1)))
+        exists[ids] = np.nan_to_num(by_places[0])
+        alarms = AlarmScores.of(heaviest, exists[: len(heaviest)])
+        return by_places if alarms is None else alarms.existence(by_places, moments)
 
     def _kinds_so_far(self) -> ScoreKinds | None:
         """The kinds of all scores so far, found anew as there are more scores."""
@@ -86,3 +98,8 @@ class GenuineObjects:
             counts = np.where(sums[ids, :1] > 0.0, news, 1.0)  # the first score of an object repeats nothing
             np.add.at(sums, ids, counts * told)
         return sums
+
+
+def _of_ids(sums: Array, ids: Index) -> Array:
+    """(O, 3) rows of ``sums`` (N, 3) of some ids, 0 of those beyond."""
+    return np.where((ids < len(sums))[:, None], sums[np.minimum(ids, len(sums) - 1)], 0.0)

@@ -17,7 +17,7 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.direction_shares import ALIKE, DirectionShares
 from semantic_slam.inference.states.miss_runs import MissRuns
 
-LEAST_LOG_WEIGHT = float(np.log(1e-6))
+LEAST_LOG_WEIGHT = float(np.log(1e-12))
 """Settings that weigh less are given up for good."""
 NAMES = {
     "open_world.detection_probability": "probability",

@@ -136,7 +136,7 @@ def test_evidence_is_the_average_over_the_settings(share: float) -> None:
 
 def test_settings_that_weigh_nothing_are_given_up() -> None:
     rates = DetectionRates.of(OpenWorldConfiguration(detection_probabilities=(0.1, 0.5, 0.9)))
-    _, log_weights = rates.explained(np.log([1.0, 0.5, 1e-8]))
+    _, log_weights = rates.explained(np.log([1.0, 0.5, 1e-13]))
     left, kept = rates.reweighed(log_weights)
     assert kept.tolist() == [True, True, False]
     np.testing.assert_allclose(left.weights, [2.0 / 3.0, 1.0 / 3.0])
@@ -164,3 +164,29 @@ def test_a_range_that_is_none_is_named() -> None:
     room = {"association": "open", "semantic_model": {"kind": "none"}}
     with pytest.raises(InputError, match="detection_half_ranges_m"):
         Engine(Configuration.of(**room, open_world={"detection_half_ranges_m": [0.0, 3.0]}))
+
+
+def test_a_crowd_at_the_start_does_not_settle_how_much_there_is_elsewhere() -> None:
+    """Ten times fewer objects are 20 nats behind where the robot starts, and ahead once it has seen empty ground."""
+    region = {"field_of_view_rad": 1.5, "max_range_m": 4.0, "occluder_radius_m": 0.0}
+    settings = Configuration.of(
+        association="open", semantic_model={"kind": "none"}, open_world={"birth_densities": [0.1, 1.0], **region}
+    )
+    engine, crowd = Engine(settings, initial_covariance=np.diag([1e-6] * 3)), []
+    for row, reach in enumerate((1.0, 1.6, 2.2, 2.8)):
+        for bearing in np.linspace(-0.6, 0.6, 4):
+            crowd.append(
+                Detection(range_m=reach + 0.05 * row, bearing_rad=bearing, covariance=np.diag([0.02, 0.01]) ** 2)
+            )
+    densities = []
+    for k in range(16):
+        keyframe = Keyframe.planar(
+            k,
+            motion=(0.0, 0.0, 0.0) if k == 0 else (3.0, 0.0, 0.0),
+            detections=crowd if k == 0 else [],
+            motion_sigmas=(1e-3,) * 3,
+        )
+        belief = engine.process(keyframe)
+        densities.append(dict(zip(belief.noise_names, belief.noise_values, strict=True))["open_world.birth_density"])
+    assert densities[0] == pytest.approx(1.0, abs=1e-5)
+    assert densities[-1] == pytest.approx(0.1, abs=0.01)
