@@ -60,6 +60,12 @@ class OpenWorldConfiguration:
     birth_densities: tuple[float, ...] = parameter(
         (), "in place of birth_density; how far each is right is inferred; empty: that alone"
     )
+    rates_ratio: float = parameter(
+        1e6,
+        "of detection_probabilities, clutters_per_frame, birth_densities and the like, what is so many times less likely"
+        " than the likeliest is given up; where a robot starts there may be much, and little elsewhere",
+        minimum=1e3,
+    )
     departures_per_hour: float = parameter(
         0.0, "rate at which an object that stands leaves for good: what was there is then `missing`", minimum=0.0
     )

@@ -17,8 +17,6 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.direction_shares import ALIKE, DirectionShares
 from semantic_slam.inference.states.miss_runs import MissRuns
 
-LEAST_LOG_WEIGHT = float(np.log(1e-12))
-"""Settings that weigh less are given up for good."""
 NAMES = {
     "open_world.detection_probability": "probability",
     "open_world.detection_half_range_m": "half_range_m",
@@ -40,6 +38,7 @@ class DetectionRates:
     persistence: Array  # (G,) of whether an object can be detected, from one keyframe to the next
     log_weights: Array = field(default_factory=lambda: np.zeros(1))  # (G,) normalised
     by_direction: DirectionShares = ALIKE  # under all settings
+    least_log_weight: float = -np.inf  # settings that weigh less are given up for good
 
     @classmethod
     def of(cls, settings: OpenWorldConfiguration) -> Self:
@@ -60,6 +59,7 @@ class DetectionRates:
             persistence=persistence,
             log_weights=np.full(len(density), -np.log(len(density))),
             by_direction=DirectionShares.of(settings),
+            least_log_weight=-float(np.log(settings.rates_ratio)),
         )
 
     def __len__(self) -> int:
@@ -115,7 +115,7 @@ class DetectionRates:
         """With (G,) new weights, and which settings are left."""
         if len(self) == 1:
             return self, np.ones(1, dtype=bool)
-        kept = log_weights >= LEAST_LOG_WEIGHT
+        kept = log_weights >= self.least_log_weight
         left = log_weights[kept]
         return replace(self.take(np.flatnonzero(kept)), log_weights=left - np.logaddexp.reduce(left)), kept
 

@@ -136,7 +136,7 @@ def test_evidence_is_the_average_over_the_settings(share: float) -> None:
 
 def test_settings_that_weigh_nothing_are_given_up() -> None:
     rates = DetectionRates.of(OpenWorldConfiguration(detection_probabilities=(0.1, 0.5, 0.9)))
-    _, log_weights = rates.explained(np.log([1.0, 0.5, 1e-13]))
+    _, log_weights = rates.explained(np.log([1.0, 0.5, 1e-8]))
     left, kept = rates.reweighed(log_weights)
     assert kept.tolist() == [True, True, False]
     np.testing.assert_allclose(left.weights, [2.0 / 3.0, 1.0 / 3.0])
@@ -170,7 +170,9 @@ def test_a_crowd_at_the_start_does_not_settle_how_much_there_is_elsewhere() -> N
     """Ten times fewer objects are 20 nats behind where the robot starts, and ahead once it has seen empty ground."""
     region = {"field_of_view_rad": 1.5, "max_range_m": 4.0, "occluder_radius_m": 0.0}
     settings = Configuration.of(
-        association="open", semantic_model={"kind": "none"}, open_world={"birth_densities": [0.1, 1.0], **region}
+        association="open",
+        semantic_model={"kind": "none"},
+        open_world={"birth_densities": [0.1, 1.0], "rates_ratio": 1e12, **region},
     )
     engine, crowd = Engine(settings, initial_covariance=np.diag([1e-6] * 3)), []
     for row, reach in enumerate((1.0, 1.6, 2.2, 2.8)):
