@@ -137,3 +137,14 @@ def test_a_run_that_looks_back_is_the_one_that_has_all_right() -> None:
     walk(engine)
     best = next(iter(engine.live.values()))
     assert all(step.association == (0, 1, 2, 3) for step in best.lineage)
+
+
+def test_a_detection_far_from_all_objects_is_of_none_of_them(walked: tuple[Engine, Replay, Revised]) -> None:
+    """Above the nearest of them by a dozen standard deviations, which Cauchy's tail alone forgives."""
+    engine, replay, right = walked
+    aside = Detection.along(np.array([1.0, -0.5, 0.3]), ray_covariance=RAY_SIGMA**2 * np.eye(3))
+    view = SpatialHindsight.of(replay, engine.registry, right)
+    steps = [*view.steps]
+    steps[20] = engine.problem.reader.step(Keyframe.spatial(20, detections=[aside]))
+    weights = replace(view, steps=steps).log_weights[20]
+    assert weights.shape[0] == 1 and int(weights[0].argmax()) == len(view.ids)

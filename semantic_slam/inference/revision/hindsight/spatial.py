@@ -2,7 +2,7 @@
 
 When a detection came, rays told hardly how far off its object was, and it may have been taken for another one's. Now
 that ranges are known, its direction tells. Detections that are a few standard deviations off weigh what Cauchy's tail
-leaves them, for the path is not quite known.
+leaves them, for the path is not quite known; what is farther off is another thing.
 """
 
 from dataclasses import dataclass
@@ -18,6 +18,9 @@ from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 
+FAR_SIGMAS = 8.0
+"""Standard deviations from which on each more costs a nat besides."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialHindsight(Hindsight):
@@ -32,7 +35,8 @@ class SpatialHindsight(Hindsight):
 
     def log_density(self, innovation: Innovation, sizes: Index) -> Array:
         squared = squared_norms(innovation.whitened)
-        return np.asarray(innovation.log_density + 0.5 * squared - 0.5 * (1 + sizes) * np.log1p(squared))
+        beyond = np.maximum(np.sqrt(squared) - FAR_SIGMAS, 0.0)
+        return np.asarray(innovation.log_density + 0.5 * squared - 0.5 * (1 + sizes) * np.log1p(squared) - beyond)
 
     def log_of_none(self, step: Step, robot: Array, owners: Index) -> Array:
         return np.full(len(step.detections), self._log_of_none)
