@@ -62,8 +62,8 @@ class OpenWorldConfiguration:
     )
     rates_ratio: float = parameter(
         1e6,
-        "of detection_probabilities, clutters_per_frame, birth_densities and the like, what is so many times less likely"
-        " than the likeliest is given up; where a robot starts there may be much, and little elsewhere",
+        "of detection_probabilities, clutters_per_frame, birth_densities and the like, what is so many times less"
+        " likely than the likeliest is given up; where a robot starts there may be much, and little elsewhere",
         minimum=1e3,
     )
     departures_per_hour: float = parameter(
