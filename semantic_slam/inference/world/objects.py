@@ -67,6 +67,7 @@ class ObjectRegistry:
         self._by_name = {entry.name: entry.object_id for entry in entries}
         self._by_name |= {str(entry.object_id): entry.object_id for entry in entries}
         self._first_new = [max(self._known, default=-1) + 1]  # by keyframe
+        self._labels: dict[int, str] = {}  # of the detections that may have begun an object, where they are asked for
         self._alive: frozenset[int] = frozenset()
         self._reported = self._all = self._listed(tuple(self._known))
         self._stated = self._each_once()
@@ -99,10 +100,18 @@ class ObjectRegistry:
             self._all, self._stated = self._listed(tuple(self._known)), self._each_once()
         return self._by_name[name]
 
-    def reserve(self, index: int, num_detections: int) -> None:
-        """Reserve ids for the objects that the detections of keyframe ``index`` may start; keyframes come in order."""
+    def reserve(self, index: int, num_detections: int, labels: Sequence[str] = ()) -> None:
+        """Reserve ids for the objects that the detections of keyframe ``index`` may start; keyframes come in order.
+
+        ``labels`` (D,) are what the detector calls them, or nothing where nobody asks.
+        """
         if index == len(self._first_new) - 1:
+            self._labels |= dict(enumerate(labels, start=self._first_new[-1]))
             self._first_new.append(self._first_new[-1] + num_detections)
+
+    def label_of(self, object_id: int) -> str:
+        """What the detector called the detection that began an object; "" of the map's, and where nobody asked."""
+        return self._labels.get(object_id, "")
 
     def first_new_id(self, index: int) -> int:
         """Id of the object that the first detection of keyframe ``index`` would start; the next ones follow."""

@@ -101,6 +101,7 @@ class Predictor:
             detectable=component.objects.detectable,
             detections=detections,
             region=region,
+            labels=labels,
         )
 
     def _in_reach(self, component: Component, region: Any, robot: Array, spread: Array) -> Index:
