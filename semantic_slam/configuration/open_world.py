@@ -69,6 +69,9 @@ class OpenWorldConfiguration:
     departures_per_hour: float = parameter(
         0.0, "rate at which an object that stands leaves for good: what was there is then `missing`", minimum=0.0
     )
+    departures_by_label: tuple[str, ...] = parameter(
+        (), "that rate by the detector's label, in place of departures_per_hour, whatever the case: [person=30, tree=0]"
+    )
     departed_share: float = parameter(
         0.0, "share of the objects of a map that have left since it was made", minimum=0.0, maximum=0.999
     )

@@ -36,6 +36,7 @@ from semantic_slam.inference.states.metre import Metre
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.carried import Carried
+from semantic_slam.inference.world.departures import Departures
 from semantic_slam.inference.world.displaced_objects import Displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
@@ -159,12 +160,12 @@ class Problem:
         in_runs = bool((rates.persistence > 0.0).any())
         shape = len(entries), len(rates)
         stated = np.broadcast_to(plain.objects.existence_given, shape)
-        share, leave = self.open_world.departed_share, self.open_world.departures_per_hour
+        share = self.open_world.departed_share
         objects = replace(
             plain.objects,
             existence_given=(1.0 - share) * stated,
             detectable=np.broadcast_to(rates.runs.share, shape) if in_runs else None,
-            gone=share * stated if share > 0.0 or leave > 0.0 else None,
+            gone=share * stated if Departures(self.open_world).is_on else None,
             rates=rates,
         )
         return replace(

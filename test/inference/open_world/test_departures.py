@@ -7,7 +7,7 @@ import pytest
 from worlds.drives.open_room import make_room
 from worlds.same_beliefs import assert_same
 
-from semantic_slam import Configuration, Detection, Engine, Keyframe
+from semantic_slam import Configuration, Detection, Engine, InputError, Keyframe
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.pool import InProcessPool
@@ -107,3 +107,34 @@ def test_departures_are_the_same_however_the_work_is_divided() -> None:
     for pool in (InProcessPool(2), ForgetfulPool(2)):
         for first, second in zip(beliefs(pool), expected, strict=True):
             assert_same(first, second)
+
+
+def stare_at(label: str) -> HybridBelief:
+    """Half a minute at where something that is called so was seen."""
+    chosen = Configuration.of(
+        association="open",
+        semantic_model={"kind": "none"},
+        open_world=SETTINGS | {"departures_per_hour": 0.0, "departures_by_label": ["Robot=30"], "max_range_m": 4.0},
+    )
+    engine, belief = Engine(chosen), None
+    for k in range(4):
+        sight = Detection(range_m=3.0, bearing_rad=0.0, covariance=np.diag([0.1, 0.03]) ** 2, label=label, score=0.9)
+        engine.process(Keyframe.planar(k, detections=[sight]))
+    for k in range(4, 34):
+        belief = engine.process(Keyframe.planar(k, motion=(3.0 if k == 4 else 0.0, 0.0, 0.0)))
+    assert belief is not None
+    return belief
+
+
+def test_what_leaves_soon_by_its_label_does_and_the_rest_stays() -> None:
+    """Behind a robot that does not look back nothing tells but time."""
+    robot, post = stare_at("robot"), stare_at("post")
+    assert robot.existence[0] == pytest.approx((1.0 - LEAVES) ** 30, abs=1e-3)
+    assert robot.missing[0] == pytest.approx(1.0 - (1.0 - LEAVES) ** 30, abs=1e-3)
+    assert post.existence[0] == pytest.approx(1.0, abs=1e-3) and post.missing[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("entry", ["robot", "=3", "robot=-1", "robot=fast", "robot=inf"])
+def test_a_rate_that_is_none_is_named(entry: str) -> None:
+    with pytest.raises(InputError, match="departures_by_label"):
+        Engine(Configuration.of(association="open", open_world={"departures_by_label": [entry]}))

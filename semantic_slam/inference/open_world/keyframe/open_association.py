@@ -35,6 +35,7 @@ from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import UnknownObjectsError
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
+from semantic_slam.inference.world.departures import Departures
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
@@ -47,7 +48,10 @@ class OpenAssociation:
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
         self.problem, self.registry, self.settings = problem, registry, problem.open_world
-        self.predictor = Predictor(problem.model, problem.open_world, problem.detection_errors, problem.moving)
+        departures = Departures(problem.open_world, registry.label_of)
+        self.predictor = Predictor(
+            problem.model, problem.open_world, problem.detection_errors, problem.moving, departures
+        )
         self.labels = LabelsApart(problem.moving, registry)
 
     @classmethod

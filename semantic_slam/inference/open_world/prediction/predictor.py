@@ -25,6 +25,7 @@ from semantic_slam.inference.open_world.second_boxes import second_boxes
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.states.carried_errors import CarriedErrors
+from semantic_slam.inference.world.departures import Departures
 
 
 class Predictor:
@@ -36,9 +37,10 @@ class Predictor:
         settings: OpenWorldConfiguration,
         errors: DetectionErrorsConfiguration,
         moving: Moving | None = None,
+        departures: Departures | None = None,
     ):
         self.model, self.settings, self.errors = model, settings, errors
-        self._moving = moving or Moving()
+        self._moving, self._departures = moving or Moving(), departures or Departures(settings)
 
     def predict(
         self,
@@ -82,7 +84,7 @@ class Predictor:
         return Prediction(
             movers=self._movers(component, predicted.motion, region, stamp_ns, detections, labels),
             component=component,
-            population=component.objects.left_until(stamp_ns, self.settings.departures_per_hour),
+            population=component.objects.left_until(stamp_ns, self._departures.per_hour(component.objects.ids)),
             near=near,
             predicted=belief,
             local=local,

@@ -1,0 +1,49 @@
+"""How soon what stands leaves for good: at one rate, or at one of its own by what the detector calls it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from semantic_slam.configuration import OpenWorldConfiguration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array, Index
+
+
+@dataclass(frozen=True)
+class Departures:
+    """Rates per hour; an object is called as the detection that began it."""
+
+    settings: OpenWorldConfiguration
+    label_of: Callable[[int], str] = lambda _: ""
+
+    @cached_property
+    def by_label(self) -> dict[str, float]:
+        """Detector's label, in lower case -> rate per hour. Raises InputError."""
+        return dict(map(_entry, self.settings.departures_by_label))
+
+    @property
+    def is_on(self) -> bool:
+        """Whether anything may leave, or may have left. Raises InputError."""
+        rates = [self.settings.departures_per_hour, *self.by_label.values()]
+        return self.settings.departed_share > 0.0 or max(rates) > 0.0
+
+    def per_hour(self, object_ids: Index) -> Array | float:
+        """(O, 1) rates of objects, or one rate of all. Raises InputError."""
+        every = self.settings.departures_per_hour
+        if not self.by_label:
+            return every
+        labels = [self.label_of(number).lower() for number in object_ids.tolist()]
+        return np.array([self.by_label.get(label, every) for label in labels], dtype=np.float64).reshape(-1, 1)
+
+
+def _entry(text: str) -> tuple[str, float]:
+    label, _, rate = text.rpartition("=")
+    try:
+        value = float(rate)
+    except ValueError:
+        value = np.nan
+    if not label or not 0.0 <= value < np.inf:
+        raise InputError(f"open_world.departures_by_label: {text!r} is not LABEL=RATE per hour, 0 or more; correct it")
+    return label.strip().lower(), value
