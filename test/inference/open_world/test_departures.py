@@ -1,6 +1,7 @@
 """Objects that leave: what was there and is not detected any more is missing, by Bayes' rule."""
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,8 +96,9 @@ def test_nothing_leaves_by_default() -> None:
 
 
 @pytest.mark.slow
-def test_departures_are_the_same_however_the_work_is_divided() -> None:
-    room = make_room(14, seed=0, open_world={"departures_per_hour": PER_HOUR})
+@pytest.mark.parametrize("leaves", [{"departures_per_hour": PER_HOUR}, {"departures_by_label": ["object=30"]}])
+def test_departures_are_the_same_however_the_work_is_divided(leaves: dict[str, Any]) -> None:
+    room = make_room(14, seed=0, open_world=leaves)
 
     def beliefs(pool: object) -> list[HybridBelief]:
         engine = Engine.of_run(room.run, pool)
