@@ -62,9 +62,9 @@ class OpenWorldConfiguration:
     )
     rates_ratio: float = parameter(
         1e6,
-        "of detection_probabilities, clutters_per_frame, birth_densities and the like, what is so many times less"
-        " likely than the likeliest is given up; where a robot starts there may be much, and little elsewhere",
-        minimum=1e3,
+        "of detection_probabilities, clutters_per_frame, birth_densities and the like, what weighs less than one in so"
+        " many is given up; where a robot starts there may be much, and little elsewhere",
+        minimum=1e6,
     )
     departures_per_hour: float = parameter(
         0.0, "rate at which an object that stands leaves for good: what was there is then `missing`", minimum=0.0
@@ -104,8 +104,8 @@ class OpenWorldConfiguration:
     )
     learn_alarm_scores: bool = parameter(
         False,
-        "detectors' scores of what was looked for again, and was there or not, tell how likely exists what was seen"
-        " little",
+        "association: open, with learn_scores: false: detectors' scores of what was looked for again, and was there or"
+        " not, tell how likely exists what was seen little",
     )
     occluder_radius_m: float = parameter(
         0.25,

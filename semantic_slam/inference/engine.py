@@ -5,6 +5,7 @@ w psi is collected over all parents and normalised once.
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Self
 
@@ -23,7 +24,7 @@ from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.marginals import Mixture, PassedOver, state_belief
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.object_table import stack_rows
+from semantic_slam.inference.object_table import ObjectTable, stack_rows
 from semantic_slam.inference.open_world.copies import Copies, Distinct
 from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
 from semantic_slam.inference.open_world.time_budget import TimeBudget
@@ -87,7 +88,9 @@ class Engine:
         self.copies = Copies(self.problem) if merges else self._copies_of_known_objects()
         self.alternatives = Alternatives(list(self.hypotheses.live)) if merges else NoAlternatives()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
-        self.genuine = GenuineObjects(self.problem.open_world, self.problem.detection_errors)
+        self.genuine = GenuineObjects(
+            self.problem.open_world, self.problem.detection_errors, counts_misses=self.association.counts_misses
+        )
         association = self.association(self.problem, self.registry)
         self.steps: list[Step] = []  # so far, where histories are replayed
         dissolves = self.problem.spaces.name == "spatial" or self.problem.revision.second_boxes_every_keyframes > 0
@@ -295,12 +298,21 @@ class Engine:
             for row in np.argsort(-log_weights, kind="stable").tolist()
         }
 
+    def _as_scored(self, live: dict[int, Hypothesis], ids: Sequence[int], objects: ObjectTable) -> ObjectTable:
+        """(H, O) objects, with what detectors' scores tell of whether they are things."""
+        gone = objects.missing if objects.missing.size else np.zeros(objects.existence.shape)
+        shares = self.genuine.shares(live, ids, np.minimum(objects.existence + np.nan_to_num(gone), 1.0))
+        if shares is None:
+            return objects
+        missing = objects.missing * shares if objects.missing.size else objects.missing
+        return replace(objects, existence=objects.existence * shares, missing=missing)
+
     def _mixture(self, components: dict[int, HeldComponent], reported: ReportedObjects) -> Mixture:
         """The live hypotheses, heaviest first."""
         live = self._as_believed(components)
         rows = [self._in_map(components[n], own.lineage, reported) for n, own in live.items()]
         objects = stack_rows([own.objects for own in rows])
-        objects = replace(objects, existence=self.genuine.existence(live, reported.ids, objects.existence))
+        objects = self._as_scored(live, reported.ids, objects)
         return Mixture(
             ids=list(live),
             parent_ids=[own.told_parent_id for own in live.values()],

@@ -15,10 +15,12 @@ LEAST_SCORES = 20
 def check(summary: InputSummary) -> Iterator[Finding]:
     configuration, scores = summary.configuration, summary.detections.scores
     scores = scores[np.isfinite(scores)]
-    learns = configuration.open_world.learn_scores
+    world = configuration.open_world
+    learns = world.learn_scores or world.learn_alarm_scores
     if len(scores) < LEAST_SCORES or not (learns or class_model_kind(configuration.semantic_model).labels is not None):
         return
-    user = "open_world.learn_scores" if learns else f"semantic_model.kind: {configuration.semantic_model.kind}"
+    name = "open_world.learn_scores" if world.learn_scores else "open_world.learn_alarm_scores"
+    user = name if learns else f"semantic_model.kind: {configuration.semantic_model.kind}"
     low, high = float(scores.min()), float(scores.max())
     if low < 0.0 or high > 1.0:
         what = f"scores from {low:.3g} to {high:.3g} are no probabilities, by which {user} goes"

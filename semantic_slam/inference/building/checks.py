@@ -8,6 +8,7 @@ from semantic_slam.inference.building.spatial_checks import check_space
 from semantic_slam.inference.building.views import sees_places_in_single_steps, semantics_name
 from semantic_slam.inference.models.noise.noise_settings import DEPTH, DISTANCE
 from semantic_slam.inference.smoothing.horizon import check_horizon
+from semantic_slam.inference.world.departures import Departures
 
 
 def check_settings(configuration: Configuration, association: type[AssociationStrategy]) -> None:
@@ -21,6 +22,7 @@ def check_settings(configuration: Configuration, association: type[AssociationSt
     _check_rates(configuration)
     _check_revision(configuration, association)
     _check_moving(configuration, association)
+    _check_existence(configuration)
     check_horizon(configuration)
 
 
@@ -114,6 +116,15 @@ def _check_revision(configuration: Configuration, association: type[AssociationS
         raise InputError("revision.reassociate_every_keyframes is for association: open; set that, or set it to 0")
     if revision.lost_every_keyframes > 0 and not tracks:
         raise InputError("revision.lost_every_keyframes is for association: open; set that, or set it to 0")
+
+
+def _check_existence(configuration: Configuration) -> None:
+    world = configuration.open_world
+    if world.learn_scores and world.learn_alarm_scores:
+        raise InputError(
+            "open_world.learn_scores and learn_alarm_scores would count the same scores twice; set one of them to false"
+        )
+    _ = Departures(world).by_label  # raises
 
 
 def _check_moving(configuration: Configuration, association: type[AssociationStrategy]) -> None:

@@ -22,8 +22,11 @@ MORE = 1.05
 class GenuineObjects:
     """Follows the scores of each live hypothesis's objects, keyframe by keyframe."""
 
-    def __init__(self, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration) -> None:
-        self._learns_kinds, self._learns_alarms = settings.learn_scores, settings.learn_alarm_scores
+    def __init__(
+        self, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration, *, counts_misses: bool = True
+    ) -> None:
+        """Without ``counts_misses`` nothing shows what a false alarm is."""
+        self._learns_kinds, self._learns_alarms = settings.learn_scores, settings.learn_alarm_scores and counts_misses
         self._errors = errors
         self._news: list[float] = []  # of each keyframe, the share of a score that the keyframe before has not told
         self._moments: list[Array] = []  # of each keyframe (D, 3)
@@ -46,24 +49,30 @@ class GenuineObjects:
         self._moments.append(moments_of(odds))
         self._odds.append(odds[np.isfinite(odds)])
 
-    def existence(self, live: Mapping[int, Hypothesis], object_ids: Sequence[int], by_places: Array) -> Array:
-        """(H, O) existence of the objects of each live hypothesis, heaviest first, from that ``by_places`` (H, O)."""
+    def shares(self, live: Mapping[int, Hypothesis], object_ids: Sequence[int], things: Array) -> Array | None:
+        """(H, O) of what places tell of each live hypothesis's objects, heaviest first, that scores leave; None: all.
+
+        ``things`` (H, O) is how likely each is a thing by its places, there yet or gone.
+        """
         if not self.is_on or not live:
-            return by_places
+            return None
         self._of = {number: self._sums(own) for number, own in live.items()}
         ids = np.asarray(object_ids, dtype=int)
         moments = np.array([_of_ids(own, ids) for own in self._of.values()])
-        found = self._without_alarms(ids, by_places, moments) if self._learns_alarms else by_places
-        kinds = self._kinds_so_far() if self._learns_kinds else None
-        return found if kinds is None else found * kinds.genuine(moments)
+        if self._learns_alarms:
+            return self._without_alarms(ids, things, moments)
+        kinds = self._kinds_so_far()
+        return None if kinds is None else kinds.genuine(moments)
 
-    def _without_alarms(self, ids: Index, by_places: Array, moments: Array) -> Array:
-        """(H, O) existence with what the scores of the heaviest hypothesis's objects, those given up too, tell."""
+    def _without_alarms(self, ids: Index, things: Array, moments: Array) -> Array | None:
+        """(H, O) shares by what the scores of the heaviest hypothesis's objects, those given up too, tell."""
         heaviest = next(iter(self._of.values()))
-        exists = np.zeros(max(len(heaviest), 1 + max(ids, default=-1)))
-        exists[ids] = np.nan_to_num(by_places[0])
-        alarms = AlarmScores.of(heaviest, exists[: len(heaviest)])
-        return by_places if alarms is None else alarms.existence(by_places, moments)
+        known = np.zeros(max(len(heaviest), 1 + max(ids, default=-1)))
+        known[ids] = np.clip(np.nan_to_num(things[0]), 0.0, 1.0)
+        alarms = AlarmScores.of(heaviest, known[: len(heaviest)])
+        if alarms is None:
+            return None
+        return np.asarray(alarms.weighed(things, moments) / np.maximum(things, np.finfo(float).tiny))
 
     def _kinds_so_far(self) -> ScoreKinds | None:
         """The kinds of all scores so far, found anew as there are more scores."""

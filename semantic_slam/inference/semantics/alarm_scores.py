@@ -1,9 +1,10 @@
 """What a detector's scores tell of what was seen little: a thing, or a false alarm.
 
-What exists by all that places tell, and what does not, show what scores things and false alarms have: log odds that
-are Gaussian about two means and as wide about one as about the other. Either mean leans on that of all scores, and how
-far there are two at all is decided by evidence, that of one Gaussian against that of two (approximated by Schwarz).
-Where things that were seen again and again have the scores of false alarms, scores tell nothing.
+What is a thing by all that places tell, whether it is there yet or has left, and what is none, show what scores things
+and false alarms have: log odds that are Gaussian about two means and as wide about one as about the other. Each object
+counts as one score, however often it was seen. Either mean leans on that of all, and how far there are two at all is
+decided by evidence, that of one Gaussian against that of two (approximated by Schwarz). Where things that were seen
+again and again have the scores of false alarms, scores tell nothing.
 """
 
 from dataclasses import dataclass
@@ -30,17 +31,18 @@ class AlarmScores:
     probability: float  # that they are two
 
     @classmethod
-    def of(cls, moments: Array, existence: Array) -> Self | None:
+    def of(cls, moments: Array, things: Array) -> Self | None:
         """What the scores of N objects show, given up ones among them; None where they tell nothing.
 
         ``moments`` (N, 3): sums of :func:`~semantic_slam.inference.semantics.detector_scores.moments_of`;
-        ``existence`` (N,): as places have it.
+        ``things`` (N,): how likely each is a thing, as places have it.
         """
-        count, total, squared = moments.sum(axis=0)
+        each = moments / np.maximum(moments[:, :1], np.finfo(float).tiny)
+        count, total, squared = each.sum(axis=0)
         if count <= 0.0 or squared / count - (total / count) ** 2 <= LEAST_SIGMA**2:
             return None
         mean = total / count
-        counts, totals = (np.stack([1.0 - existence, existence]) @ moments[:, :2]).T
+        counts, totals = (np.stack([1.0 - things, things]) @ each[:, :2]).T
         means = (totals + LEANING * mean) / (counts + LEANING)
         if means[0] >= means[1]:
             return None
@@ -50,8 +52,8 @@ class AlarmScores:
         gain = 0.5 * (count * np.log(alone / (count * variance)) - PARAMETERS_APART * np.log(count))
         return cls(means=means, variance=variance, probability=float(expit(gain)))
 
-    def existence(self, existence: Array, moments: Array) -> Array:
-        """(...,) how likely objects exist, by places (...,) and by the mean score of each, from ``moments`` (..., 3).
+    def weighed(self, things: Array, moments: Array) -> Array:
+        """(...,) how likely objects are things, by places (...,) and by the mean score of each, ``moments`` (..., 3).
 
         What has no score is as places have it.
         """
@@ -59,5 +61,5 @@ class AlarmScores:
         has_score = count > 0.0
         mean = np.where(has_score, total, 0.0) / np.where(has_score, count, 1.0)
         log_ratio = (self.means[1] - self.means[0]) * (mean - self.means.mean()) / self.variance
-        told = existence / (existence + (1.0 - existence) * np.exp(-np.clip(log_ratio, -700.0, 700.0)))
-        return np.where(has_score, self.probability * told + (1.0 - self.probability) * existence, existence)
+        told = things / (things + (1.0 - things) * np.exp(-np.clip(log_ratio, -700.0, 700.0)))
+        return np.where(has_score, self.probability * told + (1.0 - self.probability) * things, things)

@@ -14,9 +14,12 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 STATE = 6
 """Components of a state."""
+UNDECIDED = 1.0 - 1e-9
+"""Probability that an object may move up to which its hypothesis has not decided that."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +95,16 @@ class Movers:
             if _is_known(self, name)
         }
         return replace(self, **both)
+
+    def among(self, before: HypothesisObjects, after: HypothesisObjects) -> "Movers":
+        """With the existence ``after`` some of those that are not decided have left, which stand: not what moves."""
+        rows = before.rows(self.ids[~self.decided])
+        moving, existence = self.moving.copy(), self.existence.copy()
+        existence[~self.decided] = after.existence_given[rows]
+        known = np.maximum(existence[~self.decided], np.finfo(float).tiny)
+        moving[~self.decided] *= before.existence_given[rows] / known
+        moving[~self.decided] = np.minimum(moving[~self.decided], UNDECIDED)
+        return replace(self, moving=moving, existence=existence)
 
     def with_rates(self, kept: Flags | None) -> "Movers":
         """Under some of the settings of the sensor alone; None: under all."""

@@ -43,12 +43,18 @@ class HypothesisObjects:
         """Where (n,) objects stand; all of them must be there."""
         return np.asarray(np.searchsorted(self.ids, object_ids))
 
-    def left_until(self, stamp_ns: int, departures_per_hour: Array | float) -> "HypothesisObjects":
-        """The objects as time leaves them: each that is there departs for good at a constant rate, (O, 1) or of all."""
+    def left_until(
+        self, stamp_ns: int, departures_per_hour: Array | float, moving: Array | float = 0.0
+    ) -> "HypothesisObjects":
+        """The objects as time leaves them: each that stands departs for good at a constant rate, (O, 1) or of all.
+
+        ``moving`` (O, G) is the probability that one moves, if it exists: it then is somewhere.
+        """
         if self.gone is None:
             return self
         elapsed_s = 0.0 if self.stamp_ns is None else max(stamp_ns - self.stamp_ns, 0) / 1e9
         stays = np.exp(-departures_per_hour * elapsed_s / 3600.0)
+        stays = stays + (1.0 - stays) * moving
         leaving = (1.0 - stays) * self.existence_given
         return replace(self, existence_given=stays * self.existence_given, gone=self.gone + leaving, stamp_ns=stamp_ns)
 

@@ -44,6 +44,6 @@ def _entry(text: str) -> tuple[str, float]:
         value = float(rate)
     except ValueError:
         value = np.nan
-    if not label or not 0.0 <= value < np.inf:
+    if not label.strip() or not 0.0 <= value < np.inf:
         raise InputError(f"open_world.departures_by_label: {text!r} is not LABEL=RATE per hour, 0 or more; correct it")
     return label.strip().lower(), value

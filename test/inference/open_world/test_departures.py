@@ -136,7 +136,28 @@ def test_what_leaves_soon_by_its_label_does_and_the_rest_stays() -> None:
     assert post.existence[0] == pytest.approx(1.0, abs=1e-3) and post.missing[0] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("entry", ["robot", "=3", "robot=-1", "robot=fast", "robot=inf"])
-def test_a_rate_that_is_none_is_named(entry: str) -> None:
+@pytest.mark.parametrize("association", ["open", "given"])
+@pytest.mark.parametrize("entry", ["robot", " =3", "robot=-1", "robot=fast", "robot=inf"])
+def test_a_rate_that_is_none_is_named(entry: str, association: str) -> None:
+    """Before a run, by whoever announces it."""
     with pytest.raises(InputError, match="departures_by_label"):
-        Engine(Configuration.of(association="open", open_world={"departures_by_label": [entry]}))
+        Engine(Configuration.of(association=association, open_world={"departures_by_label": [entry]}))
+
+
+def test_what_may_move_and_is_seen_once_leaves_as_far_as_it_stands() -> None:
+    """Seen once by a robot that drives on: what moves is somewhere, what stands may have left."""
+    chosen = Configuration.of(
+        association="open",
+        semantic_model={"kind": "none"},
+        open_world=SETTINGS | {"iterate_updates": False, "max_range_m": 4.0},
+        moving={"share": 0.4},
+    )
+    engine = Engine(chosen)
+    for k in range(31):
+        sights = [Detection.at(3.0, 0.0)] if k == 0 else []
+        belief = engine.process(Keyframe.planar(k, detections=sights, motion=(3.0 if k == 1 else 0.0, 0.0, 0.0)))
+        if k == 0:
+            born, share = float(belief.existence[0]), 0.4
+    stays = (1.0 - LEAVES) ** 30
+    assert belief.existence[0] == pytest.approx(born * (share + (1.0 - share) * stays), abs=0.01)
+    assert belief.missing[0] == pytest.approx(born * (1.0 - share) * (1.0 - stays), abs=0.01)

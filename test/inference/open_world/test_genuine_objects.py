@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from worlds.drives.open_room import make_room
 
+from semantic_slam import Configuration, InputError
 from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldConfiguration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.hypotheses import Hypothesis
@@ -39,19 +40,20 @@ def hypothesis(count: int, parent: int) -> Hypothesis:
     return Hypothesis(owner=0, log_weight=0.0, parent_id=parent, lineage=(step,) * count)
 
 
-def followed(settings: OpenWorldConfiguration = ON) -> tuple[GenuineObjects, np.ndarray]:
+def followed(settings: OpenWorldConfiguration = ON) -> tuple[GenuineObjects, np.ndarray | None]:
     """Three objects in each keyframe, of which the last has low scores."""
-    rng, genuine, found = np.random.default_rng(0), GenuineObjects(settings, ERRORS), np.empty(0)
+    rng, genuine, found = np.random.default_rng(0), GenuineObjects(settings, ERRORS), None
     for index in range(KEYFRAMES):
         odds = np.array([rng.normal(8.0, 2.0), rng.normal(9.0, 2.0), rng.normal(0.0, 1.0)])
         genuine.note(step_of(index, 1.0 / (1.0 + np.exp(-odds))))
         live = {index + 100: hypothesis(index + 1, index + 99)}
-        found = genuine.existence(live, [0, 1, DOUBTED, 7], np.ones((1, 4)))
+        found = genuine.shares(live, [0, 1, DOUBTED, 7], np.ones((1, 4)))
     return genuine, found
 
 
 def test_what_scores_low_again_and_again_is_a_mistake() -> None:
     found = followed()[1]
+    assert found is not None
     np.testing.assert_allclose(found, [[1.0, 1.0, 0.0, 1.0]], atol=0.1)
 
 
@@ -66,19 +68,22 @@ def test_a_robot_that_hardly_moves_learns_little_from_more_scores() -> None:
             genuine.note(replace(step_of(index, 1.0 / (1.0 + np.exp(-odds))), motion=motion))
         steps = tuple(LineageStep((0, 1, DOUBTED if k < 4 else -1), (-1, -1, -1), mode=0) for k in range(400))
         live = {500: Hypothesis(owner=0, log_weight=0.0, parent_id=499, lineage=steps)}
-        found[pace] = genuine.existence(live, [0, 1, DOUBTED], np.ones((1, 3)))[0]
+        shares = genuine.shares(live, [0, 1, DOUBTED], np.ones((1, 3)))
+        assert shares is not None
+        found[pace] = shares[0]
     np.testing.assert_allclose([own[:DOUBTED] for own in found.values()], [[1.0, 0.0]] * 2, atol=0.05)
     assert abs(found[5.0][DOUBTED] - 0.5) > abs(found[0.01][DOUBTED] - 0.5)
 
 
 def test_a_history_that_enters_late_knows_as_much_as_one_that_was_followed() -> None:
     genuine, found = followed()
-    late = genuine.existence({9999: hypothesis(KEYFRAMES, 8888)}, [0, 1, DOUBTED, 7], np.ones((1, 4)))
+    assert found is not None
+    late = genuine.shares({9999: hypothesis(KEYFRAMES, 8888)}, [0, 1, DOUBTED, 7], np.ones((1, 4)))
     np.testing.assert_allclose(late, found, rtol=1e-12)
 
 
 def test_scores_tell_nothing_unless_asked_for() -> None:
-    np.testing.assert_array_equal(followed(OpenWorldConfiguration())[1], np.ones((1, 4)))
+    assert followed(OpenWorldConfiguration())[1] is None
 
 
 def with_scores(keyframe: Keyframe, score: Any) -> Keyframe:
@@ -104,8 +109,16 @@ def test_what_was_seen_once_is_doubted_with_the_scores_of_what_was_not_there_aga
         if index == 39:
             odds = np.array([2.0, -1.0])
         genuine.note(step_of(index, 1.0 / (1.0 + np.exp(-odds))))
-        taken = (100, 101) if index == 39 else (0, 1 + index)  # an object, and a new one that is given up
+        taken = (100, 101) if index == 39 else (index % 10, 20 + index)  # a thing, and what is given up
         steps.append(LineageStep(association=taken, class_assignment=(-1, -1), mode=0))
     live = {7: Hypothesis(owner=0, log_weight=0.0, parent_id=6, lineage=tuple(steps))}
-    kept, good, doubted = genuine.existence(live, [0, 100, 101], np.array([[1.0, 0.6, 0.6]]))[0]
-    assert kept == pytest.approx(1.0) and good > 0.95 and doubted < 0.05
+    shares = genuine.shares(live, [*range(10), 100, 101], np.array([[1.0] * 10 + [0.6] * 2]))
+    assert shares is not None
+    np.testing.assert_allclose(shares[0, :10], 1.0)
+    assert 0.6 * shares[0, 10] > 0.95 and 0.6 * shares[0, 11] < 0.05
+
+
+def test_scores_are_not_counted_twice() -> None:
+    both = {"learn_scores": True, "learn_alarm_scores": True}
+    with pytest.raises(InputError, match="learn_alarm_scores"):
+        Engine(Configuration.of(association="open", open_world=both))

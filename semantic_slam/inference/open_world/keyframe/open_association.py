@@ -26,7 +26,6 @@ from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedE
 from semantic_slam.inference.open_world.joint.ranking import JointRanking
 from semantic_slam.inference.open_world.keyframe.existence_accounts import least_detected
 from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
-from semantic_slam.inference.open_world.moving.labels_apart import LabelsApart
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.prediction.predictor import Predictor
 from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
@@ -52,7 +51,6 @@ class OpenAssociation:
         self.predictor = Predictor(
             problem.model, problem.open_world, problem.detection_errors, problem.moving, departures
         )
-        self.labels = LabelsApart(problem.moving, registry)
 
     @classmethod
     def suited_to(cls, configuration: Configuration) -> type[Any]:
@@ -181,8 +179,6 @@ class OpenAssociation:
         log_new += np.array([birth.log_area for birth in prediction.births])
         if pairs.log_words is not None:
             log_detected, log_new = log_detected + pairs.log_words[:, :-1], log_new + pairs.log_words[:, -1]
-        if prediction.labels:
-            log_detected = log_detected + self.labels.log_factors(prediction.labels, prediction.near_ids)
         log_known = pairs.log_density + log_detected
         admitted |= self._outliers(pairs, log_known, log_new)
         moving, may_move, objects = self._moving(prediction, log_known, admitted, log_new, log_missed, log_weights)
@@ -242,7 +238,6 @@ class OpenAssociation:
         least = least_detected(self.settings)
         by_rates = log_weights + movers.log_detected(least, log_missed, prediction.undecided)
         moving = density + np.logaddexp.reduce(by_rates, axis=1)
-        moving = moving + self.labels.log_factors(prediction.labels, movers.movers.ids)
         best = np.maximum(log_new, np.where(admitted, log_known, -np.inf).max(axis=1, initial=-np.inf))
         likely = moving > best[:, None] - np.log(self.problem.pruning.ratio)
         ids = np.concatenate([prediction.near_ids, movers.movers.ids])

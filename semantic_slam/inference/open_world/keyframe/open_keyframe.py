@@ -25,7 +25,6 @@ from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedE
 from semantic_slam.inference.open_world.keyframe.existence_accounts import ExistenceAccounts
 from semantic_slam.inference.open_world.keyframe.keyframe_problems import open_keyframe_problem
 from semantic_slam.inference.open_world.keyframe.mover_updates import movers_after
-from semantic_slam.inference.open_world.moving.labels_apart import LabelsApart
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
@@ -142,21 +141,10 @@ class OpenKeyframe:
         return np.array([own.rates.average(own.expected_births) for own in self.predictions])
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """Births, detections and misses; labels; and what gravity tells, which is as likely whatever is detected."""
+        """Births, detections and misses; and what gravity tells, which is as likely whatever is detected."""
         accounts = ExistenceAccounts(self.problem.open_world, self.step, self.predictions, self.born)
-        object_ids = candidates.assignments.object_ids(self.object_ids)
-        factors, updates = accounts.of(candidates.assignments, object_ids)
-        factors = factors + self._labels.log_factor(self.labels, object_ids)
+        factors, updates = accounts.of(candidates.assignments, candidates.assignments.object_ids(self.object_ids))
         return factors + self._log_levels[candidates.assignments.parents], updates
-
-    @property
-    def labels(self) -> Sequence[str]:
-        """(n,) what the detections are called, where that is asked for; else nothing."""
-        return [self.step.labels[number] for number in self.used.tolist()] if self.step.labels else []
-
-    @cached_property
-    def _labels(self) -> LabelsApart:
-        return LabelsApart(self.problem.moving, self.registry)
 
     @cached_property
     def _log_levels(self) -> Array:

@@ -48,7 +48,6 @@ class Prediction:
     detectable: Array | None  # (O, G) probability that an object can be detected at all, where misses come in runs
     movers: PredictedMovers | None = None  # objects that move, or may; None: nothing does
     log_level: float = 0.0  # log density of what gravity tells, where something feels it
-    labels: Sequence[str] = ()  # D, what the detector calls them, where something may move
 
     @cached_property
     def stands(self) -> Array:

@@ -25,6 +25,8 @@ from semantic_slam.inference.open_world.second_boxes import second_boxes
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.states.carried_errors import CarriedErrors
+from semantic_slam.inference.states.movers import Movers
+from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 from semantic_slam.inference.world.departures import Departures
 
 
@@ -78,13 +80,14 @@ class Predictor:
         objects = objects_in_reach(component.spaces, tracked, robot, reach, near, belief)
         detected = self._detected(component, region, reach, objects)
         num_second, second = second_boxes(self.settings, component, births, detected)
+        population, movers = self._left(component, stamp_ns)
         expected, intensity, existence = geometry.expected_births(
             self.settings, component, region, robot, births, detections, second
         )
         return Prediction(
-            movers=self._movers(component, predicted.motion, region, stamp_ns, detections, labels),
+            movers=self._movers(component, movers, predicted.motion, region, stamp_ns, detections, labels),
             component=component,
-            population=component.objects.left_until(stamp_ns, self._departures.per_hour(component.objects.ids)),
+            population=population,
             near=near,
             predicted=belief,
             local=local,
@@ -103,8 +106,18 @@ class Predictor:
             detectable=component.objects.detectable,
             detections=detections,
             region=region,
-            labels=labels,
         )
+
+    def _left(self, component: Component, stamp_ns: int) -> tuple[HypothesisObjects, Movers | None]:
+        """Objects, and what moves or may, as time leaves them: what moves does not leave."""
+        objects, movers = component.objects, component.movers
+        per_hour = self._departures.per_hour(objects.ids)
+        if objects.gone is None or movers is None or movers.decided.all():
+            return objects.left_until(stamp_ns, per_hour), movers
+        moving = np.zeros(objects.existence_given.shape)
+        moving[objects.rows(movers.ids[~movers.decided])] = movers.moving[~movers.decided]
+        population = objects.left_until(stamp_ns, per_hour, moving)
+        return population, movers.among(objects, population)
 
     def _in_reach(self, component: Component, region: Any, robot: Array, spread: Array) -> Index:
         """(N,) rows of objects that may be in the region of a robot with a covariance ``spread``."""
@@ -131,6 +144,7 @@ class Predictor:
     def _movers(
         self,
         component: Component,
+        movers: Movers | None,
         robot_motion: RobotMotion,
         region: SensorRegion,
         stamp_ns: int,
@@ -138,11 +152,11 @@ class Predictor:
         labels: Sequence[str],
     ) -> PredictedMovers | None:
         """What moves, or may; None where nothing does, and none of the detections may be of what does."""
-        if component.movers is None or not (len(component.movers) or self._moving.shares(labels).any()):
+        if movers is None or not (len(movers) or self._moving.shares(labels).any()):
             return None
         return predicted_movers(
             self._moving,
-            component.movers,
+            movers,
             robot_motion,
             stamp_ns,
             region=region,
