@@ -169,6 +169,7 @@ class BagRecorder(PipelineNode):
         if topic == topics.BELIEF and self._is_of_next_run(message):
             self._begin_session()
         if topic == topics.BELIEF and not self._is_due(int(message.keyframe), stamp_ns):
+            self._repeats.forget(absolute(topic), _key(topic, data))  # a copy that overtook it: it itself is to come
             return
         self._write_raw(topic, data, stamp_ns)
 

@@ -30,3 +30,10 @@ class Repeats:
         if len(order) > MOST_REMEMBERED:
             known.discard(order.popleft())
         return False
+
+    def forget(self, topic: str, data: bytes) -> None:
+        """Take a message for one that the topic never had: it was not used, and may come again in its turn."""
+        digest = blake2b(data, digest_size=8).digest()
+        if digest in self._known.get(topic, ()):
+            self._known[topic].remove(digest)
+            self._order[topic].remove(digest)

@@ -48,6 +48,15 @@ def test_repeated_messages_are_known_by_topic_and_content() -> None:
     assert counted == {"odom": 1}
 
 
+def test_what_was_not_used_may_come_again() -> None:
+    repeats = Repeats(Counter())
+    repeats.is_known("belief", b"a")
+    repeats.forget("belief", b"a")
+    repeats.forget("belief", b"b")
+    repeats.forget("odom", b"a")
+    assert not repeats.is_known("belief", b"a") and repeats.is_known("belief", b"a")
+
+
 def test_what_is_remembered_is_bounded() -> None:
     repeats = Repeats(Counter())
     for n in range(MOST_REMEMBERED + 1):

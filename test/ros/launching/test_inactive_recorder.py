@@ -92,3 +92,21 @@ def test_copies_that_overtake_beliefs_end_no_recorder_and_beliefs_that_are_lost_
         recorder.worker.stop()
     finally:
         rclpy.try_shutdown()
+
+
+def test_a_belief_whose_copy_overtook_others_is_recorded_in_its_turn(tmp_path: Path) -> None:
+    """In a lossless replay, where what comes again is left out."""
+    given = [f"bag:={tmp_path / 'bag'}", "autostart:=false", "lossless:=true"]
+    rclpy.init(args=["--ros-args", *(word for item in given for word in ("-p", item))])
+    try:
+        recorder = BagRecorder()
+        for keyframe in (0, 2, 1, 2, 2, 0, 3):
+            recorder._write(topics.BELIEF, belief(keyframe))
+        assert recorder._num_beliefs == 4
+        assert recorder.refused[f"{topics.BELIEF}: out of turn"] == 1
+        assert recorder.repeated.total() == 2
+        recorder.worker.stop()
+        recorder.close()
+    finally:
+        rclpy.try_shutdown()
+    assert [found.keyframe for found in beliefs(tmp_path / "bag")] == [0, 1, 2, 3]
