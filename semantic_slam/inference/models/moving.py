@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.configuration import DetectionErrorsConfiguration, MovingConfiguration
+from semantic_slam.configuration.labelled_numbers import labelled_numbers
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Flags
 
@@ -25,7 +26,12 @@ class Moving:
     @cached_property
     def by_label(self) -> dict[str, float]:
         """Detector's label, in lower case -> share of its objects that move. Raises InputError."""
-        return dict(map(_entry, self.settings.share_by_label))
+        return labelled_numbers(
+            "moving.share_by_label",
+            self.settings.share_by_label,
+            "LABEL=SHARE with a share in [0, 1)",
+            lambda share: 0.0 <= share < 1.0,
+        )
 
     @cached_property
     def largest_share(self) -> float:
@@ -86,14 +92,3 @@ class Moving:
         near = square / spread * np.exp(-0.5 * (driven**2).sum(axis=-1) / spread)
         common = np.array([settings.common_range_share, settings.common_bearing_share])
         return np.asarray(np.exp(-motion) * (common + (1.0 - common) * near[..., None]))
-
-
-def _entry(text: str) -> tuple[str, float]:
-    label, _, share = text.rpartition("=")
-    try:
-        value = float(share)
-    except ValueError:
-        value = -1.0
-    if not label or not 0.0 <= value < 1.0:
-        raise InputError(f"moving.share_by_label: {text!r} is not LABEL=SHARE with a share in [0, 1); correct it")
-    return label.strip().lower(), value

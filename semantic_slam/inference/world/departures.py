@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.errors import InputError
+from semantic_slam.configuration.labelled_numbers import labelled_numbers
 from semantic_slam.geometry.arrays import Array, Index
 
 
@@ -21,7 +21,12 @@ class Departures:
     @cached_property
     def by_label(self) -> dict[str, float]:
         """Detector's label, in lower case -> rate per hour. Raises InputError."""
-        return dict(map(_entry, self.settings.departures_by_label))
+        return labelled_numbers(
+            "open_world.departures_by_label",
+            self.settings.departures_by_label,
+            "LABEL=RATE per hour, 0 or more",
+            lambda rate: 0.0 <= rate < np.inf,
+        )
 
     @property
     def is_on(self) -> bool:
@@ -36,14 +41,3 @@ class Departures:
             return every
         labels = [self.label_of(number).lower() for number in object_ids.tolist()]
         return np.array([self.by_label.get(label, every) for label in labels], dtype=np.float64).reshape(-1, 1)
-
-
-def _entry(text: str) -> tuple[str, float]:
-    label, _, rate = text.rpartition("=")
-    try:
-        value = float(rate)
-    except ValueError:
-        value = np.nan
-    if not label.strip() or not 0.0 <= value < np.inf:
-        raise InputError(f"open_world.departures_by_label: {text!r} is not LABEL=RATE per hour, 0 or more; correct it")
-    return label.strip().lower(), value

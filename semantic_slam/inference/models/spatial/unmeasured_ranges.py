@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from semantic_slam.configuration import Configuration, NewObjectConfiguration
-from semantic_slam.errors import InputError
+from semantic_slam.configuration.labelled_numbers import labelled_numbers
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 
@@ -54,15 +54,9 @@ def log_angle(angular_size_rad: Array) -> float:
 
 def sizes_by_label(new: NewObjectConfiguration) -> dict[str, float]:
     """Metres by the detector's labels in lower case, as configured. Raises InputError."""
-    return dict(map(_entry, new.size_by_label))
-
-
-def _entry(text: str) -> tuple[str, float]:
-    label, _, size = text.rpartition("=")
-    try:
-        value = float(size)
-    except ValueError:
-        value = np.nan
-    if not label or not 0.0 < value < np.inf:
-        raise InputError(f"new_objects.size_by_label: {text!r} is not LABEL=SIZE with metres above 0; correct it")
-    return label.strip().lower(), value
+    return labelled_numbers(
+        "new_objects.size_by_label",
+        new.size_by_label,
+        "LABEL=SIZE with metres above 0",
+        lambda size: 0.0 < size < np.inf,
+    )
