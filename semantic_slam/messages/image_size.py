@@ -1,10 +1,13 @@
-"""Width and height that a compressed picture claims, read from its first bytes: a few of them may claim gigabytes."""
+"""Width and height that a compressed picture claims, read before it is decoded: a few bytes may claim gigabytes."""
 
 import struct
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 PNG_SIZE = struct.Struct(">II")
 PNG_SIZE_AT = 16
+PNG_CHUNK = struct.Struct(">I4s")
+"""Length and name before the data of a chunk, which a checksum of four bytes follows."""
+PNG_CHECKSUM_BYTES, PNG_END = 4, b"IEND"
 JPEG_MAGIC = b"\xff\xd8"
 JPEG_SEGMENT = struct.Struct(">BBH")
 JPEG_SIZE = struct.Struct(">xHH")
@@ -15,11 +18,33 @@ JPEG_ALONE = frozenset({0x01, 0xFF, *range(0xD0, 0xD9)})
 
 
 def claimed_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) in the header of a png or jpeg; None where there is none."""
-    if data.startswith(PNG_MAGIC) and len(data) >= PNG_SIZE_AT + PNG_SIZE.size:
-        width, height = PNG_SIZE.unpack_from(data, PNG_SIZE_AT)
-        return int(width), int(height)
+    """(width, height) in the header of a png or jpeg; None where there is none, or a png's chunks are not all there.
+
+    Of a chunk that claims gigabytes, which follow nowhere, a decoder makes room for all.
+    """
+    if data.startswith(PNG_MAGIC):
+        return _png_size(data)
     return _jpeg_size(data) if data.startswith(JPEG_MAGIC) else None
+
+
+def is_known(data: bytes) -> bool:
+    """Whether it begins as a png or a jpeg does, whose size can be told."""
+    return data.startswith((PNG_MAGIC, JPEG_MAGIC))
+
+
+def _png_size(data: bytes) -> tuple[int, int] | None:
+    at = len(PNG_MAGIC)
+    if len(data) < PNG_SIZE_AT + PNG_SIZE.size:
+        return None
+    while at + PNG_CHUNK.size <= len(data):
+        length, name = PNG_CHUNK.unpack_from(data, at)
+        at += PNG_CHUNK.size + length + PNG_CHECKSUM_BYTES
+        if at > len(data):
+            return None
+        if name == PNG_END:
+            break
+    width, height = PNG_SIZE.unpack_from(data, PNG_SIZE_AT)
+    return int(width), int(height)
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int] | None:

@@ -60,6 +60,21 @@ def test_a_picture_that_claims_sixty_thousand_pixels_each_way_is_refused_at_once
         decode_depth(compressed(1, "16UC1; png", bomb), "depth")
 
 
+@pytest.mark.parametrize("length", [2**32 - 7, 2**31 - 1, 5000])
+def test_a_png_with_a_chunk_that_is_longer_than_the_file_is_never_decoded(
+    length: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For which a decoder makes room: four gigabytes, and seconds, for a picture of 32 x 24."""
+    png = cv2.imencode(".png", np.zeros((24, 32, 3), np.uint8))[1].tobytes()
+    longer = np.frombuffer(png[:33] + struct.pack(">I", length) + png[37:], np.uint8)
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("decoded"))
+    assert claimed_size(longer.tobytes()) is None
+    with pytest.raises(MessageError, match="image"):
+        decode_image(compressed(1, "png", longer), "image")
+    with pytest.raises(MessageError, match="depth"):
+        decode_depth(compressed(1, "16UC1; png", longer), "depth")
+
+
 def test_a_picture_of_another_size_than_the_cameras_is_never_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("decoded"))
     assembler, entries = FrameAssembler(from_dict({}), has_depth=False), input_entries(1)

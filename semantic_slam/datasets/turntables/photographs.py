@@ -13,7 +13,7 @@ from semantic_slam.datasets.turntables.pattern import PathPattern
 from semantic_slam.datasets.turntables.plain_background import object_mask
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Bytes, Flags
-from semantic_slam.messages.image_size import claimed_size
+from semantic_slam.messages.image_size import claimed_size, is_known
 from semantic_slam.messages.images import MOST_PIXELS
 
 REQUIRED, OPTIONAL = ("file", "object", "azimuth_deg"), ("elevation_deg", "range_m", "mask")
@@ -134,7 +134,8 @@ def _picture(path: Path, mode: int) -> Bytes:
     size = claimed_size(data)
     if size is not None and size[0] * size[1] > MOST_PIXELS:
         raise InputError(f"{path}: claims {size[0]} x {size[1]} pixels; give a smaller picture")
-    picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), mode) if data else None
+    is_whole = bool(data) and (size is not None or not is_known(data))
+    picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), mode) if is_whole else None
     if picture is None:
         raise InputError(f"{path}: missing or not a picture; restore it from the data set")
     return np.asarray(picture, dtype=np.uint8)
