@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages.picture_files import read_picture
 
 CAMERAS = ("NP1", "NP2", "NP3", "NP4", "NP5")
 METRES_PER_RAW_DEPTH = 1e-4
@@ -58,12 +59,12 @@ class TurntableView:
     @cached_property
     def image(self) -> NDArray[np.uint8]:
         """(height, width, 3) RGB picture of the view."""
-        return np.ascontiguousarray(_picture(self.folder / f"{self.stem}.jpg", cv2.IMREAD_COLOR)[..., ::-1])
+        return np.ascontiguousarray(read_picture(self.folder / f"{self.stem}.jpg", cv2.IMREAD_COLOR)[..., ::-1])
 
     @cached_property
     def mask(self) -> NDArray[np.bool_]:
         """(height, width) of the picture, true on the object."""
-        return np.asarray(_picture(self.folder / "masks" / f"{self.stem}_mask.pbm", cv2.IMREAD_GRAYSCALE) == 0)
+        return np.asarray(read_picture(self.folder / "masks" / f"{self.stem}_mask.pbm", cv2.IMREAD_GRAYSCALE) == 0)
 
     @property
     def box(self) -> Array:
@@ -121,13 +122,6 @@ def turntable_views(folder: Path, cameras: Sequence[str] = CAMERAS) -> Iterator[
             pose = _dataset(folder / "poses" / f"NP5_{angle}_pose.h5", "H_table_from_reference_camera")
             table_from_camera = pose @ np.linalg.inv(calibration.camera_from_reference[camera])
             yield TurntableView(folder, folder.name, camera, angle, table_from_camera, calibration.depth_scales[camera])
-
-
-def _picture(path: Path, mode: int) -> NDArray[np.uint8]:
-    picture = cv2.imread(str(path), mode) if path.is_file() else None
-    if picture is None:
-        raise InputError(f"{path}: missing or not a picture; restore it from the data set")
-    return np.asarray(picture, dtype=np.uint8)
 
 
 def _dataset(path: Path, name: str) -> Array:

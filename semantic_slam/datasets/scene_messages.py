@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from semantic_slam.errors import InputError
+from semantic_slam.messages.picture_files import read_picture
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class
 from semantic_slam.perception.frame import CameraModel
@@ -36,9 +37,7 @@ def encoded_image(data: bytes, suffix: str, stamp_ns: int, frame_id: str) -> Any
 
 
 def _scaled(path: Path, scale: float, interpolation: int) -> bytes:
-    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if picture is None:
-        raise InputError(f"{path}: not a picture; restore it from the data set")
+    picture = read_picture(path, cv2.IMREAD_UNCHANGED)
     size = (round(picture.shape[1] * scale), round(picture.shape[0] * scale))
     small = cv2.resize(picture, size, interpolation=interpolation)
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if path.suffix == ".jpg" else []

@@ -13,6 +13,7 @@ from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.lookalike import ELEVATION_RAD, Lookalikes, lookalikes
 from semantic_slam.latent.model import DescriptorModel
+from semantic_slam.messages.picture_files import decode_picture
 from semantic_slam.perception.collaborators import FeatureExtractor, crop_features
 from semantic_slam.perception.crops import box_fault
 
@@ -60,8 +61,7 @@ class LookalikeQuery:
 
 def picture(data: bytes, origin: str) -> Bytes:
     """(height, width, 3) RGB pixels of an encoded picture; raises InputError that names ``origin``."""
-    encoded = np.frombuffer(data, dtype=np.uint8)
-    pixels = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if len(encoded) else None
+    pixels = decode_picture(data, cv2.IMREAD_COLOR, origin)
     if pixels is None:
         raise InputError(f"{origin}: not a picture; give a png or jpeg")
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), dtype=np.uint8)

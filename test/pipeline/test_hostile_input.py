@@ -4,7 +4,6 @@ import json
 import resource
 import struct
 import sys
-import zlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,6 +15,7 @@ import pytest
 import zstandard
 from worlds.bags.bag_factory import HEIGHT, WIDTH, compressed, input_entries, map_prior, of_topic, write_bag
 from worlds.belief_factory import small_belief
+from worlds.hostile_pictures import png_that_claims, png_with_a_chunk_of
 
 from semantic_slam.bag.chunk_limits import LARGEST_CHUNK
 from semantic_slam.bag.mcap_stream import McapStream
@@ -35,13 +35,6 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.usable_measurements import usable
 from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.preamble import checked_initial_pose
-
-
-def png_that_claims(width: int, height: int) -> bytes:
-    """69 bytes and less: one black pixel, and the size of another picture."""
-    png = cv2.imencode(".png", np.zeros((1, 1, 3), np.uint8))[1].tobytes()
-    header = b"IHDR" + struct.pack(">II", width, height) + png[24:29]
-    return png[:12] + header + struct.pack(">I", zlib.crc32(header)) + png[33:]
 
 
 @pytest.mark.parametrize("kind", [".png", ".jpg"])
@@ -65,8 +58,7 @@ def test_a_png_with_a_chunk_that_is_longer_than_the_file_is_never_decoded(
     length: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """For which a decoder makes room: four gigabytes, and seconds, for a picture of 32 x 24."""
-    png = cv2.imencode(".png", np.zeros((24, 32, 3), np.uint8))[1].tobytes()
-    longer = np.frombuffer(png[:33] + struct.pack(">I", length) + png[37:], np.uint8)
+    longer = np.frombuffer(png_with_a_chunk_of(length), np.uint8)
     monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("decoded"))
     assert claimed_size(longer.tobytes()) is None
     with pytest.raises(MessageError, match="image"):

@@ -20,6 +20,7 @@ from scipy.io.matlab import MatReadError
 from semantic_slam.datasets.avd.poses import downwards, map_axes, map_pose, world_pose
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages.picture_files import read_picture
 from semantic_slam.perception.frame import CameraModel
 
 MOVES = ("forward", "backward", "left", "right", "rotate_cw", "rotate_ccw")
@@ -66,11 +67,11 @@ class AvdScene:
 
     def image(self, name: str) -> NDArray[np.uint8]:
         """(height, width, 3) RGB picture of an image of the scene."""
-        return np.ascontiguousarray(_picture(self.colour_path / name, cv2.IMREAD_COLOR)[..., ::-1])
+        return np.ascontiguousarray(read_picture(self.colour_path / name, cv2.IMREAD_COLOR)[..., ::-1])
 
     def depth_m(self, name: str) -> NDArray[np.float32]:
         """(height, width) metres along the optical axis, NaN where invalid."""
-        millimetres = _picture(self.depth_path(name), cv2.IMREAD_UNCHANGED)
+        millimetres = read_picture(self.depth_path(name), cv2.IMREAD_UNCHANGED)
         return np.where(millimetres == 0, np.nan, millimetres / MILLIMETRES).astype(np.float32)
 
 
@@ -215,10 +216,3 @@ def _read_json(path: Path) -> Any:
 def _text(value: Any) -> str:
     """A MATLAB string, which comes wrapped in arrays."""
     return str(np.asarray(value).ravel()[0])
-
-
-def _picture(path: Path, mode: int) -> NDArray[Any]:
-    picture = cv2.imread(str(path), mode) if path.is_file() else None
-    if picture is None:
-        raise InputError(f"{path}: missing or not a picture; restore it from the data set")
-    return np.asarray(picture)

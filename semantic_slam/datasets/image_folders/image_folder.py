@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Bytes
+from semantic_slam.messages.picture_files import read_picture
 from semantic_slam.perception.frame import CameraModel
 
 INVALID = 65535
@@ -54,16 +55,13 @@ class ImageFolder:
 
 def read_colour(path: Path) -> Bytes:
     """(height, width, 3) RGB picture of a file. Raises InputError."""
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if picture is None:
-        raise InputError(f"{path}: not a picture; restore it from the data set")
-    return np.ascontiguousarray(picture[..., ::-1], dtype=np.uint8)
+    return np.ascontiguousarray(read_picture(path, cv2.IMREAD_COLOR)[..., ::-1], dtype=np.uint8)
 
 
 def read_depth(path: Path, camera: CameraModel, per_metre: float) -> NDArray[np.float32]:
     """(height, width) metres along the optical axis of a file, NaN where invalid. Raises InputError."""
-    readings = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if readings is None or readings.dtype != np.uint16 or readings.ndim != 2:
+    readings = read_picture(path, cv2.IMREAD_UNCHANGED)
+    if readings.dtype != np.uint16 or readings.ndim != 2:
         raise InputError(f"{path}: not a depth picture of 16 bits; restore it from the data set")
     if readings.shape != (camera.height, camera.width):
         size = f"{camera.width} x {camera.height}"

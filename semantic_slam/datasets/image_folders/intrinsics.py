@@ -8,6 +8,7 @@ from semantic_slam.datasets.drives.tables import table
 from semantic_slam.datasets.frames import CAMERA_FRAME
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages.picture_files import read_picture
 from semantic_slam.perception.frame import CameraModel
 
 FILE = "camera.txt"
@@ -52,10 +53,8 @@ def matrix_intrinsics(matrix: Array) -> tuple[float, float, float, float]:
 
 def picture_size(path: Path) -> tuple[int, int]:
     """Height and width of a picture file; raises InputError."""
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if picture is None:
-        raise InputError(f"{path}: not a picture; restore it from the data set")
-    return int(picture.shape[0]), int(picture.shape[1])
+    height, width = read_picture(path, cv2.IMREAD_COLOR).shape[:2]
+    return int(height), int(width)
 
 
 def _camera(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> CameraModel:

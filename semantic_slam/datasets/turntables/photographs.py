@@ -13,8 +13,7 @@ from semantic_slam.datasets.turntables.pattern import PathPattern
 from semantic_slam.datasets.turntables.plain_background import object_mask
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Bytes, Flags
-from semantic_slam.messages.image_size import claimed_size, is_known
-from semantic_slam.messages.images import MOST_PIXELS
+from semantic_slam.messages.picture_files import read_picture
 
 REQUIRED, OPTIONAL = ("file", "object", "azimuth_deg"), ("elevation_deg", "range_m", "mask")
 """Columns of a table of photographs; paths are relative to the table's folder."""
@@ -35,10 +34,10 @@ class Photograph:
 
     def pixels(self) -> tuple[Bytes, Flags]:
         """(H, W, 3) RGB and (H, W) where the object is; raises InputError."""
-        image = np.ascontiguousarray(_picture(self.file, cv2.IMREAD_COLOR)[..., ::-1])
+        image = np.ascontiguousarray(read_picture(self.file, cv2.IMREAD_COLOR)[..., ::-1])
         if self.mask_file is None:
             return image, object_mask(image)
-        mask = _picture(self.mask_file, cv2.IMREAD_GRAYSCALE) > 127
+        mask = read_picture(self.mask_file, cv2.IMREAD_GRAYSCALE) > 127
         if mask.shape != image.shape[:2]:
             raise InputError(f"{self.mask_file}: of another size than {self.file.name}; give the picture's own mask")
         return image, mask
@@ -126,16 +125,3 @@ def _number(where: str, row: Mapping[str, str | None], column: str, default: flo
     if not math.isfinite(value):
         raise InputError(f"{where}: {column} is '{text}', not a number; correct it")
     return value
-
-
-def _picture(path: Path, mode: int) -> Bytes:
-    """Pixels of a file; raises InputError, before any is decoded where it claims to be too large."""
-    data = path.read_bytes() if path.is_file() else b""
-    size = claimed_size(data)
-    if size is not None and size[0] * size[1] > MOST_PIXELS:
-        raise InputError(f"{path}: claims {size[0]} x {size[1]} pixels; give a smaller picture")
-    is_whole = bool(data) and (size is not None or not is_known(data))
-    picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), mode) if is_whole else None
-    if picture is None:
-        raise InputError(f"{path}: missing or not a picture; restore it from the data set")
-    return np.asarray(picture, dtype=np.uint8)

@@ -69,11 +69,12 @@ def _trunk_features(files: list[Path], network) -> Array:  # type: ignore[no-unt
     import cv2
     from tqdm import tqdm
 
+    from semantic_slam.messages.picture_files import read_picture
     from semantic_slam.perception.networks.mc_dropout import trunk_features
 
     size, found = (network.input_size, network.input_size), []
     for file in tqdm(files, desc="pictures", unit="picture"):
-        picture = np.ascontiguousarray(np.asarray(cv2.imread(str(file)))[..., ::-1])
+        picture = np.ascontiguousarray(read_picture(file, cv2.IMREAD_COLOR)[..., ::-1])
         found.append(trunk_features(network, cv2.resize(picture, size)[None])[0])
     return np.array(found, dtype=np.float64)
 

@@ -1,0 +1,44 @@
+"""The one reader of picture files: what a header claims is looked at before anything is decoded."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.errors import InputError
+from semantic_slam.messages.image_size import claimed_size, is_known
+from semantic_slam.messages.images import MOST_PIXELS
+
+
+def read_picture(path: Path, mode: int) -> NDArray[Any]:
+    """OpenCV's array of a file, by a mode of ``cv2.imread``; raises InputError, before it decodes what is too large."""
+    picture = decode_picture(_content(path), mode, str(path))
+    if picture is None:
+        raise InputError(f"{path}: missing or not a picture; restore it from the data set")
+    return picture
+
+
+def decode_picture(data: bytes, mode: int, origin: str) -> NDArray[Any] | None:
+    """OpenCV's array of an encoded picture, or None where the bytes are none.
+
+    Raises InputError, which names ``origin``, for a png or jpeg that claims more than MOST_PIXELS.
+    """
+    size = claimed_size(data)
+    if size is not None and size[0] * size[1] > MOST_PIXELS:
+        raise InputError(f"{origin}: claims {size[0]} x {size[1]} pixels; give a smaller picture")
+    if not data or (size is None and is_known(data)):
+        return None
+    try:
+        return cv2.imdecode(np.frombuffer(data, dtype=np.uint8), mode)
+    except cv2.error:
+        return None
+
+
+def _content(path: Path) -> bytes:
+    """Bytes of a file; none where it cannot be read."""
+    try:
+        return path.read_bytes() if path.is_file() else b""
+    except OSError:
+        return b""
