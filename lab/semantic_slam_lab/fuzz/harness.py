@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, mkdtemp
 
 import numpy as np
 
@@ -59,20 +59,8 @@ def run(targets: dict[str, Target], arguments: argparse.Namespace) -> int:
     chosen = {name: targets[name] for name in arguments.target or targets}
     if arguments.index is not None:
         return _again(chosen, arguments)
-    give_up = time.monotonic() + arguments.seconds
-    workers = [Worker(chosen, arguments.seed, number, arguments.jobs) for number in range(arguments.jobs)]
-    findings: dict[tuple[str, str, str], list[Finding]] = {}
-    cases = 0
-    while time.monotonic() < give_up:
-        for worker in workers:
-            for finding in worker.poll(0.2):
-                if finding is None:
-                    cases += 1
-                else:
-                    findings.setdefault((finding.target, finding.what.split(":")[0], finding.where), []).append(finding)
-                    cases += 1
-    for worker in workers:
-        worker.stop()
+    with TemporaryDirectory(prefix="fuzz_") as folder:
+        cases, findings = _all_work(chosen, arguments, Path(folder))
     for same in findings.values():
         first = same[0]
         print(f"{first.target} --index {first.index} ({len(same)} times): {first.what} at {first.where}")
@@ -80,11 +68,36 @@ def run(targets: dict[str, Target], arguments: argparse.Namespace) -> int:
     return 1 if findings or not cases else 0
 
 
-class Worker:
-    """A process that runs every ``jobs``-th case; started anew where it dies or hangs."""
+def _all_work(
+    targets: dict[str, Target], arguments: argparse.Namespace, folder: Path
+) -> tuple[int, dict[tuple[str, str, str], list[Finding]]]:
+    """How many cases workers have run in the time, and what they have found: what is alike under one key."""
+    give_up = time.monotonic() + arguments.seconds
+    workers = [Worker(targets, arguments.seed, number, arguments.jobs, folder) for number in range(arguments.jobs)]
+    findings: dict[tuple[str, str, str], list[Finding]] = {}
+    cases = 0
+    try:
+        while time.monotonic() < give_up:
+            for worker in workers:
+                for finding in worker.poll(0.2):
+                    cases += 1
+                    if finding is not None:
+                        key = (finding.target, finding.what.split(":")[0], finding.where)
+                        findings.setdefault(key, []).append(finding)
+    finally:
+        for worker in workers:
+            worker.stop()
+    return cases, findings
 
-    def __init__(self, targets: dict[str, Target], seed: int, number: int, jobs: int) -> None:
-        self._targets, self._seed, self._jobs = targets, seed, jobs
+
+class Worker:
+    """A process that runs every ``jobs``-th case; started anew where it dies or hangs.
+
+    Each start has a new folder in ``folder``, which its maker removes: a process that is killed removes nothing.
+    """
+
+    def __init__(self, targets: dict[str, Target], seed: int, number: int, jobs: int, folder: Path) -> None:
+        self._targets, self._seed, self._jobs, self._folder = targets, seed, jobs, folder
         self._next = number
         self._start()
 
@@ -92,7 +105,8 @@ class Worker:
         context = multiprocessing.get_context("fork")
         self._pipe, theirs = context.Pipe(duplex=False)
         self._last_s = time.monotonic()
-        arguments = (self._targets, self._seed, self._next, self._jobs, theirs)
+        own = Path(mkdtemp(dir=self._folder))
+        arguments = (self._targets, self._seed, self._next, self._jobs, own, theirs)
         self._process = context.Process(target=_work, args=arguments, daemon=True)
         self._process.start()
         theirs.close()
@@ -129,8 +143,8 @@ def _place(targets: dict[str, Target], number: int) -> tuple[str, int]:
     return list(targets)[number % len(targets)], number // len(targets)
 
 
-def _work(targets: dict[str, Target], seed: int, first: int, jobs: int, pipe: Connection) -> None:
-    with TemporaryDirectory(prefix="fuzz_") as folder, open("/dev/null", "w", encoding="ascii") as nowhere:
+def _work(targets: dict[str, Target], seed: int, first: int, jobs: int, folder: Path, pipe: Connection) -> None:
+    with open("/dev/null", "w", encoding="ascii") as nowhere:
         for stream in (sys.stdout, sys.stderr):  # what libraries in C print, too
             os.dup2(nowhere.fileno(), stream.fileno())
         made: dict[str, Case] = {}
@@ -138,7 +152,7 @@ def _work(targets: dict[str, Target], seed: int, first: int, jobs: int, pipe: Co
         while True:
             name, index = _place(targets, number)
             if name not in made:
-                made[name] = targets[name](Path(folder))
+                made[name] = targets[name](folder)
             bound_address_space()
             pipe.send((number, outcome(name, made[name], seed, index)))
             number += jobs

@@ -4,12 +4,13 @@ import argparse
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from semantic_slam_lab.fuzz import limits
+from semantic_slam_lab.fuzz import harness, limits
 from semantic_slam_lab.fuzz.harness import Case, outcome, run
 from semantic_slam_lab.fuzz.limits import MEMORY_BYTES
 from semantic_slam_lab.fuzz.mutation import damaged, with_strange_values
@@ -74,7 +75,14 @@ def test_strange_values_leave_the_original_alone() -> None:
     assert document == {"a": [1, {"b": 2.0}], "c": "text"}
 
 
-def test_a_worker_that_dies_is_a_finding_and_the_rest_goes_on(capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture
+def left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where temporary folders are made, by this process and its workers."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def test_a_worker_that_dies_is_a_finding_and_the_rest_goes_on(capfd: pytest.CaptureFixture[str], left: Path) -> None:
     def dying(folder: Path) -> Case:
         def case(chance: np.random.Generator) -> None:
             if chance.random() < 0.02:
@@ -87,6 +95,22 @@ def test_a_worker_that_dies_is_a_finding_and_the_rest_goes_on(capfd: pytest.Capt
     lines = capfd.readouterr().out.splitlines()
     cases, findings = (int(word) for word in lines[-1].replace(",", "").split() if word.isdigit())
     assert "the process died" in lines[0] and findings == 1 and cases > 60
+    assert list(left.iterdir()) == []
+
+
+def test_a_worker_that_hangs_is_killed_and_the_next_has_a_folder_of_its_own_of_which_nothing_stays(
+    capfd: pytest.CaptureFixture[str], left: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hanging(folder: Path) -> Case:
+        (folder / "once").touch(exist_ok=False)
+        return lambda chance: time.sleep(60.0)
+
+    monkeypatch.setattr(harness, "HANG_S", 0.3)
+    arguments = argparse.Namespace(seconds=2.0, seed=0, jobs=2, target=None, index=None)
+    assert run({"hanging": hanging}, arguments) == 1
+    *findings, last = capfd.readouterr().out.splitlines()
+    assert len(findings) == 1 and "nothing for" in findings[0] and int(last.split()[0]) > 2
+    assert list(left.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", TARGETS)
