@@ -4,10 +4,11 @@ When the robot comes back after a long way it may take one place for another, or
 saw lately is parted from what it knew, which frees that stretch of the drive, and the best set of pairs that are one
 object is looked for in the joint Gaussian of both. The whole drive is solved again with them, and what that weighs
 against the history as it was is the ratio of two integrals, each a Gaussian at its own estimate, times what first
-detections, later ones and misses of the stretch weigh. It enters beside that history, and pruning decides.
+detections, later ones and misses of the stretch weigh, and a detector's words. It enters beside that history, and pruning decides.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from semantic_slam.inference.open_world.planar.region import sensor_region
 from semantic_slam.inference.reassociation.atoms import Atoms
 from semantic_slam.inference.reassociation.solved import RevisedComponent, Solver
 from semantic_slam.inference.reassociation.stretch import Stretch
+from semantic_slam.inference.semantics.interface import RetellsViews
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.reassociation import Sighted
@@ -39,6 +41,8 @@ class Reassociation:
     def __init__(self, problem: Problem, association: AssociationStrategy) -> None:
         self._problem, self._association = problem, association
         self._every = problem.revision.reassociate_every_keyframes
+        semantics = problem.semantics
+        self._retells = isinstance(semantics, RetellsViews) and semantics.retells
         self.is_on = self._every > 0 and not problem.objects and association.counts_misses  # no map
 
     def looked_for(self, step: Step, parents: Parents) -> dict[int, RevisedComponent]:
@@ -52,11 +56,20 @@ class Reassociation:
     def revised(self, step: Step, component: Component, changes: Sequence[Reassigned]) -> RevisedComponent:
         """The component with ``changes``, from those alone. Raises LostComponentError."""
         atoms = Atoms.of(Sighted.of(component.smoother), changes, self._born)
-        return self._solver(step, component).revised(component, atoms)
+        own = self._solver(step, component).revised(component, atoms)
+        return self._retold(own) if component.views else own
+
+    def _retold(self, own: RevisedComponent) -> RevisedComponent:
+        """With what the views tell of the objects that they are of now."""
+        semantics, log_prior_of = self._problem.semantics, self._association.registry.log_class_prior_of
+        assert isinstance(semantics, RetellsViews)
+        gain, views = semantics.retold(own.component.views, own.changes, log_prior_of)
+        kept = {number: record for number, record in views.items() if number in own.component.objects.id_set}
+        return replace(own, component=replace(own.component, views=kept), log_gain=own.log_gain + gain)
 
     def _likelier(self, step: Step, component: Component) -> RevisedComponent | None:
         """A history that gains enough; None: none is found."""
-        if component.smoother.in_charts is None or component.views or component.classes:
+        if component.smoother.in_charts is None or component.classes or component.views and not self._retells:
             return None
         try:
             changes = self._changes(step, component)

@@ -11,7 +11,7 @@ nothing back to the positions. Where boxes tell sizes (``SizeModel``), an object
 its words are, and besides of which object they are.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Self
 
 import numpy as np
@@ -21,11 +21,13 @@ from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.spatial.unmeasured_ranges import sizes_by_label
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
-from semantic_slam.inference.semantics.new_words import BoxWords
+from semantic_slam.inference.semantics.interface import ClassModels, LogPriorOf, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.new_words import BoxModels, BoxWords
+from semantic_slam.inference.semantics.retold_words import retold_words
 from semantic_slam.inference.semantics.told_words import NewWords, ToldWords, told_so_far
 from semantic_slam.inference.semantics.track_links import NO_TRACK, TrackLinks
 from semantic_slam.inference.semantics.view_places import view_places
+from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
@@ -38,16 +40,27 @@ LEAST_LOG_WEIGHT = -700.0
 class DetectorLabels:
     """Evidence of a detector's words, with what each object was called so far as its record."""
 
-    def __init__(self, model: LabelModel, sizes: SizeModel | None = None, tracks: TrackLinks | None = None) -> None:
+    def __init__(
+        self,
+        model: LabelModel,
+        sizes: SizeModel | None = None,
+        tracks: TrackLinks | None = None,
+        *,
+        keeps_boxes: bool = False,
+    ) -> None:
+        """``keeps_boxes``: words may be told anew, of other objects; not where tracks are evidence, too."""
         self._model, self._sizes, self._tracks = model, sizes, tracks
+        self.retells = keeps_boxes and tracks is None
+        self._boxes = BoxModels(labels=model, sizes=sizes, keeps_boxes=self.retells)
         self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
         """From the label model, which the kind of class models must have."""
         assert models.labels is not None
-        errors = models.configuration.open_world.track_error_share
-        return cls(models.labels, _size_model(models), TrackLinks(errors) if errors > 0.0 else None)
+        errors, revision = models.configuration.open_world.track_error_share, models.configuration.revision
+        tracks = TrackLinks(errors) if errors > 0.0 else None
+        return cls(models.labels, _size_model(models), tracks, keeps_boxes=revision.reassociate_every_keyframes > 0)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the words of each candidate, and the objects' records after it."""
@@ -68,6 +81,16 @@ class DetectorLabels:
             records=records,
             robot=[None] * len(news),
         )
+
+    def retold(
+        self, views: Mapping[int, ObjectViews], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
+    ) -> tuple[float, dict[int, ObjectViews]]:
+        """What words gain where detections are of other objects, as ``changes`` have it, and the records then."""
+        before = {number: own.recent[0] for number, own in views.items()}
+        after, settings = retold_words(self._boxes, before, changes, log_prior_of), self._of_all(before)
+        revised = self._of_all(after)
+        gain = finite_log_sum_exp(revised, axis=0) - finite_log_sum_exp(settings, axis=0)
+        return float(gain), _views(after, revised)
 
     def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, ToldWords]]) -> Array:
         """(K,) log evidence of the tracks of each candidate's boxes."""
@@ -130,7 +153,7 @@ class DetectorLabels:
         rows, ids, places = given.candidates.assignments, given.object_ids, view_places(given).tolist()
         parents, objects, news = rows.parents.tolist(), rows.objects.tolist(), [dict[int, NewWords]() for _ in places]
         for number, index in enumerate(given.used.tolist()):
-            box, known = BoxWords(self._model, self._sizes, given, index), dict[tuple[int, ...], NewWords]()
+            box, known = BoxWords(self._boxes, given, index), dict[tuple[int, ...], NewWords]()
             for parent, own, where, words in zip(parents, objects, places, news, strict=True):
                 place = own[number]
                 if place < 0:

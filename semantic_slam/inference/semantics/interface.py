@@ -17,6 +17,7 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.labels.model import LabelModel
@@ -25,6 +26,9 @@ from semantic_slam.viewpoint.outliers import OutlierScores
 
 Records = Callable[[Sequence[int]], list[dict[int, ObjectViews]]]
 """For some candidates: object id -> record of its views, for the objects of this keyframe, or of all that have one."""
+
+LogPriorOf = Callable[[Sequence[int]], Array]
+"""(n, C) log prior of the classes of n objects, by their ids."""
 
 
 def at_hand(views: list[dict[int, ObjectViews]]) -> Records:
@@ -131,6 +135,18 @@ class RanksPairs(Protocol):
         ``log_prior`` (M + 1, C) of the classes of these; ``log_ranges`` (D, M + 1) and their ``variances`` of these as
         each detection's camera sees them.
         """
+
+
+@runtime_checkable
+class RetellsViews(Protocol):
+    """Semantics whose views can be told anew, of other objects, long after they were taken."""
+
+    retells: bool  # as they are set
+
+    def retold(
+        self, views: Mapping[int, ObjectViews], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
+    ) -> tuple[float, dict[int, ObjectViews]]:
+        """Log ratio of the evidence of all views with ``changes`` to that without, and the records with them."""
 
 
 class NoSemantics:

@@ -7,9 +7,20 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.viewpoint.labels.record import LabelRecord
+from semantic_slam.viewpoint.labels.record import LabelRecord, LabelView
 from semantic_slam.viewpoint.labels.views import WeighedView
 from semantic_slam.viewpoint.size_model import SizeRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToldBox:
+    """One box: what it is called from where, and how large it looks."""
+
+    detection: tuple[int, int]  # keyframe, and place among its detections
+    view: LabelView
+    log_angle: float  # logarithm of its size per range; NaN: not told
+    range_sigma: float  # of the logarithm of the range
+    track: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +33,7 @@ class ToldWords:
     log_evidence: Array  # (R,) sum over classes
     shares: Array  # (R, C) likelihood, as shares of the greatest under any setting
     log_greatest: Array  # (C,)
+    boxes: tuple[ToldBox, ...] = ()  # all, where they may be taken for other objects' later on
 
 
 def told_so_far(parent: Component) -> dict[int, ToldWords]:
@@ -36,11 +48,12 @@ class NewWords:
         self,
         weighed: WeighedView,
         sizes: SizeRecord | None,
-        track: str,
         log_evidence: Array,
         before: ToldWords | None,
+        boxes: tuple[ToldBox, ...],
+        track: str,
     ) -> None:
-        self._weighed, self._sizes, self._track = weighed, sizes, track
+        self._weighed, self._sizes, self._track, self._boxes = weighed, sizes, track, boxes
         self._log_evidence = log_evidence
         self.gain = log_evidence if before is None else log_evidence - before.log_evidence
         """(R,) log evidence of the boxes of this keyframe."""
@@ -59,4 +72,5 @@ class NewWords:
             log_evidence=self._log_evidence,
             shares=np.exp(logs - greatest),
             log_greatest=greatest,
+            boxes=self._boxes,
         )

@@ -1,0 +1,35 @@
+"""Words told anew, where detections of long ago are taken for other objects."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.semantics.interface import LogPriorOf
+from semantic_slam.inference.semantics.new_words import BoxModels
+from semantic_slam.inference.semantics.told_words import ToldBox, ToldWords
+from semantic_slam.inference.states.lineage import Reassigned
+
+
+def retold_words(
+    models: BoxModels, told: Mapping[int, ToldWords], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
+) -> dict[int, ToldWords]:
+    """What words tell of each object where detections are of others, each seen from where it was seen then."""
+    moved = {(keyframe, number): now for keyframe, number, now, _ in changes}
+    touched = {number for _, _, *both in changes for number in both}
+    boxes = defaultdict[int, list[ToldBox]](list)
+    for number in sorted(touched & told.keys()):
+        for box in told[number].boxes:
+            boxes[moved.get(box.detection, number)].append(box)
+    numbers = sorted(boxes)
+    priors = log_prior_of(numbers)
+    after = {number: own for number, own in told.items() if number not in touched}
+    return after | {n: _told(models, boxes[n], prior) for n, prior in zip(numbers, priors, strict=True)}
+
+
+def _told(models: BoxModels, boxes: Sequence[ToldBox], log_prior: Array) -> ToldWords:
+    """What the boxes of one object tell, one after another; ``log_prior`` (C,) of its class."""
+    first, *later = sorted(boxes, key=lambda box: box.detection)
+    told = models.weighed(first, None, None, log_prior, models.labels.drawn(first.view)).told
+    for box in later:
+        told = models.weighed(box, None, told, log_prior, models.labels.drawn(box.view)).told
+    return told
