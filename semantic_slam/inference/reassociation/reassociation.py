@@ -4,7 +4,8 @@ When the robot comes back after a long way it may take one place for another, or
 saw lately is parted from what it knew, which frees that stretch of the drive, and the best set of pairs that are one
 object is looked for in the joint Gaussian of both. The whole drive is solved again with them, and what that weighs
 against the history as it was is the ratio of two integrals, each a Gaussian at its own estimate, times what first
-detections, later ones and misses of the stretch weigh, and a detector's words. It enters beside that history, and pruning decides.
+detections, later ones and misses of the stretch weigh, and a detector's words. It enters beside that history, and
+pruning decides.
 """
 
 from collections.abc import Sequence
@@ -69,7 +70,7 @@ class Reassociation:
 
     def _likelier(self, step: Step, component: Component) -> RevisedComponent | None:
         """A history that gains enough; None: none is found."""
-        if component.smoother.in_charts is None or component.classes or component.views and not self._retells:
+        if component.smoother.in_charts is None or component.classes or (component.views and not self._retells):
             return None
         try:
             changes = self._changes(step, component)

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from worlds.drives.two_visits import LANDMARKS, LENGTH, SPEED_M, VISIT, configured, keyframes
+from worlds.drives.two_visits import LABELS, LANDMARKS, LENGTH, SPEED_M, VISIT, configured, keyframes
 from worlds.same_beliefs import assert_same
 
 from semantic_slam import Engine, HybridBelief
@@ -28,8 +28,10 @@ BOUND = 2.0
 """Nats by which the closed form may be off a replay."""
 
 
-def driven(every: int, pool: BackendPool | None = None, until: int = LENGTH) -> tuple[Engine, list[HybridBelief]]:
-    configuration = configured(every)
+def driven(
+    every: int, pool: BackendPool | None = None, until: int = LENGTH, kind: str = "none"
+) -> tuple[Engine, list[HybridBelief]]:
+    configuration = configured(every, kind)
     pose, covariance = start_of_run(configuration, None, np.diag([1e-6] * 3))
     run = make_run_configuration(configuration, None, pose, covariance, stamp_ns=0)
     engine = Engine.of_run(run, pool or InProcessPool(1))
@@ -37,13 +39,14 @@ def driven(every: int, pool: BackendPool | None = None, until: int = LENGTH) -> 
 
 
 @cache
-def looking() -> tuple[Engine, list[HybridBelief]]:
-    return driven(EVERY)
+def looking(kind: str = "none") -> tuple[Engine, list[HybridBelief]]:
+    return driven(EVERY, kind=kind)
 
 
-def test_a_corridor_that_was_mapped_twice_is_one_in_a_drive_that_is_never_replayed() -> None:
-    _, (*_, without) = driven(0)
-    engine, beliefs = looking()
+@pytest.mark.parametrize("kind", ["none", "detector"])
+def test_a_corridor_that_was_mapped_twice_is_one_in_a_drive_that_is_never_replayed(kind: str) -> None:
+    _, (*_, without) = driven(0, kind=kind)
+    engine, beliefs = looking(kind)
     assert len(without.object_ids) > len(LANDMARKS) + 4
     assert len(beliefs[-1].object_ids) == len(LANDMARKS)
     assert beliefs[LOOK].log_evidence < 20.0 < engine.log_evidence - sum(own.log_evidence for own in beliefs)
@@ -61,9 +64,18 @@ def test_what_is_told_of_the_past_names_the_objects_that_are_left() -> None:
     assert named == set(beliefs[-1].object_ids.tolist())
 
 
-def test_a_change_weighs_in_closed_form_what_a_replay_of_the_drive_says() -> None:
+def test_objects_that_are_one_after_all_are_called_what_they_were_called_on_both_visits() -> None:
+    _, beliefs = looking("detector")
+    belief = beliefs[-1]
+    for place, label in zip(LANDMARKS, LABELS, strict=True):
+        (own,) = (one for one in belief.objects if np.hypot(*(one.position[:2] - place)) < 0.5)
+        assert own.class_probabilities[label] > 0.75
+
+
+@pytest.mark.parametrize("kind", ["none", "detector"])
+def test_a_change_weighs_in_closed_form_what_a_replay_of_the_drive_says(kind: str) -> None:
     """Without what was seen once, as the robot came back: there a replay makes all linear far from where it was."""
-    engine, _ = driven(0, until=LOOK)
+    engine, _ = driven(LOOK, until=LOOK, kind=kind)
     settings = replace(engine.problem.revision, reassociate_every_keyframes=EVERY)
     association = engine.association(engine.problem, engine.registry)
     looks = Reassociation(replace(engine.problem, revision=settings), association)
@@ -80,8 +92,9 @@ def test_a_change_weighs_in_closed_form_what_a_replay_of_the_drive_says() -> Non
     np.testing.assert_allclose(own.component.objects.existence, after.component.objects.existence, atol=0.05)
 
 
-def test_changes_and_their_inverse_lead_back_to_what_was() -> None:
-    engine, _ = driven(0, until=LOOK)
+@pytest.mark.parametrize("kind", ["none", "detector"])
+def test_changes_and_their_inverse_lead_back_to_what_was(kind: str) -> None:
+    engine, _ = driven(LOOK, until=LOOK, kind=kind)
     (held,) = engine.pool._backends[0].held.values()
     step = engine.problem.reader.step(keyframes()[LOOK])
     looks = Reassociation(engine.problem, engine.association(engine.problem, engine.registry))
@@ -96,11 +109,17 @@ def test_changes_and_their_inverse_lead_back_to_what_was() -> None:
     assert first.log_gain < -30.0
     assert second.log_gain == pytest.approx(-first.log_gain, abs=0.5)
     assert log_evidence(second.component.smoother) == pytest.approx(log_evidence(held.component.smoother), abs=0.5)
+    told, again = held.component.views, second.component.views
+    assert told.keys() == again.keys()
+    assert bool(told) == (kind == "detector")
+    for object_id, record in told.items():
+        np.testing.assert_allclose(again[object_id].log_likelihood, record.log_likelihood, rtol=1e-12)
 
 
-def test_a_backend_that_rebuilds_a_revised_history_comes_to_the_same_belief() -> None:
-    _, whole = looking()
-    _, divided = driven(EVERY, ForgetfulPool(2, dies_at=LOOK + 2))
+@pytest.mark.parametrize("kind", ["none", "detector"])
+def test_a_backend_that_rebuilds_a_revised_history_comes_to_the_same_belief(kind: str) -> None:
+    _, whole = looking(kind)
+    _, divided = driven(EVERY, ForgetfulPool(2, dies_at=LOOK + 2), kind=kind)
     for one, other in zip(whole, divided, strict=True):
         assert_same(one, other)
 

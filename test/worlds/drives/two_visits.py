@@ -14,13 +14,17 @@ SPEED_M, VISIT, BLIND = 0.4, 24, 54
 LENGTH = 2 * VISIT + BLIND
 
 
-def configured(every: int) -> Configuration:
-    """``every``: keyframes from one look back to the next."""
+LABELS = ("post", "door", "door", "post", "door", "post", "post")
+"""What the detector calls each landmark."""
+
+
+def configured(every: int, kind: str = "none") -> Configuration:
+    """``every``: keyframes from one look back to the next; ``kind`` of class models."""
     region = {"min_range_m": 0.2, "max_range_m": 3.0, "field_of_view_rad": 2.5, "occluder_radius_m": 0.0}
     rates = {"detection_probability": 0.9, "clutter_per_frame": 0.01, "birth_density": 0.1}
     return Configuration.of(
         association="open",
-        semantic_model={"kind": "none"},
+        semantic_model={"kind": kind, "labels": ("post", "door")},
         detection_errors={"correlated_share": 0.5},
         open_world={**region, **rates, "iterate_updates": False},
         pruning={"max_hypotheses": 1},
@@ -51,5 +55,11 @@ def keyframes() -> list[Keyframe]:
 def _seen_from(robot: np.ndarray, rng: np.random.Generator) -> list[Detection]:
     points = [se2.between(robot, np.array([*own, 0.0]))[:2] for own in LANDMARKS]
     polar = [np.array([np.hypot(*p), np.arctan2(p[1], p[0])]) for p in points]
-    noisy = [own + SIGMAS * rng.standard_normal(2) for own in polar if own[0] < 2.9 and abs(own[1]) < 1.2]
-    return [Detection(range_m=r, bearing_rad=b, covariance=np.diag(SIGMAS**2)) for r, b in noisy]
+    seen = [n for n, own in enumerate(polar) if own[0] < 2.9 and abs(own[1]) < 1.2]
+    noisy = [(n, *(polar[n] + SIGMAS * rng.standard_normal(2))) for n in seen]
+    return [
+        Detection(
+            range_m=r, bearing_rad=b, covariance=np.diag(SIGMAS**2), label=LABELS[n], class_scores={LABELS[n]: 0.8}
+        )
+        for n, r, b in noisy
+    ]
