@@ -60,6 +60,12 @@ class SemanticModelConfiguration:
         maximum=0.999,
     )
     label_counts: float = parameter(4.0, "detector: views that this expectation counts as", minimum=1e-3)
+    class_counts: float = parameter(
+        5.0,
+        "detector: objects that the shares of classes before a run count as, for which class a new one is; those of the"
+        " map so far count besides",
+        minimum=1e-3,
+    )
     count_factors: tuple[float, ...] = parameter(
         (1.0, 10.0),
         "detector: factors on label_counts: an object is confused in a way of its own, or any box by chance; which is"

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.class_models.detector import settled, load_label_model, with_fitted_detection
+from semantic_slam.class_models.detector import load_label_model, settled, with_fitted_detection
 from semantic_slam.class_models.embedding import load_embedding_model
 from semantic_slam.class_models.file_digest import noted
 from semantic_slam.class_models.latent_space import load_latent_model

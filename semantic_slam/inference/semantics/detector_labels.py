@@ -22,6 +22,7 @@ from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.spatial.unmeasured_ranges import sizes_by_label
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import ClassModels, LogPriorOf, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.new_classes import NewClasses
 from semantic_slam.inference.semantics.new_words import BoxModels, BoxWords
 from semantic_slam.inference.semantics.retold_words import retold_words
 from semantic_slam.inference.semantics.told_words import NewWords, ToldWords, told_so_far
@@ -46,10 +47,15 @@ class DetectorLabels:
         sizes: SizeModel | None = None,
         tracks: TrackLinks | None = None,
         *,
+        class_counts: float,
         keeps_boxes: bool = False,
     ) -> None:
-        """``keeps_boxes``: words may be told anew, of other objects; not where tracks are evidence, too."""
+        """``class_counts``: objects that the model's shares of classes count as.
+
+        ``keeps_boxes``: words may be told anew, of other objects; not where tracks are evidence, too.
+        """
         self._model, self._sizes, self._tracks = model, sizes, tracks
+        self._new_classes = NewClasses(shares=model.class_shares, counts=class_counts)
         self.retells = keeps_boxes and tracks is None
         self._boxes = BoxModels(labels=model, sizes=sizes, keeps_boxes=self.retells)
         self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
@@ -60,7 +66,13 @@ class DetectorLabels:
         assert models.labels is not None
         errors, revision = models.configuration.open_world.track_error_share, models.configuration.revision
         tracks = TrackLinks(errors) if errors > 0.0 else None
-        return cls(models.labels, _size_model(models), tracks, keeps_boxes=revision.reassociate_every_keyframes > 0)
+        return cls(
+            models.labels,
+            _size_model(models),
+            tracks,
+            class_counts=models.configuration.semantic_model.class_counts,
+            keeps_boxes=revision.reassociate_every_keyframes > 0,
+        )
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of the words of each candidate, and the objects' records after it."""
@@ -87,8 +99,8 @@ class DetectorLabels:
     ) -> tuple[float, dict[int, ObjectViews]]:
         """What words gain where detections are of other objects, as ``changes`` have it, and the records then."""
         before = {number: own.recent[0] for number, own in views.items()}
-        after, settings = retold_words(self._boxes, before, changes, log_prior_of), self._of_all(before)
-        revised = self._of_all(after)
+        after = retold_words(self._boxes, before, changes, log_prior_of, self._new_classes.log_ratios(views))
+        settings, revised = self._of_all(before), self._of_all(after)
         gain = finite_log_sum_exp(revised, axis=0) - finite_log_sum_exp(settings, axis=0)
         return float(gain), _views(after, revised)
 
@@ -105,7 +117,13 @@ class DetectorLabels:
         return evidence
 
     def log_pairs(
-        self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array, log_ranges: Array, variances: Array
+        self,
+        step: Step,
+        views: Mapping[int, ObjectViews],
+        object_ids: Sequence[int],
+        log_prior: Array,
+        log_ranges: Array,
+        variances: Array,
     ) -> Array:
         """Log evidence of words one by one, as if each were the first of its object's class: enough to rank by."""
         if step.words is None or not len(step.detections):
@@ -114,16 +132,18 @@ class DetectorLabels:
             spelt = [self._word(step.words, number) for number in range(len(step.detections))]
             self._spelt = step.words, np.array(spelt)
         told = self._spelt[1]  # (D, C)
-        known = np.array([np.zeros(told.shape[1]) if own is None else own.log_likelihood for own in (*views, None)])
-        classes = class_posterior(log_prior, known)  # (M + 1, C)
+        every = [views.get(number) for number in object_ids]
+        known = [np.zeros(told.shape[1]) if own is None else own.log_likelihood for own in every]
+        known.append(self._new_classes.log_ratios(views))
+        classes = class_posterior(log_prior, np.array(known))  # (M + 1, C)
         if self._sizes is None or step.words.log_angles is None:
             found = np.log(np.exp(told) @ classes.T)
         else:
             shown = step.words.log_angles[:, None] + log_ranges
-            sizes = self._log_sizes(self._sizes, shown, variances, views)
+            sizes = self._log_sizes(self._sizes, shown, variances, every)
             found = np.log(np.einsum("dc,mc,dmc->dm", np.exp(told), classes, np.exp(sizes)))
         if self._tracks is not None:
-            known_tracks = [NO_TRACK if own is None else own.recent[0].track for own in views]
+            known_tracks = [NO_TRACK if own is None else own.recent[0].track for own in every]
             found = found + self._tracks.log_pairs(step.names, known_tracks)
         return np.asarray(found)
 
@@ -152,6 +172,8 @@ class DetectorLabels:
         """For each candidate, what is told of the objects of this keyframe with its words."""
         rows, ids, places = given.candidates.assignments, given.object_ids, view_places(given).tolist()
         parents, objects, news = rows.parents.tolist(), rows.objects.tolist(), [dict[int, NewWords]() for _ in places]
+        ratios = [self._new_classes.log_ratios(parent.views) for parent in given.parents]
+        none = np.zeros(len(self._model.class_shares))
         for number, index in enumerate(given.used.tolist()):
             box, known = BoxWords(self._boxes, given, index), dict[tuple[int, ...], NewWords]()
             for parent, own, where, words in zip(parents, objects, places, news, strict=True):
@@ -160,9 +182,12 @@ class DetectorLabels:
                     continue
                 last, new = before[parent].get(ids[place]), words.get(ids[place])
                 earlier = last if new is None else new.told
-                key = (id(earlier), place, *where[number])  # hypotheses share what they have in common
+                is_first = earlier is None and ids[place] in given.new[parent]
+                of = parent if is_first else -1
+                key = (id(earlier), of, place, *where[number])  # hypotheses share what they have in common
                 if key not in known:
-                    known[key] = box.weighed(last, earlier, place, *where[number])
+                    shares = ratios[parent] if is_first else none
+                    known[key] = box.weighed(last, earlier, place, shares, *where[number])
                 words[ids[place]] = known[key]
         return news
 
@@ -197,7 +222,7 @@ def _views(told: dict[int, ToldWords], log_settings: Array) -> dict[int, ObjectV
     weights = np.exp(np.maximum(log_weights, LEAST_LOG_WEIGHT))
     weights /= weights.sum(axis=1, keepdims=True)
     told_of = [weight @ one.shares for weight, one in zip(weights, own, strict=True)]
-    likelihood = np.log(told_of) + np.array([one.log_greatest for one in own])
+    likelihood = np.log(told_of) + np.array([one.log_greatest + one.log_ratios for one in own])
     return {
         number: ObjectViews(log_likelihood=likelihood[row], mutual_information=float("nan"), recent=(own[row],))
         for row, number in enumerate(numbers)

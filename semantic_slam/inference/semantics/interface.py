@@ -128,12 +128,18 @@ class RanksPairs(Protocol):
     """Semantics that tell what pairs of detections and objects weigh, before joint assignments are made of them."""
 
     def log_pairs(
-        self, step: Step, views: Sequence[ObjectViews | None], log_prior: Array, log_ranges: Array, variances: Array
+        self,
+        step: Step,
+        views: Mapping[int, ObjectViews],
+        object_ids: Sequence[int],
+        log_prior: Array,
+        log_ranges: Array,
+        variances: Array,
     ) -> Array:
-        """(D, M + 1) log evidence of D detections as one of each object, with its record so far, and as one of none.
+        """(D, M + 1) log evidence of D detections as one of each object, with its record so far, and as a new one.
 
-        ``log_prior`` (M + 1, C) of the classes of these; ``log_ranges`` (D, M + 1) and their ``variances`` of these as
-        each detection's camera sees them.
+        ``views`` of all objects of a hypothesis, of which M are asked for; ``log_prior`` (M + 1, C) of the classes of
+        these; ``log_ranges`` (D, M + 1) and their ``variances`` of these as each detection's camera sees them.
         """
 
 

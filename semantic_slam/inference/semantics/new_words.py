@@ -22,18 +22,26 @@ class BoxModels:
     keeps_boxes: bool  # with what is told of each object: they may be taken for other objects' later on
 
     def weighed(
-        self, box: ToldBox, before: ToldWords | None, earlier: ToldWords | None, log_prior: Array, drawn: Array
+        self,
+        box: ToldBox,
+        before: ToldWords | None,
+        earlier: ToldWords | None,
+        log_prior: Array,
+        log_ratios: Array,
+        drawn: Array,
     ) -> NewWords:
         """One more box of an object: what boxes told ``before``, and ``earlier`` with those of this keyframe.
 
-        ``log_prior`` (C,) of the object's class; ``drawn`` as the label model finds it for the view.
+        ``log_prior`` (C,) of the object's class as before the run, and ``log_ratios`` (C,) by which it differs where
+        the box is its first one; ``drawn`` as the label model finds it for the view.
         """
+        ratios = log_ratios if earlier is None else earlier.log_ratios
         record = self.labels.start() if earlier is None else earlier.record
         words, sizes = self.labels.weighed(record, box.view, drawn), self._with_size(earlier, box)
-        prior = log_prior if sizes is None else log_prior + sizes.log_likelihood
+        prior = log_prior + ratios if sizes is None else log_prior + ratios + sizes.log_likelihood
         evidence = words.log_evidence(self.labels.log_rows(prior))
         boxes = (*(() if earlier is None else earlier.boxes), box) if self.keeps_boxes else ()
-        return NewWords(words, sizes, evidence, before, boxes, box.track)
+        return NewWords(words, sizes, evidence, before, ratios, boxes, box.track)
 
     def _with_size(self, before: ToldWords | None, box: ToldBox) -> SizeRecord | None:
         """What boxes tell of the size of one object with this one; as before where this one shows none."""
@@ -63,13 +71,15 @@ class BoxWords:
         before: ToldWords | None,
         earlier: ToldWords | None,
         place: int,
+        log_ratios: Array,
         direction: int,
         log_range: int,
         range_sigma: int,
     ) -> NewWords:
         """As of the object in a place: what words told ``before``, and ``earlier`` with those of this keyframe.
 
-        Seen from where ``view_places`` has it, in steps.
+        Seen from where ``view_places`` has it, in steps. ``log_ratios`` (C,) by which its class is likelier than before
+        the run, should it be seen for the first time.
         """
         away = STEP_RAD * float(log_range)
         view = LabelView(word=self._word, direction=direction, log_range=away, stretch=self._stretch)
@@ -80,7 +90,7 @@ class BoxWords:
             range_sigma=STEP_RAD * range_sigma,
             track=self._track,
         )
-        return self._models.weighed(box, before, earlier, self._log_prior[place], self._drawn_by(view))
+        return self._models.weighed(box, before, earlier, self._log_prior[place], log_ratios, self._drawn_by(view))
 
     def _drawn_by(self, view: LabelView) -> Array:
         """Counts that the view draws from, found once for each sector."""

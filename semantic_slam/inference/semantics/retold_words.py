@@ -11,9 +11,16 @@ from semantic_slam.inference.states.lineage import Reassigned
 
 
 def retold_words(
-    models: BoxModels, told: Mapping[int, ToldWords], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
+    models: BoxModels,
+    told: Mapping[int, ToldWords],
+    changes: Sequence[Reassigned],
+    log_prior_of: LogPriorOf,
+    log_ratios: Array,
 ) -> dict[int, ToldWords]:
-    """What words tell of each object where detections are of others, each seen from where it was seen then."""
+    """What words tell of each object where detections are of others, each seen from where it was seen then.
+
+    ``log_ratios`` (C,) are of the classes of objects that there were not, see :class:`NewClasses`.
+    """
     moved = {(keyframe, number): now for keyframe, number, now, _ in changes}
     touched = {number for _, _, *both in changes for number in both}
     boxes = defaultdict[int, list[ToldBox]](list)
@@ -21,15 +28,17 @@ def retold_words(
         for box in told[number].boxes:
             boxes[moved.get(box.detection, number)].append(box)
     numbers = sorted(boxes)
-    priors = log_prior_of(numbers)
     after = {number: own for number, own in told.items() if number not in touched}
-    return after | {n: _told(models, boxes[n], prior) for n, prior in zip(numbers, priors, strict=True)}
+    for number, prior in zip(numbers, log_prior_of(numbers), strict=True):
+        ratios = told[number].log_ratios if number in told else log_ratios
+        after[number] = _told(models, boxes[number], prior, ratios)
+    return after
 
 
-def _told(models: BoxModels, boxes: Sequence[ToldBox], log_prior: Array) -> ToldWords:
+def _told(models: BoxModels, boxes: Sequence[ToldBox], log_prior: Array, log_ratios: Array) -> ToldWords:
     """What the boxes of one object tell, one after another; ``log_prior`` (C,) of its class."""
     first, *later = sorted(boxes, key=lambda box: box.detection)
-    told = models.weighed(first, None, None, log_prior, models.labels.drawn(first.view)).told
+    told = models.weighed(first, None, None, log_prior, log_ratios, models.labels.drawn(first.view)).told
     for box in later:
-        told = models.weighed(box, None, told, log_prior, models.labels.drawn(box.view)).told
+        told = models.weighed(box, None, told, log_prior, log_ratios, models.labels.drawn(box.view)).told
     return told

@@ -33,6 +33,7 @@ class ToldWords:
     log_evidence: Array  # (R,) sum over classes
     shares: Array  # (R, C) likelihood, as shares of the greatest under any setting
     log_greatest: Array  # (C,)
+    log_ratios: Array  # (C,) of how likely its class was when it was added, see :class:`NewClasses`; 0: on a map
     boxes: tuple[ToldBox, ...] = ()  # all, where they may be taken for other objects' later on
 
 
@@ -50,11 +51,12 @@ class NewWords:
         sizes: SizeRecord | None,
         log_evidence: Array,
         before: ToldWords | None,
+        log_ratios: Array,
         boxes: tuple[ToldBox, ...],
         track: str,
     ) -> None:
         self._weighed, self._sizes, self._track, self._boxes = weighed, sizes, track, boxes
-        self._log_evidence = log_evidence
+        self._log_evidence, self._log_ratios = log_evidence, log_ratios
         self.gain = log_evidence if before is None else log_evidence - before.log_evidence
         """(R,) log evidence of the boxes of this keyframe."""
 
@@ -72,5 +74,6 @@ class NewWords:
             log_evidence=self._log_evidence,
             shares=np.exp(logs - greatest),
             log_greatest=greatest,
+            log_ratios=self._log_ratios,
             boxes=self._boxes,
         )

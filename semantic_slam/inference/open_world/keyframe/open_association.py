@@ -142,11 +142,10 @@ class OpenAssociation:
             return pairs
         near = prediction.near_ids.tolist()
         log_prior = self.registry.log_class_prior_of([*near, self.registry.first_new_id(step.index)])
-        views = [prediction.component.views.get(n) for n in near]
         robot, objects = predicted.mean[0, 0, : spaces.storage.robot], predicted.mean[0, 1:, : spaces.storage.landmark]
         around = predicted.pair_covariances()[0][:, spaces.layout.robot :, spaces.layout.robot :]
         ranges = log_ranges_of(spaces, prediction.detections, robot, objects, around)
-        return replace(pairs, log_words=semantics.log_pairs(step, views, log_prior, *ranges))
+        return replace(pairs, log_words=semantics.log_pairs(step, prediction.component.views, near, log_prior, *ranges))
 
     def _at_prediction(self, prediction: Prediction) -> PairDensities:
         """Densities of the detections under each object near them, linearised at the prediction."""

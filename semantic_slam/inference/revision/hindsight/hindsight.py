@@ -152,6 +152,5 @@ class Hindsight(ABC):
             return found
         numbers = self.ids.tolist()
         log_prior = self.registry.log_class_prior_of([*numbers, self.registry.first_new_id(step.index)])
-        views = [self.component.views.get(n) for n in numbers]
         trackless = replace(step, names=("",) * len(step.names))
-        return semantics.log_pairs(trackless, views, log_prior, *self.log_ranges(step, robot))
+        return semantics.log_pairs(trackless, self.component.views, numbers, log_prior, *self.log_ranges(step, robot))
