@@ -56,13 +56,14 @@ def test_evidence_is_the_mean_over_settings_of_the_product_over_objects(weighed)
 
 def test_a_name_is_inferred_under_the_setting_that_all_objects_tell(weighed):
     records = weighed[-1].records[0]
-    prior = np.full(4, -np.log(4.0))
+    even = np.full(4, -np.log(4.0))
     for number, views in records.items():
         others = np.sum([own.recent[0].log_evidence for n, own in records.items() if n != number], axis=0)
         told = np.log(views.recent[0].shares) + views.recent[0].log_greatest
+        prior = even + views.recent[0].log_ratios  # by the classes of those that were there
         joint = log_sum_exp(others[:, None] + prior + told, axis=0)
         exact = np.exp(joint - log_sum_exp(joint))
-        found = np.exp(prior + views.log_likelihood - log_sum_exp(prior + views.log_likelihood))
+        found = np.exp(even + views.log_likelihood - log_sum_exp(even + views.log_likelihood))
         np.testing.assert_allclose(found, exact, atol=1e-12)
 
 
