@@ -61,9 +61,9 @@ class SemanticModelConfiguration:
     )
     label_counts: float = parameter(4.0, "detector: views that this expectation counts as", minimum=1e-3)
     class_counts: float = parameter(
-        5.0,
-        "detector: objects that the shares of classes before a run count as, for which class a new one is; those of the"
-        " map so far count besides",
+        1.0,
+        "detector: objects per class that the shares of classes before a run count as, for which class a new one is;"
+        " those of the map so far count besides",
         minimum=1e-3,
     )
     count_factors: tuple[float, ...] = parameter(

@@ -50,12 +50,12 @@ class DetectorLabels:
         class_counts: float,
         keeps_boxes: bool = False,
     ) -> None:
-        """``class_counts``: objects that the model's shares of classes count as.
+        """``class_counts``: objects per class that the model's shares of classes count as.
 
         ``keeps_boxes``: words may be told anew, of other objects; not where tracks are evidence, too.
         """
         self._model, self._sizes, self._tracks = model, sizes, tracks
-        self._new_classes = NewClasses(shares=model.class_shares, counts=class_counts)
+        self._new_classes = NewClasses(shares=model.class_shares, counts=class_counts * len(model.class_shares))
         self.retells = keeps_boxes and tracks is None
         self._boxes = BoxModels(labels=model, sizes=sizes, keeps_boxes=self.retells)
         self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
