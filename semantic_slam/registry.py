@@ -76,7 +76,6 @@ CLASS_MODELS = Registry(
         gp_correlated="semantic_slam.class_models.viewpoint_models:GP_CORRELATED",
         latent="semantic_slam.class_models.latent_space:LATENT",
         detector="semantic_slam.class_models.detector:DETECTOR",
-        detector_if_labelled="semantic_slam.class_models.detector:DETECTOR_IF_LABELLED",
         embedding="semantic_slam.class_models.embedding:EMBEDDING",
     ),
 )

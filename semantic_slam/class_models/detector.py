@@ -24,12 +24,6 @@ def load_label_model(settings: SemanticModelConfiguration, bag_sha256: str = "")
     return load(settings, bag_sha256) if load is not None else None
 
 
-def settled(settings: SemanticModelConfiguration) -> SemanticModelConfiguration:
-    """The settings of a run whose labels are known: of another kind where these tell nothing apart, and that may be."""
-    other = class_model_kind(settings).without_labels
-    return settings if len(settings.labels) > 1 or other is None else replace(settings, kind=other)
-
-
 def fitted_labels(settings: SemanticModelConfiguration) -> FittedLabels | None:
     """What the configured file holds, None where none is configured, or where labels say nothing. Raises InputError."""
     is_fitted = bool(settings.path) and class_model_kind(settings).labels is not None
@@ -65,7 +59,7 @@ def _model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelModel:
     labels = settings.labels
     if not labels:
         raise InputError(
-            f"semantic_model.kind: {settings.kind}, but nothing tells which labels the detector has; list them in"
+            "semantic_model.kind: detector, but nothing tells which labels the detector has; list them in"
             " semantic_model.labels, or set semantic_model.kind: none"
         )
     faults = [label for label in labels if not label or labels.count(label) > 1 or label == NONE_OF_THESE]
@@ -94,5 +88,3 @@ DETECTOR = ClassModelKind(
     labels=_model, semantics="detector_labels", carried="detector_labels", has_factors=False, repeats_errors=False
 )
 """The detector's own labels and scores, without a network of ours."""
-DETECTOR_IF_LABELLED = replace(DETECTOR, without_labels="none")
-"""Those of a detector that may call everything the same, or nothing by a name."""

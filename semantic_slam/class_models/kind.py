@@ -38,7 +38,6 @@ class ClassModelKind:
     semantics: str = "independent_views"  # where a map, or a class that is enumerated, tells how objects are turned
     carried: str | None = "class_tables"  # where nothing tells that; None: the models do not go with such associations
     has_factors: bool = True  # views enter the graphs under classes that hypotheses enumerate
-    without_labels: str | None = None  # kind where no two labels are named; None: there is none
     repeats_errors: bool = True  # view after view meets the same error, for which the likelihoods are tempered
 
     @property

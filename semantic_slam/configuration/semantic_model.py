@@ -11,8 +11,7 @@ class SemanticModelConfiguration:
     kind: str = parameter(
         "gp_independent",
         "class models of Eq. 4.2; gp_correlated: views share their errors; latent: descriptors in a learned space;"
-        " detector: a detector's own labels and scores, embedding: vectors that detections carry, without training;"
-        " detector_if_labelled: the same where detections are called one thing or another, else none",
+        " detector: a detector's own labels and scores, embedding: vectors that detections carry, without training",
         choices=CLASS_MODELS,
     )
     path: str = parameter(

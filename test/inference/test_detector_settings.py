@@ -14,6 +14,7 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.semantics.detector_labels import DetectorLabels
 
 PLACES = {"a": (3.0, -1.0), "b": (3.0, 1.0), "c": (4.0, 0.0)}
 WORDS = (
@@ -65,6 +66,28 @@ def test_a_name_is_inferred_under_the_setting_that_all_objects_tell(weighed):
         exact = np.exp(joint - log_sum_exp(joint))
         found = np.exp(even + views.log_likelihood - log_sum_exp(even + views.log_likelihood))
         np.testing.assert_allclose(found, exact, atol=1e-12)
+
+
+def test_what_a_map_says_no_class_of_is_as_likely_of_each_as_what_is_new(weighed):
+    """Beside objects that are called something; an object that a map does name keeps what the map says."""
+    given, records = weighed[-1].given, weighed[-1].records[0]
+    even = np.full(4, -np.log(4.0))
+    named = np.log([0.7, 0.1, 0.1, 0.1])
+    model, count = (
+        load_label_model(Configuration.of(semantic_model=SETTINGS).semantic_model),
+        len(given.step.detections),
+    )
+    assert model is not None
+    semantics = DetectorLabels(model, class_counts=1.0)
+    nothing = np.zeros((count, 3))
+    untold, mapped, new = semantics.log_pairs(
+        given.step, records, [98, 99], np.array([even, named, even]), nothing, nothing
+    ).T
+    np.testing.assert_array_equal(untold, new)
+    assert (mapped != new).all()
+    alone = semantics.log_pairs(given.step, {}, [98, 99], np.array([even, named, even]), nothing, nothing)
+    np.testing.assert_array_equal(alone[:, 1], mapped)
+    assert (alone[:, 2] != new).all()
 
 
 def test_every_combination_is_a_setting():

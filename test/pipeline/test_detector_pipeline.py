@@ -7,7 +7,6 @@ import pytest
 from worlds.bags.bag_factory import OBJECTS, Entry, input_entries, of_topic, write_bag, write_configuration
 from worlds.bags.imported import read_bag
 from worlds.bags.places import NUM_FRAMES, place_entries
-from worlds.same_beliefs import assert_same
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.errors import InputError
@@ -71,18 +70,6 @@ def test_what_is_not_listed_is_none_of_these(tmp_path):
 def test_detections_without_labels_are_an_error_with_a_remedy(tmp_path):
     with pytest.raises(InputError, match=r"nothing tells which labels.*list them in semantic_model\.labels"):
         run(tmp_path, labelled(place_entries("ranges"), "", ""), semantic_model=DETECTOR)
-
-
-@pytest.mark.parametrize(
-    ("labels", "kind"), [(("chair", "cup"), "detector"), (("thing", "thing"), "none"), (("", ""), "none")]
-)
-def test_a_detector_may_be_gone_by_where_it_tells_things_apart_alone(tmp_path, labels, kind):
-    beliefs = []
-    for name in (kind, "detector_if_labelled"):
-        bag = run(tmp_path / name, labelled(place_entries("ranges"), *labels), semantic_model={"kind": name})
-        beliefs.append(bag["/hypothesis_manager/belief"][-1])
-    assert_same(*beliefs)
-    assert set(beliefs[0].class_names) - {NONE_OF_THESE} == (set(labels) if kind == "detector" else set())
 
 
 def test_labels_that_the_network_cannot_mean_are_an_error_at_the_start(tmp_path):

@@ -112,7 +112,9 @@ def _log_weight(live: dict[int, LiveHistory], numbers: Sequence[int]) -> float:
 
 def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) -> ClassLedger:
     """What was told of one object along the history that some hypotheses of the last belief have."""
-    path, prior = run.path(member_ids[0]), run.log_class_prior[object_id]
+    path = run.path(member_ids[0])
+    ratios = _log_ratios(path, object_id)
+    prior = run.log_class_prior[object_id] if ratios is None else run.log_class_prior[object_id] + ratios
     is_replayed = member_ids[0] in run.revised
     mass, evidence, rest, alone = (np.full((len(path), len(prior)), np.nan) for _ in range(4))
     is_view = np.zeros(len(path), dtype=bool)
@@ -124,6 +126,9 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
             continue
         told, live = own.objects[object_id], {} if is_replayed else run.keyframes[k].live
         members = {n: other for n, other in live.items() if other.history == own.history}
+        if ratios is not None and told.log_likelihood is None:  # it is not there yet
+            mass[k], evidence[k], rest[k], parents = before, 0.0, 0.0, frozenset(members)
+            continue
         same = list(members.values()) or [own]
         is_view[k] = any(run.on_map(n) == object_id for n in own.association)
         mass[k] = log_sum_exp(np.array([o.log_weight + o.objects[object_id].log_class for o in same]), axis=0)
@@ -189,6 +194,12 @@ def _parent(run: ReplayedRun, keyframe: ReplayedKeyframe, k: int, row: int, obje
     return run.keyframes[k - 1].live[int(keyframe.candidates.parent_ids[row])].objects[object_id].log_class
 
 
+def _log_ratios(path: Sequence[LiveHistory | None], object_id: int) -> Array | None:
+    """(C,) by which the prior of an object's class was another one when it was added; None: it never is."""
+    every = (own.objects[object_id].log_ratios for own in path if own is not None)
+    return next((ratios for ratios in every if ratios is not None), None)
+
+
 def _alone(parent: LiveHistory | None, own: LiveHistory, object_id: int) -> Array:
     """(C,) what the record of a hypothesis gained with the keyframe, NaN where it has none."""
     told = own.objects[object_id]
@@ -197,4 +208,6 @@ def _alone(parent: LiveHistory | None, own: LiveHistory, object_id: int) -> Arra
     if told.log_likelihood is None:
         return np.full(len(told.log_class), np.nan)
     before = None if parent is None else parent.objects[object_id].log_likelihood
-    return told.log_likelihood if before is None else told.log_likelihood - before
+    if before is None:
+        return told.log_likelihood if told.log_ratios is None else told.log_likelihood - told.log_ratios
+    return told.log_likelihood - before

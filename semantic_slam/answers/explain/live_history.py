@@ -17,6 +17,9 @@ class ObjectOfHistory:
     log_class: Array  # (C,) log probabilities
     log_likelihood: Array | None  # (C,) of its views from where this hypothesis has them; None: it has none on record
     newest: Array | None  # (C,) of the newest of them given the others, where that is not what it added
+    log_ratios: (
+        Array | None
+    )  # (C,) in log_likelihood: by which the prior of its class was another one when it was added
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,4 +48,5 @@ def object_of(component: Component, names: Sequence[int], log_prior: Array) -> O
         joint = log_prior if likelihood is None else log_prior + likelihood
         log_class = joint - log_sum_exp(joint) if len(joint) else joint
     newest = record.newest if record is not None and known else None
-    return ObjectOfHistory(log_class=log_class, log_likelihood=likelihood, newest=newest)
+    ratios = record.log_ratios if record is not None and known else None
+    return ObjectOfHistory(log_class=log_class, log_likelihood=likelihood, newest=newest, log_ratios=ratios)

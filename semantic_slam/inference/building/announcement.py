@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.class_models.detector import load_label_model, settled, with_fitted_detection
+from semantic_slam.class_models.detector import load_label_model, with_fitted_detection
 from semantic_slam.class_models.embedding import load_embedding_model
 from semantic_slam.class_models.file_digest import noted
 from semantic_slam.class_models.latent_space import load_latent_model
@@ -37,7 +37,6 @@ def make_run_configuration(
     ``session`` counts the runs of one manager, so that each has an id of its own.
     Raises InputError when detections have to be associated with a map that has no objects.
     """
-    configuration = replace(configuration, semantic_model=settled(configuration.semantic_model))
     association = strategy_of(configuration)
     if association.needs_map and not (map_prior and map_prior.objects):
         raise InputError(

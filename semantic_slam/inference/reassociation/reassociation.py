@@ -65,7 +65,7 @@ class Reassociation:
         semantics, log_prior_of = self._problem.semantics, self._association.registry.log_class_prior_of
         assert isinstance(semantics, RetellsViews)
         gain, views = semantics.retold(own.component.views, own.changes, log_prior_of)
-        kept = {number: record for number, record in views.items() if number in own.component.objects.id_set}
+        kept = {number: record for number, record in views.items() if number in own.component.every_id}
         return replace(own, component=replace(own.component, views=kept), log_gain=own.log_gain + gain)
 
     def _likelier(self, step: Step, component: Component) -> RevisedComponent | None:

@@ -16,7 +16,7 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.spatial.unmeasured_ranges import sizes_by_label
@@ -56,6 +56,7 @@ class DetectorLabels:
         """
         self._model, self._sizes, self._tracks = model, sizes, tracks
         self._new_classes = NewClasses(shares=model.class_shares, counts=class_counts * len(model.class_shares))
+        self._log_shares = np.log(model.class_shares)
         self.retells = keeps_boxes and tracks is None
         self._boxes = BoxModels(labels=model, sizes=sizes, keeps_boxes=self.retells)
         self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
@@ -66,12 +67,15 @@ class DetectorLabels:
         assert models.labels is not None
         errors, revision = models.configuration.open_world.track_error_share, models.configuration.revision
         tracks = TrackLinks(errors) if errors > 0.0 else None
+        repeats = (
+            models.configuration.detection_errors.correlated_share > 0.0
+        )  # else long drives are not looked at anew
         return cls(
             models.labels,
             _size_model(models),
             tracks,
             class_counts=models.configuration.semantic_model.class_counts,
-            keeps_boxes=revision.reassociate_every_keyframes > 0,
+            keeps_boxes=revision.reassociate_every_keyframes > 0 and repeats,
         )
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
@@ -99,10 +103,21 @@ class DetectorLabels:
     ) -> tuple[float, dict[int, ObjectViews]]:
         """What words gain where detections are of other objects, as ``changes`` have it, and the records then."""
         before = {number: own.recent[0] for number, own in views.items()}
-        after = retold_words(self._boxes, before, changes, log_prior_of, self._new_classes.log_ratios(views))
+        after = retold_words(self._boxes, before, changes, log_prior_of, self._log_ratios(views))
         settings, revised = self._of_all(before), self._of_all(after)
         gain = finite_log_sum_exp(revised, axis=0) - finite_log_sum_exp(settings, axis=0)
         return float(gain), _views(after, revised)
+
+    def _log_ratios(self, views: Mapping[int, ObjectViews]) -> Array:
+        """(C,) by which the class prior of what is first seen beside objects with ``views`` is not that of before."""
+        numbers = sorted(views)  # in one order, whoever rebuilt the hypothesis
+        told = [views[number].recent[0].log_prior + views[number].log_likelihood for number in numbers]
+        known = np.array(told).reshape(len(numbers), len(self._log_shares))
+        return self._new_classes.log_ratios(class_posterior(np.zeros(len(self._log_shares)), known))
+
+    def _is_untold(self, log_prior: Array) -> Flags:
+        """(M,) whether nothing tells of which classes objects are, from their (M, C) priors."""
+        return np.asarray((log_prior == self._log_shares).all(axis=1))
 
     def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, ToldWords]]) -> Array:
         """(K,) log evidence of the tracks of each candidate's boxes."""
@@ -133,8 +148,8 @@ class DetectorLabels:
             self._spelt = step.words, np.array(spelt)
         told = self._spelt[1]  # (D, C)
         every = [views.get(number) for number in object_ids]
-        known = [np.zeros(told.shape[1]) if own is None else own.log_likelihood for own in every]
-        known.append(self._new_classes.log_ratios(views))
+        first = np.where(self._is_untold(log_prior)[:, None], self._log_ratios(views), 0.0)  # (M + 1, C)
+        known = [first[row] if own is None else own.log_likelihood for row, own in enumerate((*every, None))]
         classes = class_posterior(log_prior, np.array(known))  # (M + 1, C)
         if self._sizes is None or step.words.log_angles is None:
             found = np.log(np.exp(told) @ classes.T)
@@ -172,8 +187,8 @@ class DetectorLabels:
         """For each candidate, what is told of the objects of this keyframe with its words."""
         rows, ids, places = given.candidates.assignments, given.object_ids, view_places(given).tolist()
         parents, objects, news = rows.parents.tolist(), rows.objects.tolist(), [dict[int, NewWords]() for _ in places]
-        ratios = [self._new_classes.log_ratios(parent.views) for parent in given.parents]
-        none = np.zeros(len(self._model.class_shares))
+        ratios = [self._log_ratios(parent.views) for parent in given.parents]
+        untold, none = self._is_untold(given.log_class_prior).tolist(), np.zeros(len(self._log_shares))
         for number, index in enumerate(given.used.tolist()):
             box, known = BoxWords(self._boxes, given, index), dict[tuple[int, ...], NewWords]()
             for parent, own, where, words in zip(parents, objects, places, news, strict=True):
@@ -182,7 +197,7 @@ class DetectorLabels:
                     continue
                 last, new = before[parent].get(ids[place]), words.get(ids[place])
                 earlier = last if new is None else new.told
-                is_first = earlier is None and ids[place] in given.new[parent]
+                is_first = earlier is None and untold[place]
                 of = parent if is_first else -1
                 key = (id(earlier), of, place, *where[number])  # hypotheses share what they have in common
                 if key not in known:
@@ -224,6 +239,11 @@ def _views(told: dict[int, ToldWords], log_settings: Array) -> dict[int, ObjectV
     told_of = [weight @ one.shares for weight, one in zip(weights, own, strict=True)]
     likelihood = np.log(told_of) + np.array([one.log_greatest + one.log_ratios for one in own])
     return {
-        number: ObjectViews(log_likelihood=likelihood[row], mutual_information=float("nan"), recent=(own[row],))
+        number: ObjectViews(
+            log_likelihood=likelihood[row],
+            mutual_information=float("nan"),
+            recent=(own[row],),
+            log_ratios=own[row].log_ratios,
+        )
         for row, number in enumerate(numbers)
     }

@@ -40,8 +40,8 @@ class BoxModels:
         words, sizes = self.labels.weighed(record, box.view, drawn), self._with_size(earlier, box)
         prior = log_prior + ratios if sizes is None else log_prior + ratios + sizes.log_likelihood
         evidence = words.log_evidence(self.labels.log_rows(prior))
-        boxes = (*(() if earlier is None else earlier.boxes), box) if self.keeps_boxes else ()
-        return NewWords(words, sizes, evidence, before, ratios, boxes, box.track)
+        priors = log_prior, ratios
+        return NewWords(words, sizes, evidence, before, earlier, priors, box, keeps_boxes=self.keeps_boxes)
 
     def _with_size(self, before: ToldWords | None, box: ToldBox) -> SizeRecord | None:
         """What boxes tell of the size of one object with this one; as before where this one shows none."""

@@ -33,7 +33,8 @@ class ToldWords:
     log_evidence: Array  # (R,) sum over classes
     shares: Array  # (R, C) likelihood, as shares of the greatest under any setting
     log_greatest: Array  # (C,)
-    log_ratios: Array  # (C,) of how likely its class was when it was added, see :class:`NewClasses`; 0: on a map
+    log_prior: Array  # (C,) of its class, as any object's that nobody has seen, or as a map has it
+    log_ratios: Array  # (C,) by which that was another one when it was first seen, see :class:`NewClasses`
     boxes: tuple[ToldBox, ...] = ()  # all, where they may be taken for other objects' later on
 
 
@@ -51,12 +52,15 @@ class NewWords:
         sizes: SizeRecord | None,
         log_evidence: Array,
         before: ToldWords | None,
-        log_ratios: Array,
-        boxes: tuple[ToldBox, ...],
-        track: str,
+        earlier: ToldWords | None,
+        priors: tuple[Array, Array],
+        box: ToldBox,
+        *,
+        keeps_boxes: bool,
     ) -> None:
-        self._weighed, self._sizes, self._track, self._boxes = weighed, sizes, track, boxes
-        self._log_evidence, self._log_ratios = log_evidence, log_ratios
+        """``priors``: as in :class:`ToldWords`, before the words and by what they were another one."""
+        self._weighed, self._sizes, self._earlier, self._box = weighed, sizes, earlier, box
+        self._log_evidence, self._priors, self._keeps_boxes = log_evidence, priors, keeps_boxes
         self.gain = log_evidence if before is None else log_evidence - before.log_evidence
         """(R,) log evidence of the boxes of this keyframe."""
 
@@ -70,10 +74,17 @@ class NewWords:
         return ToldWords(
             record=self._weighed.record,
             sizes=self._sizes,
-            track=self._track,
+            track=self._box.track,
             log_evidence=self._log_evidence,
             shares=np.exp(logs - greatest),
             log_greatest=greatest,
-            log_ratios=self._log_ratios,
+            log_prior=self._priors[0],
+            log_ratios=self._priors[1],
             boxes=self._boxes,
         )
+
+    @property
+    def _boxes(self) -> tuple[ToldBox, ...]:
+        if not self._keeps_boxes:
+            return ()
+        return (self._box,) if self._earlier is None else (*self._earlier.boxes, self._box)

@@ -250,8 +250,9 @@ class Component:
         objects, keyframe = self.objects.updated(update.existence), self.keyframe + 1
         classes, views = self.classes | update.assigned_classes, self.views | update.views
         if not update.existence.kept.all():
-            classes = {n: cls for n, cls in classes.items() if n in objects.id_set}
-            views = {n: record for n, record in views.items() if n in objects.id_set}
+            alive = objects.id_set if update.movers is None else objects.id_set | update.movers.decided_ids
+            classes = {n: cls for n, cls in classes.items() if n in alive}
+            views = {n: record for n, record in views.items() if n in alive}
         tracked, local = self.tracked, None
         if tracked is not None:
             tracked, local = tracked_after(smoother, keyframe, tracked, objects.ids, update, max_fresh)
