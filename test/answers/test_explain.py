@@ -185,6 +185,20 @@ def test_a_view_that_no_class_explains_is_judged_an_outlier():
     assert not any(view.outlier > 0.5 for view in views if view.keyframe != 3)
 
 
+@pytest.mark.parametrize("name", ["a", "c"])
+def test_that_objects_before_it_were_called_something_is_the_prior_of_an_object(name):
+    """What comes first is as any object; what comes later is beside a chair and a cup, of which no view tells."""
+    told = RUNS["detector"]()
+    last = told.record.beliefs[-1]
+    number = int(last.object_ids[last.object_names.index(name)])
+    ledger = class_ledger(told.run, number, histories(told.run)[0])
+    shares = np.exp(ledger.log_prior - told.run.log_class_prior[number])
+    assert np.allclose(shares, 1.0) == (name == "a")
+    first = int(np.flatnonzero(ledger.is_view)[0])
+    said = ledger.evidence[first] - ledger.evidence[first].mean()
+    np.testing.assert_allclose(said, ledger.alone[first] - ledger.alone[first].mean(), atol=1e-9)
+
+
 def test_a_replay_that_differs_says_so():
     told = RUNS["detector"]()
     last = told.record.beliefs[-1]

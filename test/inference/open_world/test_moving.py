@@ -123,6 +123,22 @@ def test_what_may_move_and_stands_is_said_to_stand(speed_m_s: float, moving: flo
     np.testing.assert_allclose(belief.moving[belief.existence > 0.5], moving, atol=0.02)
 
 
+def test_what_moves_keeps_what_it_is_called_when_something_else_is_given_up() -> None:
+    engine, random = Engine(configuration(0.9, labels=("car", "tree"))), np.random.default_rng(0)
+    given_up = 0
+    for k in range(14):
+        noise = random.normal(size=2) * np.sqrt(np.diag(COVARIANCE))
+        sights = [Detection(range_m=2.0 + 0.3 * k + noise[0], bearing_rad=noise[1], covariance=COVARIANCE, label="car")]
+        if k == 4:  # a false alarm, where nothing is seen again
+            sights.append(Detection(range_m=2.0, bearing_rad=0.6, covariance=COVARIANCE, label="tree"))
+        engine.process(Keyframe.planar(k, detections=sights, motion_sigmas=(1e-3,) * 3))
+        held = [own.component for own in engine.pool._backends[0].held.values()]
+        given_up += any(k > 4 and len(own.objects.ids) == 0 for own in held)
+    (moving,) = {tuple(own.movers.decided_ids) for own in held if own.movers.decided.any()}
+    assert given_up
+    assert all(number in own.views for own in held for number in moving if own.movers.decided.any())
+
+
 def test_what_stood_for_long_is_still_known_by_its_place() -> None:
     """What moves is lost after a while out of sight, but not what may and does not."""
     engine, random = Engine(configuration(0.9, pruning={"ratio": 1e9})), np.random.default_rng(0)

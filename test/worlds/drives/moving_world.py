@@ -1,6 +1,7 @@
 """A robot on an arc among ten objects that stand still, and two that cross its way: truth and detections are known."""
 
 from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -62,13 +63,13 @@ def _detected(x: np.ndarray, places: np.ndarray, random: np.random.Generator) ->
     return seen.tolist(), noisy[seen]
 
 
-def configuration(share: float, **others: Any) -> Configuration:
-    """The world as it is, of whose objects a ``share`` is taken to move."""
+def configuration(share: float, labels: Sequence[str] = (), **others: Any) -> Configuration:
+    """The world as it is, of whose objects a ``share`` is taken to move; ``labels`` of a detector, if it has any."""
     region = {"min_range_m": 0.3, "max_range_m": MAX_RANGE, "field_of_view_rad": 2.0 * HALF_ANGLE}
     rates = {"detection_probability": DETECTION_PROBABILITY, "clutter_per_frame": CLUTTER, "birth_density": 0.05}
     return Configuration.of(
         association="open",
-        semantic_model={"kind": "none"},
+        semantic_model={"kind": "detector", "labels": labels} if labels else {"kind": "none"},
         open_world={"iterate_updates": False, "occluder_radius_m": 0.0, **region, **rates},
         perception={"sigma_range_m": SIGMA_RANGE, "sigma_bearing_rad": SIGMA_BEARING},
         initial_pose={"sigma": [0.01, 0.01, 0.01]},
