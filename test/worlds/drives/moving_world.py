@@ -1,7 +1,7 @@
 """A robot on an arc among ten objects that stand still, and two that cross its way: truth and detections are known."""
 
-from dataclasses import dataclass
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
