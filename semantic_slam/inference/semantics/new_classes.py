@@ -1,4 +1,4 @@
-"""Of which class an object is that a hypothesis adds: in a room full of chairs the next thing is likely to be one, too.
+"""The class of an object that a hypothesis adds: in a room full of chairs the next thing is likely to be one, too.
 
 Shares of classes before a run count as some objects, and the objects of the hypothesis count besides, each by what is
 told of its class so far (Polya's urn, with expected counts). Every object keeps the shares that it was first seen with.
