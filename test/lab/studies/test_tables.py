@@ -56,7 +56,7 @@ def test_a_flight_finds_the_things_and_their_names() -> None:
 def test_a_flight_without_depth_finds_the_things_and_their_names() -> None:
     told = flown(0, replace(SHORT, keyframes=20, depth=False))
     assert told.found == told.named_right == told.seen >= 8 and told.false <= 1
-    assert told.associated > 0.95 and told.error_m < told.odometry_m
+    assert told.associated > 0.9 and told.error_m < told.odometry_m
     assert told.pose_nees < chi2.ppf(0.999, 6) and told.object_nees < chi2.ppf(0.999, 3)
 
 
