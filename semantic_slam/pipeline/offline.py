@@ -39,6 +39,7 @@ from semantic_slam.pipeline.gravity.imu_use import NAME as IMU
 from semantic_slam.pipeline.gravity.imu_use import left_out, unused_because
 from semantic_slam.pipeline.inference_stage import InferenceStage
 from semantic_slam.pipeline.input_topics import COPIED, InputTopics, find_topics
+from semantic_slam.pipeline.interrupts import noted_interrupts
 from semantic_slam.pipeline.preamble import Preamble, find_map_prior, read_preamble
 from semantic_slam.pipeline.provenance import source_text
 
@@ -103,16 +104,18 @@ def _run(run: "OfflineRun", reader: BagReader, max_keyframes: int | None) -> Inp
         run.on_frame = progress.update
         run.max_keyframes = max_keyframes
         try:
-            fault = _feed(run, reader)
+            with noted_interrupts() as check_interrupts:
+                fault = _feed(run, reader, check_interrupts)
         finally:
             run.record_dropped()
     return fault
 
 
-def _feed(run: "OfflineRun", reader: BagReader) -> InputError | None:
+def _feed(run: "OfflineRun", reader: BagReader, check_interrupts: Callable[[], None]) -> InputError | None:
     fault = None
     try:
         for message in reader.messages(run.wanted):
+            check_interrupts()
             run.take(message, reader.decode)
             if run.is_done:
                 break
