@@ -17,9 +17,7 @@ class ObjectOfHistory:
     log_class: Array  # (C,) log probabilities
     log_likelihood: Array | None  # (C,) of its views from where this hypothesis has them; None: it has none on record
     newest: Array | None  # (C,) of the newest of them given the others, where that is not what it added
-    log_ratios: (
-        Array | None
-    )  # (C,) in log_likelihood: by which the prior of its class was another one when it was added
+    log_ratios: Array | None  # (C,) in log_likelihood: how its class's prior differed when it was added; None: never
 
 
 @dataclass(frozen=True, kw_only=True)
