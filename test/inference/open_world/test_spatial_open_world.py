@@ -7,9 +7,12 @@ import pytest
 
 from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe
 from semantic_slam.geometry import se3, so3
+from semantic_slam.inference.association.gating import pair_densities
+from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
+from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.spatial.births import births_in_space
 from semantic_slam.inference.open_world.spatial.looks import looks
@@ -82,6 +85,35 @@ def test_the_noise_of_a_born_object_is_that_of_its_ray_and_range() -> None:
     sampled = np.cov(so3.matrix(POSE[3:]) @ points.T)
     (born,) = births_in_space(SpatialObservation(), [detection], POSE, REGION)
     np.testing.assert_allclose(born.noise, sampled, atol=2e-4)
+
+
+def test_where_an_object_is_born_is_the_same_to_the_last_bit_whatever_is_weighed_beside_it() -> None:
+    """One detection is of any of thirty objects, which move the robot; the other starts an object."""
+    random, spaces = np.random.default_rng(6), POSES_AND_POINTS_IN_SPACE
+    ahead = so3.rotated(POSE[3:], np.array([2.0, 0.0, 0.0]))
+    mean = np.zeros((31, spaces.storage.width))
+    mean[0], mean[1:, :3] = POSE, POSE[:3] + ahead + 0.1 * random.normal(size=(30, 3))
+    root = 0.1 * random.normal(size=(spaces.layout.size(30),) * 2)
+    covariance = root @ root.T + 1e-4 * np.eye(len(root))
+    error = np.diag([0.01, 1e-4, 4e-4])
+    detections = [SpatialDetection(ray=np.array([1.0, 0.0, 0.0]), range_m=r, covariance=error) for r in (2.0, 1.5)]
+    model = SpatialObservation()
+    linear = LinearisedEvidence(
+        spaces=spaces,
+        mean=mean,
+        covariance=covariance,
+        pairs=pair_densities(spaces, model, detections, mean, covariance),
+        births=births_in_space(model, detections, POSE, REGION),
+        turns=np.zeros(2),
+    )
+    columns = np.stack([np.arange(30), np.full(30, 31)], axis=1)
+
+    def places(rows: np.ndarray) -> np.ndarray:
+        own = Assignments(parents=np.zeros(len(rows), dtype=int), objects=rows)
+        return linear.evaluate(own, rows).column("object_states")
+
+    alone = np.concatenate([places(columns[n : n + 1]) for n in range(30)])
+    np.testing.assert_array_equal(alone, places(columns))
 
 
 DRIFT = np.array([0.004, 0.004, 0.01, 0.02, 0.02, 0.02])

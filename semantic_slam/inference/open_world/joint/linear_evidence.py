@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, row_products
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.outlier_choices import OutlierChoices
@@ -260,9 +260,9 @@ class LinearisedEvidence:
             result.object_covariances[rows, numbers] = after[:, block, block]
         for number in np.flatnonzero(is_new.any(axis=0)).tolist():
             born, chosen = self.births[number], is_new[:, number]
-            moved = shift[chosen, 0, robot] @ born.gain.T
-            mean = np.broadcast_to(born.prior.mean, (len(moved), storage.landmark))
-            result.object_states[rows[chosen], number] = self.spaces.landmark.retract(mean, moved)
+            displaced = row_products(shift[chosen, 0, robot], born.gain.T)
+            mean = np.broadcast_to(born.prior.mean, (len(displaced), storage.landmark))
+            result.object_states[rows[chosen], number] = self.spaces.landmark.retract(mean, displaced)
             spread = born.gain @ after[chosen, robot, robot] @ born.gain.T + born.noise
             result.object_covariances[rows[chosen], number] = spread
             result.log_evidence[rows[chosen]] += born.log_stand_in
