@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 # Matrices here are small and many: OpenBLAS's threads cost ten times what they gain, and more beside other processes.
 # It reads this when numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# A file of some kilobytes may claim gigabytes, in any format; OpenCV reads this when cv2 is first imported.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "100000000")
 
 if TYPE_CHECKING:
     from semantic_slam.answers.find_objects import find_objects

@@ -11,6 +11,9 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages.image_size import claimed_size, is_known
 from semantic_slam.messages.images import MOST_PIXELS
 
+TOO_LARGE = "CV_IO_MAX_IMAGE_"
+"""In what OpenCV says of a picture of more pixels, rows or columns than it makes room for."""
+
 
 def read_picture(path: Path, mode: int) -> NDArray[Any]:
     """OpenCV's array of a file, by a mode of ``cv2.imread``; raises InputError, before it decodes what is too large."""
@@ -23,7 +26,8 @@ def read_picture(path: Path, mode: int) -> NDArray[Any]:
 def decode_picture(data: bytes, mode: int, origin: str) -> NDArray[Any] | None:
     """OpenCV's array of an encoded picture, or None where the bytes are none.
 
-    Raises InputError, which names ``origin``, for a png or jpeg that claims more than MOST_PIXELS.
+    Raises InputError, which names ``origin``, for one that claims more than MOST_PIXELS: a png or jpeg before OpenCV
+    sees it, any other where cv2 was first imported after this package, which bounds what OpenCV makes room for.
     """
     size = claimed_size(data)
     if size is not None and size[0] * size[1] > MOST_PIXELS:
@@ -32,7 +36,9 @@ def decode_picture(data: bytes, mode: int, origin: str) -> NDArray[Any] | None:
         return None
     try:
         return cv2.imdecode(np.frombuffer(data, dtype=np.uint8), mode)
-    except cv2.error:
+    except cv2.error as fault:
+        if TOO_LARGE in str(fault):
+            raise InputError(f"{origin}: claims more than {MOST_PIXELS} pixels; give a smaller picture") from None
         return None
 
 

@@ -1,6 +1,9 @@
 """Whatever reads a picture by its name looks at what it claims before it is decoded."""
 
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +19,7 @@ from semantic_slam.datasets.image_folders.intrinsics import picture_size
 from semantic_slam.datasets.scene_messages import compressed_image
 from semantic_slam.datasets.turntables.photographs import Photograph
 from semantic_slam.errors import InputError
+from semantic_slam.messages.images import MOST_PIXELS
 from semantic_slam.messages.picture_files import read_picture
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.pipeline.lookalike_query import picture
@@ -99,7 +103,7 @@ def test_pixels_are_those_that_opencv_reads(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [None, b"", b"no picture", b"P5 60000 60000 255\n"], ids=["missing", "empty", "text", "netpbm"]
+    "content", [None, b"", b"no picture", b"P5 60 60 255\n"], ids=["missing", "empty", "text", "netpbm"]
 )
 def test_what_is_no_picture_is_named(tmp_path: Path, content: bytes | None) -> None:
     path = tmp_path / "a.png"
@@ -112,3 +116,34 @@ def test_what_is_no_picture_is_named(tmp_path: Path, content: bytes | None) -> N
 def test_a_folder_by_the_name_of_a_picture_is_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="missing or not a picture"):
         read_picture(tmp_path, cv2.IMREAD_COLOR)
+
+
+def test_what_tells_no_size_to_us_is_refused_by_opencv_before_it_makes_room(tmp_path: Path) -> None:
+    """In a process that imports cv2 after this package, as the commands do."""
+    paths = [tmp_path / f"a{ending}" for ending in (".webp", ".tiff", ".jp2", ".pgm")]
+    for path in paths[:3]:
+        path.write_bytes(cv2.imencode(path.suffix, np.zeros((10_001, 10_001), np.uint8))[1].tobytes())
+    paths[3].write_bytes(b"P5 60000 60000 255\n")
+    command = [sys.executable, "-c", READ_EACH, *map(str, paths)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True, env=own_environment()).stdout
+    assert said.splitlines() == [
+        f"{path}: claims more than {MOST_PIXELS} pixels; give a smaller picture" for path in paths
+    ]
+
+
+READ_EACH = """
+import sys
+from pathlib import Path
+from semantic_slam.errors import InputError
+from semantic_slam.messages.picture_files import read_picture
+for name in sys.argv[1:]:
+    try:
+        read_picture(Path(name), -1)
+    except InputError as refusal:
+        print(refusal)
+"""
+
+
+def own_environment() -> dict[str, str]:
+    """Without a bound that this process has set already."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("OPENCV_IO_")}
