@@ -126,12 +126,12 @@ def test_what_tells_no_size_to_us_is_refused_by_opencv_before_it_makes_room(tmp_
     paths[3].write_bytes(b"P5 60000 60000 255\n")
     command = [sys.executable, "-c", READ_EACH, *map(str, paths)]
     said = subprocess.run(command, capture_output=True, text=True, check=True, env=own_environment()).stdout
-    assert said.splitlines() == [
-        f"{path}: claims more than {MOST_PIXELS} pixels; give a smaller picture" for path in paths
-    ]
+    refusals = [f"{path}: claims more than {MOST_PIXELS} pixels; give a smaller picture" for path in paths]
+    assert said.splitlines() == [*refusals, str(MOST_PIXELS)]
 
 
 READ_EACH = """
+import os
 import sys
 from pathlib import Path
 from semantic_slam.errors import InputError
@@ -141,6 +141,7 @@ for name in sys.argv[1:]:
         read_picture(Path(name), -1)
     except InputError as refusal:
         print(refusal)
+print(os.environ["OPENCV_IO_MAX_IMAGE_PIXELS"])
 """
 
 

@@ -73,13 +73,10 @@ def test_what_a_map_says_no_class_of_is_as_likely_of_each_as_what_is_new(weighed
     given, records = weighed[-1].given, weighed[-1].records[0]
     even = np.full(4, -np.log(4.0))
     named = np.log([0.7, 0.1, 0.1, 0.1])
-    model, count = (
-        load_label_model(Configuration.of(semantic_model=SETTINGS).semantic_model),
-        len(given.step.detections),
-    )
+    model = load_label_model(Configuration.of(semantic_model=SETTINGS).semantic_model)
     assert model is not None
     semantics = DetectorLabels(model, class_counts=1.0)
-    nothing = np.zeros((count, 3))
+    nothing = np.zeros((len(given.step.detections), 3))
     untold, mapped, new = semantics.log_pairs(
         given.step, records, [98, 99], np.array([even, named, even]), nothing, nothing
     ).T

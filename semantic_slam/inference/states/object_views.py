@@ -45,9 +45,7 @@ class HeadingRecord:
 class ObjectViews:
     """The semantic record of one object in one hypothesis; C classes."""
 
-    log_likelihood: (
-        Array  # (C,) log p(z_1:k | c) of the object's semantic measurements, tracks averaged out, + log_ratios
-    )
+    log_likelihood: Array  # (C,) log p(z_1:k | c) of its semantic measurements, tracks averaged out, + log_ratios
     mutual_information: float  # nats, between class and the network's weights at the newest view
     newest: Array | None = None  # (C,) log p(z_k | c, z_1:k-1), where views change what earlier ones tell; else None
     coverage: ViewCoverage = NO_VIEWS  # which of the views the class models know
@@ -57,9 +55,7 @@ class ObjectViews:
     correction: Correction | None = None  # of the object's pose
     descriptor: DescriptorRecord | None = None  # with a learned latent space
     headings: HeadingRecord | None = None
-    log_ratios: Array | None = (
-        None  # (C,) in log_likelihood: how likely its class was when it was added; None: as always
-    )
+    log_ratios: Array | None = None  # (C,) how its class's prior differed when it was added; None: not at all
 
 
 def coverage_of(views: ObjectViews | None) -> ViewCoverage:
