@@ -24,6 +24,7 @@ class ModelFormat:
     kind: str
     schema_version: int
     remedy: str  # "make one with ..."
+    older: tuple[int, ...] = ()  # schemas that are read, too; the description says which one it is
 
     def write(self, path: Path, arrays: Mapping[str, NDArray[Any]], description: Mapping[str, Any]) -> None:
         """Write contiguous arrays with what is said of them."""
@@ -45,7 +46,7 @@ class ModelFormat:
         except (ValueError, TypeError):
             raise InputError(f"{path}: not a file of models; {self.remedy}") from None
         version, kind = description.get("schema_version"), description.get("kind")
-        if version != self.schema_version or kind != self.kind:
+        if version not in (self.schema_version, *self.older) or kind != self.kind:
             raise InputError(
                 f"{path}: holds kind '{kind}' of schema {version}, wanted is '{self.kind}' of schema"
                 f" {self.schema_version}; {self.remedy}"

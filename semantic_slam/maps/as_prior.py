@@ -76,6 +76,7 @@ def saved_map_of_prior(prior: MapPrior) -> SavedMap:
         covariances=np.array([item.covariance for item in prior.objects]).reshape(-1, 6, 6),
         existence=np.array([item.existence for item in prior.objects]),
         class_probabilities=np.array([_classes(item, names) for item in prior.objects]).reshape(count, len(names)),
+        class_priors=np.full((count, len(names)), np.nan),
         descriptors=descriptors,
         descriptor_variances=variances,
         missing=unknown,

@@ -35,7 +35,8 @@ def _check_objects(objects: MapObjects, classes: int) -> None:
         name: (count,) for name in ("ids", "existence", "missing", "moved", "sightings")
     }
     shapes |= {name: (count, length) for name in ("descriptors", "descriptor_variances")}
-    shapes |= {"poses": (count, 7), "covariances": (count, 6, 6), "class_probabilities": (count, classes)}
+    shapes |= {"poses": (count, 7), "covariances": (count, 6, 6)}
+    shapes |= {name: (count, classes) for name in ("class_probabilities", "class_priors")}
     _check_shapes(vars(objects), shapes)
     ids = objects.ids
     if count and (len(np.unique(ids)) < count or ids.min() < 0 or ids.max() >= ID_LIMIT):
@@ -50,6 +51,8 @@ def _check_objects(objects: MapObjects, classes: int) -> None:
         values = getattr(objects, name)
         _check_probabilities(values[~np.isnan(values)], name)
     _check_distributions(objects.class_probabilities, "class_probabilities")
+    untold = np.isnan(objects.class_priors).all(axis=1)
+    _check_distributions(objects.class_priors[~untold], "class_priors")
     known = np.isfinite(objects.descriptors)
     if np.isinf(objects.descriptors).any() or not (objects.descriptor_variances[known] > 0.0).all():
         raise ValueError("descriptors need finite numbers, and positive variances")

@@ -51,6 +51,7 @@ def map_objects(belief: HybridBelief) -> MapObjects:
         covariances=belief.object_covariances[rows],
         existence=np.clip(belief.existence[rows], 0.0, 1.0),
         class_probabilities=belief.class_probabilities[rows],
+        class_priors=np.full((len(rows), len(belief.class_names)), np.nan),
         descriptors=belief.descriptors[rows],
         descriptor_variances=belief.descriptor_covariances[rows],
         missing=belief.missing[rows],

@@ -25,6 +25,7 @@ from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ReportedObjects
 from semantic_slam.maps.checks import MOST_OBJECTS
+from semantic_slam.maps.class_priors import class_priors_of
 from semantic_slam.maps.from_belief import MOVES, mapped_rows, saved_map_of_belief
 from semantic_slam.maps.saved_map import Looks, MapHypotheses, SavedMap
 from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
@@ -69,10 +70,11 @@ def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelie
         )
     known, chosen = saved_map_of_belief(belief, engine.run), _chosen(engine, belief, len(rows))
     reported = engine.association.reported(engine.registry, set(belief.object_ids.tolist()))
-    parts = []
+    parts, components = [], []
     for number in belief.hypothesis_ids[chosen].tolist():
         try:
-            parts.append(_hypothesis(pool.component(number), known.objects.ids, reported))
+            components.append(pool.component(number))
+            parts.append(_hypothesis(components[-1], known.objects.ids, reported))
         except LostComponentError as fault:
             raise InputError(f"hypothesis {number}: {fault}; save the map with --marginals") from None
     weights = np.exp(belief.log_weights[chosen])
@@ -84,10 +86,13 @@ def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelie
         states=states,
         covariances=covariances,
     )
+    ids = known.objects.ids
     objects = replace(
-        known.objects, sightings=_sightings(engine, int(belief.hypothesis_ids[chosen[0]]), known.objects.ids)
+        known.objects,
+        sightings=_sightings(engine, int(belief.hypothesis_ids[chosen[0]]), ids),
+        class_priors=class_priors_of(components, weights[:, None] * existence, ids, reported),
     )
-    looks = _looks(engine, pool.component(int(belief.hypothesis_ids[chosen[0]])))
+    looks = _looks(engine, components[0])
     left_out = 1.0 - (1.0 - known.discarded_mass) * min(float(weights.sum()), 1.0)
     return replace(
         known,

@@ -9,6 +9,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.maps.as_prior import joint_covariance
+from semantic_slam.maps.class_priors import class_evidence
 from semantic_slam.maps.saved_map import SavedMap
 
 LEAST_EXISTENCE = 0.05
@@ -28,7 +29,7 @@ class Landmarks:
     frame: Array  # (3, 3) covariance of that error: a shift, and a turn about ``centre``
     centre: Array  # (2,)
     existence: Array  # (n,)
-    classes: Array  # (n, C) probabilities
+    classes: Array  # (n, C) probabilities by what was seen of each object alone, all classes as likely before
     descriptors: Array  # (n, L) NaN where not known
     descriptor_variances: Array  # (n, L)
 
@@ -46,7 +47,7 @@ class Landmarks:
         places = (3 * rows[:, None] + np.arange(3)).ravel()
         relative, frame, centre = _without_frame(states, joint[np.ix_(places, places)])
         columns = [known.class_names.index(name) for name in class_names]
-        classes = known.objects.class_probabilities[np.ix_(rows, np.array(columns, dtype=int))]
+        classes = class_evidence(known.objects)[np.ix_(rows, np.array(columns, dtype=int))]
         share = LEAST_CLASS_SHARE / max(len(columns), 1)
         return cls(
             rows=rows,

@@ -1,7 +1,7 @@
 """``FILE.map``: a saved map in one file, arrays and a JSON description; nothing in it is executed.
 
-Its id is the digest of its content, so that a file that was changed since is told. The version before it is
-``objects.json``, which every reader takes, too.
+Its id is the digest of its content, so that a file that was changed since is told. The version before it,
+without class priors, and the one before that, ``objects.json``, are taken by every reader, too.
 """
 
 import hashlib
@@ -23,10 +23,12 @@ from semantic_slam.maps.saved_map import Looks, MapHypotheses, MapObjects, Prove
 from semantic_slam.model_files import Arrays, ModelFormat
 
 REMEDY = "save it anew with semantic_slam map save"
-FORMAT = ModelFormat(kind="map", schema_version=1, remedy=REMEDY)
+FORMAT = ModelFormat(kind="map", schema_version=2, remedy=REMEDY, older=(1,))
 LARGEST = 1 << 27
 """Bytes of a file that is read at all."""
 LONGEST_NAME = 1000
+PRIORS = "objects.class_priors"
+"""Array that schema 1 lacks."""
 
 
 def write_map(path: Path, saved: SavedMap) -> SavedMap:
@@ -57,7 +59,10 @@ def packed(saved: SavedMap) -> tuple[Arrays, dict[str, Any]]:
 def with_id(saved: SavedMap) -> SavedMap:
     """The map under the digest of its content."""
     state = hashlib.blake2b(json.dumps(_description(saved), sort_keys=True).encode(), digest_size=8)
-    for name, values in sorted(_arrays(saved).items()):
+    arrays = _arrays(saved)
+    if np.isnan(saved.objects.class_priors).all():
+        del arrays[PRIORS]  # a map of schema 1 keeps its id
+    for name, values in sorted(arrays.items()):
         state.update(f"{name}{values.dtype.str}{values.shape}".encode())
         state.update(values.tobytes())
     return replace(saved, map_id=state.hexdigest())
@@ -74,7 +79,7 @@ def read_map(path: Path) -> SavedMap:
         raise InputError(f"{path}: larger than {LARGEST >> 20} MiB; {REMEDY}")
     try:
         arrays, description = FORMAT.read(path)
-        found = _saved(arrays, description)
+        found = _saved(_migrated(arrays, description), description)
         check_map(found)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as fault:
         reason = " ".join(str(fault).split())[:200]
@@ -149,6 +154,13 @@ def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
         descriptor_space=str(told["descriptor_space"]),
         provenance=_provenance(told["provenance"]),
     )
+
+
+def _migrated(arrays: Arrays, told: dict[str, Any]) -> Arrays:
+    """Arrays of this schema, from those of the one before, which does not tell class priors. Raises KeyError."""
+    if told["schema_version"] == 1:
+        return {PRIORS: np.full_like(arrays["objects.class_probabilities"], np.nan)} | arrays
+    return arrays
 
 
 def _of(part: str, arrays: Arrays) -> dict[str, Any]:

@@ -1,15 +1,14 @@
 """The objects of a merged map: numbers, names, classes, existence and descriptors of both maps in one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
+from semantic_slam.maps.class_priors import class_evidence, known_priors
 from semantic_slam.maps.saved_map import MapObjects, SavedMap
-
-LEAST_CLASS = 1e-6
-"""Probability of a class that neither map rules out for the other."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +27,7 @@ def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Arr
     later = [int(row) - first for row in rows.kept[count:].tolist()]
     sources = [(row, partner.get(row, -1)) for row in range(count)] + [(-1, row) for row in later]
     means, variances = zip(*(_descriptor(one.objects, other.objects, i, j) for i, j in sources), strict=True)
+    priors, classes = _classes(one, other, sources)
     ids, names = _numbers(one.objects, other.objects, later)
     unknown = np.full(len(sources), np.nan)
     return MapObjects(
@@ -36,7 +36,8 @@ def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Arr
         poses=pose_vector_from_planar(states),
         covariances=covariance_from_planar(covariances),
         existence=np.array([_existence(one.objects, other.objects, i, j) for i, j in sources]),
-        class_probabilities=np.array([_classes(one, other, i, j) for i, j in sources]),
+        class_probabilities=classes,
+        class_priors=priors,
         descriptors=np.array(means),
         descriptor_variances=np.array(variances),
         missing=unknown,
@@ -67,15 +68,22 @@ def _sightings(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
     return float(sum(objects.sightings[row] for objects, row in ((one, i), (other, j)) if row >= 0))
 
 
-def _classes(one: SavedMap, other: SavedMap, i: int, j: int) -> Array:
-    """(C,) of independent evidence over an even prior."""
+def _classes(one: SavedMap, other: SavedMap, sources: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
+    """(N, C) class priors, and probabilities: what was seen of an object in both maps is independent evidence.
+
+    What either map knew before is not, and is taken for the same: the prior of both is the mean of theirs.
+    """
     size = len(one.class_names or other.class_names)
-    told = np.zeros(size)
-    for known, row in ((one, i), (other, j)):
-        if row >= 0 and known.class_names:
-            told = told + np.log(known.objects.class_probabilities[row] + LEAST_CLASS)
-    shares = np.exp(told - told.max(initial=0.0)) if size else told
-    return np.asarray(shares / shares.sum()) if size else shares
+    evidence, summed, count = np.ones((len(sources), size)), np.zeros((len(sources), size)), np.zeros((len(sources), 1))
+    for known, rows in zip((one, other), np.array(sources).reshape(-1, 2).T, strict=True):
+        if known.class_names:
+            own = np.flatnonzero(rows >= 0)
+            evidence[own] *= class_evidence(known.objects)[rows[own]]
+            summed[own] += known_priors(known.objects)[rows[own]]
+            count[own] += 1.0
+    priors = np.where(count > 0.0, summed / np.maximum(count, 1.0), 1.0 / max(size, 1))
+    told = evidence * priors
+    return priors, told / told.sum(axis=1, keepdims=True) if size else told
 
 
 def _descriptor(one: MapObjects, other: MapObjects, i: int, j: int) -> tuple[Array, Array]:

@@ -31,6 +31,7 @@ class MapObjects:
     covariances: Array  # (O, 6, 6) x y z rx ry rz along the axes of map
     existence: Array  # (O,)
     class_probabilities: Array  # (O, C)
+    class_priors: Array  # (O, C) what these were before anything told of the object itself; NaN where not known
     descriptors: Array  # (O, L) NaN where not known
     descriptor_variances: Array  # (O, L)
     missing: Array  # (O,) probability that it is gone; NaN where the run did not ask

@@ -46,6 +46,7 @@ def as_json(known: SavedMap) -> dict[str, Any]:
             "covariance": objects.covariances[row].tolist(),
             "existence": float(objects.existence[row]),
             "class_probabilities": dict(zip(known.class_names, objects.class_probabilities[row].tolist(), strict=True)),
+            "class_priors": _or_none(objects.class_priors[row]),
             "descriptor": _or_none(objects.descriptors[row]),
             "descriptor_variance": _or_none(objects.descriptor_variances[row]),
             "missing": _or_none(objects.missing[row]),

@@ -1,0 +1,125 @@
+"""What a run knew of classes before it saw an object is not a second witness where maps are merged or compared."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.maps.as_prior import map_prior_of
+from semantic_slam.maps.class_priors import class_evidence
+from semantic_slam.maps.comparison import Comparison
+from semantic_slam.maps.from_run import saved_map_of_engine
+from semantic_slam.maps.map_file import FORMAT, packed, read_map, with_id, write_map
+from semantic_slam.maps.merging import merged
+from semantic_slam.maps.saved_map import SavedMap
+from semantic_slam.model_files import ModelFormat
+
+PLACES = {"a": (3.0, -2.0), "b": (3.0, 2.0), "c": (4.0, -1.0), "d": (4.5, 1.0), "e": (5.0, 0.0), "odd": (3.0, 0.0)}
+
+
+def furnished(turns: int, prior: MapPrior | None = None) -> SavedMap:
+    """The map of five chairs, and of something that is once called a cup, by a detector that is hardly sure."""
+    configuration = Configuration.of(
+        association="given",
+        semantic_model={"kind": "detector", "labels": ["chair", "cup"], "class_counts": 0.2},
+    )
+    engine = Engine(configuration, prior)
+    for index in range(turns):
+        names = [name for name in PLACES if name != "odd" or index == turns - 1]
+        seen = [
+            Detection.at(*PLACES[name], label="cup" if name == "odd" else "chair", track_id=name, score=0.5)
+            for name in names
+        ]
+        belief = engine.process(Keyframe.planar(index, detections=seen))
+    assert isinstance(engine.pool, InProcessPool)
+    return with_id(saved_map_of_engine(engine, engine.pool, belief))
+
+
+@pytest.fixture(scope="module")
+def room() -> SavedMap:
+    return furnished(4)
+
+
+def row_of(known: SavedMap, name: str) -> int:
+    return known.objects.names.index(name)
+
+
+def with_classes(known: SavedMap, probabilities: list[float], priors: list[float], name: str) -> SavedMap:
+    """The map with other classes for one object."""
+    objects, row = known.objects, row_of(known, name)
+    told, before = objects.class_probabilities.copy(), objects.class_priors.copy()
+    told[row], before[row] = probabilities, priors
+    return with_id(replace(known, objects=replace(objects, class_probabilities=told, class_priors=before)))
+
+
+def test_a_map_says_what_the_classes_of_the_others_told_of_each_object(room: SavedMap) -> None:
+    priors = room.objects.class_priors
+    np.testing.assert_allclose(priors.sum(axis=1), 1.0)
+    np.testing.assert_allclose(priors[row_of(room, "a")], 1.0 / 3.0, atol=1e-9)
+    odd = priors[row_of(room, "odd")]
+    assert odd[0] > 0.5 > odd[1] + 0.2, "beside five things that are likely chairs"
+    evidence = class_evidence(room.objects)[row_of(room, "odd")]
+    assert evidence[1] > 0.5 > evidence[0], "it was called a cup, and nothing else"
+
+
+def test_what_two_runs_learned_of_the_same_room_counts_once(room: SavedMap) -> None:
+    """Nothing was seen of the object but that it is there: it is as likely a chair as any of the room's things."""
+    told = with_classes(room, [0.9, 0.06, 0.04], [0.9, 0.06, 0.04], "odd")
+    other = with_classes(furnished(5), [0.8, 0.1, 0.1], [0.8, 0.1, 0.1], "odd")
+    both = merged(told, other, "", same_frame=True)
+    row = row_of(both, "odd")
+    np.testing.assert_allclose(both.objects.class_probabilities[row], [0.85, 0.08, 0.07], atol=1e-4)
+    np.testing.assert_allclose(both.objects.class_priors[row], [0.85, 0.08, 0.07], atol=1e-12)
+
+
+def test_what_was_seen_of_an_object_in_two_runs_is_independent(room: SavedMap) -> None:
+    prior, one, two = np.array([0.7, 0.2, 0.1]), np.array([0.2, 0.7, 0.1]), np.array([0.3, 0.6, 0.1])
+    told = [
+        with_classes(own, (seen * prior / (seen @ prior)).tolist(), prior.tolist(), "odd")
+        for own, seen in ((room, one), (furnished(5), two))
+    ]
+    both = merged(*told, "", same_frame=True)
+    exact = prior * one * two
+    np.testing.assert_allclose(both.objects.class_probabilities[row_of(both, "odd")], exact / exact.sum(), atol=1e-4)
+
+
+def test_two_runs_from_one_map_do_not_count_its_classes_twice(room: SavedMap) -> None:
+    """Both were told that it is a chair, and saw one cup each."""
+    first = with_classes(room, [0.6, 0.2, 0.2], [0.9, 0.05, 0.05], "odd")
+    later = [furnished(turns, map_prior_of(first)) for turns in (2, 3)]
+    assert all(own.provenance.started_from == first.map_id for own in later)
+    row = row_of(later[0], "odd")
+    np.testing.assert_allclose(later[0].objects.class_priors[row], [0.6, 0.2, 0.2], atol=0.005)
+    both = merged(*later, "")
+    seen = class_evidence(later[0].objects)[row] * class_evidence(later[1].objects)[row]
+    seen = seen * later[0].objects.class_priors[row]
+    found = both.objects.class_probabilities[row_of(both, "odd")]
+    np.testing.assert_allclose(found, seen / seen.sum(), atol=1e-9)
+
+
+def test_things_of_which_nothing_was_seen_are_not_alike_for_that(room: SavedMap) -> None:
+    """Two maps in which most is a chair: that both say so of something tells nothing of which object it is."""
+    told = with_classes(room, [0.9, 0.06, 0.04], [0.9, 0.06, 0.04], "odd")
+    known = Comparison.of(told, with_id(replace(told, discarded_mass=0.5)), same_frame=True)
+    (row,) = np.flatnonzero(known.ours.rows == row_of(told, "odd"))
+    np.testing.assert_allclose(known.ours.classes[row], 1.0 / 3.0, atol=1e-4)
+
+
+def test_a_map_of_the_schema_before_is_read_under_its_id(tmp_path: Path) -> None:
+    known = furnished(1)
+    unknown = np.full_like(known.objects.class_priors, np.nan)
+    old = with_id(replace(known, objects=replace(known.objects, class_priors=unknown)))
+    arrays, description = packed(old)
+    del arrays["objects.class_priors"]
+    ModelFormat(kind=FORMAT.kind, schema_version=1, remedy="").write(tmp_path / "old.map", arrays, description)
+    again = read_map(tmp_path / "old.map")
+    assert again.map_id == old.map_id and np.isnan(again.objects.class_priors).all()
+    written = write_map(tmp_path / "new.map", again)
+    assert read_map(tmp_path / "new.map").map_id == written.map_id == old.map_id
