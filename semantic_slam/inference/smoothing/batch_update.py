@@ -122,14 +122,17 @@ def _begun(
     semantics, points = before[0].semantics, [LinearisationPoints.of(one.measurements, one.start) for one in additions]
     stale = [each.rows for each in _stale(before, [one.start.keys() for one in additions])]
     now = [one.points(rows) if rows else NO_POINTS for one, rows in zip(before, stale, strict=True)]
-    again = semantics.make([one.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
+    again = semantics.make([one.factor_table.linear(rows) for one, rows in zip(before, stale, strict=True)], now)
     made = semantics.make([one.measurements for one in additions], points)
 
     def begin(smoother: Smoother, extension: Extension, added: AddedFactors, renewal: RelinearisedFactors) -> _Fork:
         updated = smoother.updated(extension.graph, extension.values, added, renewal)
         certain = {item.descriptor_key for item in extension.measurements if not item.exact}
         return _Fork(
-            extension=extension, smoother=updated, converged=updated.converged(), exact=updated.exact_rows(certain)
+            extension=extension,
+            smoother=updated,
+            converged=updated.converged(),
+            exact=updated.factor_table.exact_rows(certain),
         )
 
     added = [
@@ -204,10 +207,11 @@ def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
 
 def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -> list[_Stale]:
     """Which linear factors of what was observed are no longer where they were made; of all where the map floats."""
-    stale = _moved(smoothers, [each.linear_rows(keys) for each, keys in zip(smoothers, observed, strict=True)])
+    tables = [own.factor_table for own in smoothers]
+    stale = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(tables, observed, strict=True)])
     floating = [row for row, moved in enumerate(stale) if moved.floats]
     afloat = [smoothers[row] for row in floating]
-    for row, moved in zip(floating, _moved(afloat, [each.linear_rows() for each in afloat]), strict=True):
+    for row, moved in zip(floating, _moved(afloat, [each.factor_table.linear_rows() for each in afloat]), strict=True):
         stale[row] = moved
     return stale
 
@@ -235,7 +239,7 @@ def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | 
     Gauss-Newton through a decoder may swing about its optimum.
     """
     semantics = forks[0].smoother.semantics
-    measurements = [fork.smoother.linear(chosen) for fork, chosen in zip(forks, rows, strict=True)]
+    measurements = [fork.smoother.factor_table.linear(chosen) for fork, chosen in zip(forks, rows, strict=True)]
     points = [
         _halfway(fork.smoother.points(chosen), fork, what)
         for fork, chosen, what in zip(forks, rows, measurements, strict=True)

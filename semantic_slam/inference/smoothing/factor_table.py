@@ -1,7 +1,7 @@
 """The semantic factors of a graph: which measurement each is of, where it was made, what is added and made anew."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import gtsam
@@ -60,6 +60,23 @@ class FactorTable:
             keys=self.keys,
             exact=exact,
         )
+
+    def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
+        """Which measurements of these descriptors have exact factors."""
+        rows: list[int] = np.flatnonzero(self.exact).tolist()
+        return [row for row in rows if self.measurements[row].descriptor_key in descriptor_keys]
+
+    def linear_rows(self, objects: Collection[int] | None = None) -> Index:
+        """Which measurements, of some objects' keys or of all, have linear factors."""
+        linear = ~self.exact
+        if objects is not None and len(linear):
+            linear &= np.logical_or.reduce([self.keys[:, 1] == key for key in objects])
+        return linear.nonzero()[0]
+
+    def linear(self, rows: Sequence[int]) -> list[SemanticFactor]:
+        """Measurements of the ``rows`` as they are to get linear factors."""
+        measurements = [self.measurements[row] for row in rows]
+        return [replace(item, exact=False) if item.exact else item for item in measurements]
 
     def without(self, graph: gtsam.NonlinearFactorGraph, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:
         """All factors of ``graph`` but the semantic ones; of its first ``num_factors`` where that is said."""

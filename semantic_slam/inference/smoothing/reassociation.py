@@ -56,7 +56,7 @@ def reassociated(smoother: Smoother, objects: Index, started: Mapping[int, Gauss
         size = int(isam.calculateEstimate().size())
     except RuntimeError as fault:
         raise LostComponentError(f"a revision failed ({first_line(fault)})") from None
-    return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, num_variables=size, _known={}, _here=[])
+    return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, num_variables=size, _here=[])
 
 
 def brought_together(smoother: Smoother, pairs: Sequence[tuple[int, int]]) -> Smoother:
@@ -76,7 +76,7 @@ def brought_together(smoother: Smoother, pairs: Sequence[tuple[int, int]]) -> Sm
         isam, factors = relinearised(isam, factors)
     except RuntimeError as fault:
         raise LostComponentError(f"a revision failed ({first_line(fault)})") from None
-    return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, _known={}, _here=[])
+    return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, _here=[])
 
 
 def log_evidence(smoother: Smoother) -> float:

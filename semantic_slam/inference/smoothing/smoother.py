@@ -5,9 +5,9 @@ of an object that a keyframe observes are made anew where its view has changed. 
 objects, of tangent spaces of r and l dimensions, and with a learned latent space descriptors of L components.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import gtsam
@@ -18,7 +18,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
-from semantic_slam.inference.smoothing.elimination import MOST_JOINT, groups, last_eliminated
+from semantic_slam.inference.smoothing.elimination import groups, last_eliminated
 from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
 from semantic_slam.inference.smoothing.estimate import Estimate
 from semantic_slam.inference.smoothing.factor_table import (
@@ -34,15 +34,14 @@ from semantic_slam.inference.smoothing.linear.charts import Charts
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, in_charts, new_measurements
 from semantic_slam.inference.smoothing.linear.located import Located
 from semantic_slam.inference.smoothing.linear.measured import Measured
+from semantic_slam.inference.smoothing.marginal_reader import MarginalReader
 from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
-from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
+from semantic_slam.inference.states.keys import is_descriptor
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_VARIABLES = 200
 """Up to which reading the whole estimate once costs less than reading parts of it."""
-MOST_JOINT_SUMMARISED = 200
-"""States up to which it does where the past is summarised: every single one then goes through a clique of all."""
 CONVERGED = 1.5
 """Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
 the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
@@ -67,7 +66,6 @@ class Smoother:
     single_steps: bool = False  # updated once per keyframe
     is_summarised: bool = False  # its past is one factor over all objects
     last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
-    _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
     _here: list[Located] = field(default_factory=list, compare=False, repr=False)  # which a fork goes on with
 
     @classmethod
@@ -98,7 +96,7 @@ class Smoother:
 
     def fork(self) -> "Smoother":
         """A copy that grows apart from this one."""
-        return replace(self, owned=self.owned.fork(), _known={})
+        return replace(self, owned=self.owned.fork())
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, s) estimates of different keys, as wide as the wider of robots and objects."""
@@ -134,75 +132,28 @@ class Smoother:
         """Whether there is such a variable."""
         return bool(self.isam.valueExists(key))
 
+    @cached_property
+    def _marginals(self) -> MarginalReader:
+        return MarginalReader(
+            spaces=self.spaces,
+            owned=self.owned,
+            descriptor_size=len(self.semantics.descriptor_threshold),
+            last=self.last,
+            is_summarised=self.is_summarised,
+            located=None if self.in_charts is None else partial(_located, self.owned, self.in_charts, self._here),
+        )
+
     def joint_covariance(self, keys: Sequence[int]) -> Array:
-        """Marginal covariance in the order of ``keys``, r or l rows for a state and L for a descriptor.
-
-        In the tangent spaces at the estimate. Raises LostComponentError.
-
-        Read once: a report and the prediction after it ask for the same. What is asked of the states that are
-        eliminated last is part of what they have in common, so that it is the same to the last bit whatever was asked
-        before, of a smoother that was rebuilt as of one that has reported all along.
-        """
-        _ = self.isam  # raises where it was consumed
-        whole = tuple(key for key in self.last if not is_descriptor(key))
-        return self._part(whole, keys) if set(keys) <= set(whole) else self._whole(tuple(keys)).copy()
-
-    def _whole(self, keys: tuple[int, ...]) -> Array:
-        """Joint covariance of the ``keys``, read once."""
-        if keys not in self._known:
-            self._known[keys] = self._read(keys)
-        return self._known[keys]
-
-    def _part(self, whole: tuple[int, ...], keys: Sequence[int]) -> Array:
-        """Joint covariance of some ``keys`` out of that of the ``whole``."""
-        ends = np.cumsum([self._size(key) for key in whole])
-        at = dict(zip(whole, ends, strict=True))
-        rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in keys])
-        return np.asarray(self._whole(whole)[np.ix_(rows, rows)])
-
-    def _read(self, wanted: Sequence[int]) -> Array:
-        try:
-            covariance = self.isam.jointMarginalCovariance(list(wanted)).fullMatrix()
-        except (RuntimeError, IndexError) as fault:
-            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
-        return self._at_estimates(wanted, 0.5 * (covariance + covariance.T))
-
-    def _at_estimates(self, keys: Sequence[int], covariance: Array) -> Array:
-        """A covariance of the ``keys`` in the tangent spaces at the estimates, from that in iSAM2's own."""
-        if self.in_charts is None:
-            return np.asarray(covariance)
-        ends = np.cumsum([self._size(key) for key in keys]).tolist()
-        parts = [(key, slice(end - self._size(key), end)) for key, end in zip(keys, ends, strict=True)]
-        return self._located.covariance(parts, covariance)
-
-    def _size(self, key: int) -> int:
-        if is_vector(key):
-            return VECTOR_SIZES[letter_of(key)]
-        return len(self.semantics.descriptor_threshold) if is_descriptor(key) else self.spaces.of(key).tangent_size
+        """Marginal covariance of the ``keys``, see :meth:`MarginalReader.joint`. Raises LostComponentError."""
+        return self._marginals.joint(keys)
 
     def covariances(self, keys: Sequence[int]) -> Array:
         """(n, l, l) marginal covariances of objects, in the tangent spaces there. Raises LostComponentError."""
-        size = self.spaces.layout.landmark
-        return np.array([self._covariance(key) for key in keys]).reshape(len(keys), size, size)
-
-    def _covariance(self, key: int) -> Array:
-        try:
-            return self._at_estimates([key], self.isam.marginalCovariance(key))
-        except (RuntimeError, IndexError) as fault:
-            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
+        return self._marginals.of_objects(keys)
 
     def joint_blocks(self, keys: Sequence[int]) -> Array:
-        """(n, w, w) marginal covariances of a robot and objects, read from the joint one unless they are many.
-
-        The next prediction asks for that joint covariance, too.
-        """
-        layout = self.spaces.layout
-        if MOST_JOINT < len(keys) <= MOST_JOINT_SUMMARISED and self.is_summarised:
-            return np.asarray(layout.diagonal(self._read(keys)[None])[0]).copy()  # predictions read what they ask for
-        if len(keys) > MOST_JOINT:
-            return layout.stacked_squares(self._covariance(keys[0]), self.covariances(keys[1:]))
-        blocks: Array = layout.diagonal(self.joint_covariance(keys)[None])[0].copy()
-        return blocks
+        """(n, w, w) marginal covariances of a robot and objects. Raises LostComponentError."""
+        return self._marginals.blocks(keys)
 
     def stepped(
         self,
@@ -256,15 +207,13 @@ class Smoother:
         if not again and child.steps % STEPPED_SKIP:
             return child
         isam, factors = relinearised(child.owned.hand_on().isam, factors)
-        return replace(child, owned=OwnedIsam(isam), in_charts=factors, _known={}, _here=[])
+        return replace(child, owned=OwnedIsam(isam), in_charts=factors, _here=[])
 
     @property
     def _located(self) -> Located:
         """Where robots and objects are in charts, read from iSAM2 once."""
         assert self.in_charts is not None
-        if not self._here:
-            self._here.append(self.in_charts.charts.located(self.isam.getDelta().vector()))
-        return self._here[0]
+        return _located(self.owned, self.in_charts, self._here)
 
     def _vectors(self, values: gtsam.Values, keys: Sequence[int]) -> gtsam.Values:
         """New variables at their ``values``, and estimates of the others among ``keys``, which are vectors."""
@@ -294,7 +243,6 @@ class Smoother:
             num_variables=values.size(),
             in_charts=factors,
             single_steps=True,
-            _known={},
             _here=[],
         )
 
@@ -318,7 +266,8 @@ class Smoother:
         )
         indices = owned.isam.update(together, values, removed, groups(last)).getNewFactorsIndices()[graph.size() :]
         split = len(added.factors)
-        made = self.factor_table.replaced(renewal.rows, self.linear(renewal.rows), indices[split:], renewal.points)
+        table = self.factor_table
+        made = table.replaced(renewal.rows, table.linear(renewal.rows), indices[split:], renewal.points)
         made = made.added(added.measurements, indices[:split], added.points)
         size = self.num_variables + values.size()
         descriptors = self.num_descriptors + sum(is_descriptor(key) for key in values.keys())  # noqa: SIM118
@@ -392,24 +341,6 @@ class Smoother:
             return False
         return not self.factor_table.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
-    def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
-        """Which semantic measurements of these descriptors have exact factors."""
-        rows: list[int] = np.flatnonzero(self.factor_table.exact).tolist()
-        return [row for row in rows if self.factor_table.measurements[row].descriptor_key in descriptor_keys]
-
-    def linear_rows(self, objects: Collection[int] | None = None) -> Index:
-        """Which semantic measurements, of some objects' keys or of all, have linear factors."""
-        linear = ~self.factor_table.exact
-        if objects is not None and len(linear):
-            object_keys = self.factor_table.keys[:, 1]
-            linear &= np.logical_or.reduce([object_keys == key for key in objects])
-        return linear.nonzero()[0]
-
-    def linear(self, rows: Sequence[int]) -> list[SemanticFactor]:
-        """Semantic measurements of the ``rows`` as they are to get linear factors."""
-        measurements = [self.factor_table.measurements[row] for row in rows]
-        return [replace(item, exact=False) if item.exact else item for item in measurements]
-
     def points(self, rows: Sequence[int] | Index) -> LinearisationPoints:
         """Estimates of the variables of some semantic measurements."""
         return self.estimate.points(self.factor_table.keys[rows])
@@ -417,6 +348,13 @@ class Smoother:
     def kept(self) -> gtsam.NonlinearFactorGraph:
         """All factors but the semantic ones."""
         return self.factor_table.without(self.isam.getFactorsUnsafe())
+
+
+def _located(owned: OwnedIsam, factors: LinearFactors, here: list[Located]) -> Located:
+    """What is ``here``, or read now."""
+    if not here:
+        here.append(factors.charts.located(owned.isam.getDelta().vector()))
+    return here[0]
 
 
 @lru_cache(maxsize=1024)

@@ -1,0 +1,101 @@
+"""Covariances of a smoother's variables, read from its iSAM2."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.smoothing.elimination import MOST_JOINT
+from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
+from semantic_slam.inference.smoothing.isam import OwnedIsam
+from semantic_slam.inference.smoothing.linear.located import Located
+from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
+from semantic_slam.inference.states.spaces import Spaces
+
+MOST_JOINT_SUMMARISED = 200
+"""States up to which one joint covariance costs less than each by itself where the past is summarised: every single one
+then goes through a clique of all. Elsewhere that is so up to MOST_JOINT."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarginalReader:
+    """In the tangent spaces at the estimates: r or l rows for a state of a robot or an object, L for a descriptor.
+
+    Raises ConsumedSmootherError whatever it is asked once the iSAM2 is handed on.
+    """
+
+    spaces: Spaces
+    owned: OwnedIsam
+    descriptor_size: int  # L
+    last: tuple[int, ...]  # eliminated last
+    is_summarised: bool  # its past is one factor over all objects
+    located: Callable[[], Located] | None  # where its variables are, which are in charts; None: they are states
+    _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
+
+    def joint(self, keys: Sequence[int]) -> Array:
+        """Marginal covariance in the order of ``keys``. Raises LostComponentError.
+
+        Read once: a report and the prediction after it ask for the same. What is asked of the states that are
+        eliminated last is part of what they have in common, so that it is the same to the last bit whatever was asked
+        before, of a smoother that was rebuilt as of one that has reported all along.
+        """
+        _ = self.owned.isam  # raises where it was consumed
+        whole = tuple(key for key in self.last if not is_descriptor(key))
+        return self._part(whole, keys) if set(keys) <= set(whole) else self._whole(tuple(keys)).copy()
+
+    def of_objects(self, keys: Sequence[int]) -> Array:
+        """(n, l, l) of each object by itself. Raises LostComponentError."""
+        size = self.spaces.layout.landmark
+        return np.array([self._own(key) for key in keys]).reshape(len(keys), size, size)
+
+    def blocks(self, keys: Sequence[int]) -> Array:
+        """(n, w, w) of a robot and of objects, read from the joint one unless they are many. Raises LostComponentError.
+
+        The next prediction asks for that joint covariance, too.
+        """
+        layout = self.spaces.layout
+        if MOST_JOINT < len(keys) <= MOST_JOINT_SUMMARISED and self.is_summarised:
+            return np.asarray(layout.diagonal(self._read(keys)[None])[0]).copy()  # predictions read what they ask for
+        if len(keys) > MOST_JOINT:
+            return layout.stacked_squares(self._own(keys[0]), self.of_objects(keys[1:]))
+        blocks: Array = layout.diagonal(self.joint(keys)[None])[0].copy()
+        return blocks
+
+    def _whole(self, keys: tuple[int, ...]) -> Array:
+        if keys not in self._known:
+            self._known[keys] = self._read(keys)
+        return self._known[keys]
+
+    def _part(self, whole: tuple[int, ...], keys: Sequence[int]) -> Array:
+        """Joint covariance of some ``keys`` out of that of the ``whole``."""
+        ends = np.cumsum([self._size(key) for key in whole])
+        at = dict(zip(whole, ends, strict=True))
+        rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in keys])
+        return np.asarray(self._whole(whole)[np.ix_(rows, rows)])
+
+    def _read(self, wanted: Sequence[int]) -> Array:
+        try:
+            covariance = self.owned.isam.jointMarginalCovariance(list(wanted)).fullMatrix()
+        except (RuntimeError, IndexError) as fault:
+            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
+        return self._at_estimates(wanted, 0.5 * (covariance + covariance.T))
+
+    def _own(self, key: int) -> Array:
+        try:
+            return self._at_estimates([key], self.owned.isam.marginalCovariance(key))
+        except (RuntimeError, IndexError) as fault:
+            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
+
+    def _at_estimates(self, keys: Sequence[int], covariance: Array) -> Array:
+        """A covariance of the ``keys`` in the tangent spaces at the estimates, from that in iSAM2's own."""
+        if self.located is None:
+            return np.asarray(covariance)
+        ends = np.cumsum([self._size(key) for key in keys]).tolist()
+        parts = [(key, slice(end - self._size(key), end)) for key, end in zip(keys, ends, strict=True)]
+        return self.located().covariance(parts, covariance)
+
+    def _size(self, key: int) -> int:
+        if is_vector(key):
+            return VECTOR_SIZES[letter_of(key)]
+        return self.descriptor_size if is_descriptor(key) else self.spaces.of(key).tangent_size
