@@ -29,6 +29,8 @@ class Bagging:
 
     def grown(self, replicates: Array, keyframe: int, log_psi: float) -> Array:
         """(B,) replicates of a history after one keyframe more, whose weight it has multiplied by psi."""
+        if self.num_replicates == 0:
+            return replicates
         return np.asarray(replicates + _times(self.seed, self.num_replicates, keyframe) * log_psi)
 
     def log_weights(self, log_weights: Array, replicates: Array, kinds: Index) -> Array:

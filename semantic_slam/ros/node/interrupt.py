@@ -25,6 +25,12 @@ class Interrupt(Future):  # type: ignore[misc]  # rclpy is not followed by mypy
         """Whether it has come."""
         return self._has_come
 
+    def add_done_callback(self, callback: Any) -> None:
+        """Keep nothing: an executor adds one before every callback that it runs, for as long as a node lives.
+
+        None is ever called, for nobody sets a result.
+        """
+
     def _note(self, *_: Any) -> None:
         self._has_come = True  # and nothing that takes a lock, which whatever is interrupted may hold
 

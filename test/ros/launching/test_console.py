@@ -121,3 +121,29 @@ def test_a_node_that_is_interrupted_ends_well_and_without_a_word(name: str, afte
     node.send_signal(signal.SIGINT)
     assert node.wait(timeout=60) == 0
     assert "Traceback" not in said.read_text()
+
+
+CALLBACKS = """
+import gc, signal, rclpy
+from rclpy.executors import SingleThreadedExecutor
+from semantic_slam.ros.node.interrupt import Interrupt
+rclpy.init()
+executor, interrupt, held = SingleThreadedExecutor(), Interrupt(), []
+node = rclpy.create_node("busy")
+executor.add_node(node)
+def turn():
+    if len(held) in (100, 500):
+        gc.collect()
+    held.append(len(gc.get_objects()))
+    if len(held) > 501:
+        signal.raise_signal(signal.SIGINT)
+node.create_timer(1e-4, turn)
+executor.spin_until_future_complete(interrupt)
+print(held[500] - held[100])
+"""
+
+
+def test_a_node_holds_no_more_however_many_callbacks_it_has_run() -> None:
+    """In rclpy an executor that spins until a future is done leaves a function with that future at every turn."""
+    told = subprocess.run([sys.executable, "-c", CALLBACKS], capture_output=True, text=True, timeout=60.0, check=True)
+    assert int(told.stdout) < 100, "objects after 400 callbacks"
