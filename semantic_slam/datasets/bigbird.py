@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.messages.images import MOST_PIXELS
 from semantic_slam.messages.picture_files import read_picture
 
 CAMERAS = ("NP1", "NP2", "NP3", "NP4", "NP5")
@@ -99,11 +100,11 @@ def read_calibration(folder: Path) -> TurntableCalibration:
     """``calibration.h5`` of an object; raises InputError that names what is missing."""
     path = folder / "calibration.h5"
     return TurntableCalibration(
-        rgb_matrices={name: _dataset(path, f"{name}_rgb_K") for name in CAMERAS},
+        rgb_matrices={name: _dataset(path, f"{name}_rgb_K", (3, 3)) for name in CAMERAS},
         rgb_distortions={name: _dataset(path, f"{name}_rgb_d") for name in CAMERAS},
-        depth_matrices={name: _dataset(path, f"{name}_depth_K") for name in CAMERAS},
-        depth_scales={name: _dataset(path, f"{name}_ir_depth_scale").item() for name in CAMERAS},
-        camera_from_reference={name: _dataset(path, f"H_{name}_from_NP5") for name in CAMERAS},
+        depth_matrices={name: _dataset(path, f"{name}_depth_K", (3, 3)) for name in CAMERAS},
+        depth_scales={name: float(_dataset(path, f"{name}_ir_depth_scale", (1,))[0]) for name in CAMERAS},
+        camera_from_reference={name: _dataset(path, f"H_{name}_from_NP5", (4, 4)) for name in CAMERAS},
     )
 
 
@@ -119,15 +120,19 @@ def turntable_views(folder: Path, cameras: Sequence[str] = CAMERAS) -> Iterator[
         if not angles:
             raise InputError(f"{folder}: no {camera}_*.jpg; download the object's pictures too, or leave {camera} out")
         for angle in angles:
-            pose = _dataset(folder / "poses" / f"NP5_{angle}_pose.h5", "H_table_from_reference_camera")
+            pose = _dataset(folder / "poses" / f"NP5_{angle}_pose.h5", "H_table_from_reference_camera", (4, 4))
             table_from_camera = pose @ np.linalg.inv(calibration.camera_from_reference[camera])
             yield TurntableView(folder, folder.name, camera, angle, table_from_camera, calibration.depth_scales[camera])
 
 
-def _dataset(path: Path, name: str) -> Array:
-    """A data set of an HDF5 file; raises InputError."""
+def _dataset(path: Path, name: str, shape: tuple[int, ...] | None = None) -> Array:
+    """A data set of an HDF5 file; raises InputError, for one of more than MOST_PIXELS numbers before it is read."""
     try:
         with h5py.File(path, "r") as file:
-            return np.asarray(file[name][()], dtype=np.float64)
-    except (OSError, KeyError):
+            found = file[name]
+            if found.size is not None and found.size > MOST_PIXELS:
+                raise InputError(f"{path}: '{name}' has more than {MOST_PIXELS} numbers; restore it from the data set")
+            values = np.asarray(found[()], dtype=np.float64)
+            return values if shape is None else values.reshape(shape)
+    except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError):
         raise InputError(f"{path}: no readable '{name}'; restore the file from the data set") from None

@@ -1,5 +1,6 @@
 """BigBIRD's format: geometry of the rig, masks, depth, and one clear line for what is missing. Nothing here renders."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -92,6 +93,24 @@ def test_missing_piece_is_named(tmp_path: Path, file: str, fault: str) -> None:
         list(bigbird.turntable_views(folder, ("NP1",)))
         _ = views[0].image, views[0].mask, views[0].depth_m
     assert Path(file).name in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "fault"),
+    [
+        (lambda file: file.create_dataset("depth", (40_000, 40_000), "u2", compression="gzip"), "more than 100000000"),
+        (lambda file: file.create_group("depth"), "no readable 'depth'"),
+        (lambda file: file.create_dataset("depth", data=b"deep"), "no readable 'depth'"),
+        (lambda file: file.create_dataset("depth", data=h5py.Empty("f")), "no readable 'depth'"),
+    ],
+)
+def test_depth_that_is_no_picture_is_named(tmp_path: Path, make: Callable[[h5py.File], object], fault: str) -> None:
+    """3 GB of zeros take kilobytes of a file."""
+    view = next(bigbird.turntable_views(write_object(tmp_path / "crate"), ("NP1",)))
+    with h5py.File(view.folder / "NP1_0.h5", "w") as file:
+        make(file)
+    with pytest.raises(InputError, match=rf"NP1_0\.h5: .*{fault}"):
+        _ = view.depth_m
 
 
 def test_empty_mask_is_named(tmp_path: Path) -> None:

@@ -14,9 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
+from semantic_slam.datasets.avd.matlab_file import read_matlab, unreadable
 from semantic_slam.datasets.avd.poses import downwards, map_axes, map_pose, world_pose
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
@@ -171,12 +170,11 @@ def _heights(scene: AvdScene, name: str) -> Array:
 
 def _read_structs(path: Path) -> tuple[Any, float]:
     """Records and scale [mm] of ``image_structs.mat``."""
+    content = read_matlab(path)
     try:
-        content = loadmat(path)
         return content["image_structs"][0], float(content["scale"][0][0])
-    except (OSError, ValueError, KeyError, IndexError, TypeError, NotImplementedError, MatReadError) as fault:
-        reason = " ".join(str(fault).split())
-        raise InputError(f"{path}: not a readable image_structs.mat ({reason}); restore it from the data set") from None
+    except (ValueError, KeyError, IndexError, TypeError) as fault:
+        raise unreadable(path, fault) from None
 
 
 def _read_camera(folder: Path) -> CameraModel:

@@ -1,0 +1,64 @@
+"""Variables of a MATLAB file, with a bound on what its compressed parts unpack to before any of them is read."""
+
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
+
+from semantic_slam.errors import InputError
+
+MOST_BYTES = 200_000_000
+"""Bytes that the variables of a file may have; a real scene of a thousand pictures has a megabyte."""
+EXHAUSTED = (MemoryError, OverflowError, zlib.error)
+"""What sizes that no file has lead to."""
+HEADER, COMPRESSED = 128, 15
+"""Bytes before the first element of a file of version 5, and the type of compressed elements."""
+
+
+def read_matlab(path: Path) -> dict[str, Any]:
+    """Name -> value. Raises InputError that names the file."""
+    try:
+        if path.stat().st_size > MOST_BYTES or _unpacked_size(path.read_bytes()) > MOST_BYTES:
+            raise InputError(f"{path}: holds more than {MOST_BYTES // 10**6} MB; restore it from the data set")
+        return dict(loadmat(path))
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        IndexError,
+        TypeError,
+        NotImplementedError,
+        MatReadError,
+        *EXHAUSTED,
+    ) as fault:
+        raise unreadable(path, fault) from None
+
+
+def unreadable(path: Path, fault: BaseException) -> InputError:
+    """What to say of a file that is not what it should be."""
+    reason = " ".join(str(fault).split()) or type(fault).__name__
+    return InputError(f"{path}: not a readable {path.name} ({reason}); restore it from the data set")
+
+
+def _unpacked_size(content: bytes) -> int:
+    """Bytes of all elements of a file of version 5, compressed ones unpacked, as far as MOST_BYTES; 0 for others."""
+    order = {b"IM": "<II", b"MI": ">II"}.get(content[HEADER - 2 : HEADER])
+    total, at = 0, HEADER
+    while order is not None and at + 8 <= len(content) and total <= MOST_BYTES:
+        kind, size = struct.unpack_from(order, content, at)
+        element = content[at + 8 : at + 8 + size]
+        total += _inflated_size(element, MOST_BYTES - total) if kind == COMPRESSED else len(element)
+        at += 8 + size
+    return total
+
+
+def _inflated_size(packed: bytes, limit: int) -> int:
+    """Bytes that a zlib stream unpacks to, or more than ``limit``. Raises zlib.error."""
+    stream, total = zlib.decompressobj(), 0
+    while packed and not stream.eof and total <= limit:
+        total += len(stream.decompress(packed, 1 << 20))
+        packed = stream.unconsumed_tail
+    return total
