@@ -7,9 +7,8 @@ sums over all assignments are products over clusters. The weight of an assignmen
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 
 LARGEST_SET = 12
 """Detections of a cluster of which all sets are looked at."""
@@ -29,14 +28,24 @@ def log_sum_of_all(log_known: Array, log_new: Array) -> float:
 
 def clusters(known: Array) -> Iterator[tuple[Index, Index]]:
     """Rows (detections) and columns (objects) of each cluster of the weights ``known`` (D, M), in order of the rows."""
-    count = len(known)
-    links = np.zeros((sum(known.shape),) * 2, dtype=bool)
-    links[:count, count:] = known > NEGLIGIBLE
-    number, labels = connected_components(links, directed=False)
-    for label in range(number):
-        members = np.flatnonzero(labels == label)
-        if members[0] < count:
-            yield members[members < count], members[members >= count] - count
+    may_be = known > NEGLIGIBLE
+    linked = may_be.astype(float) @ may_be.T > 0.0  # (D, D) detections that may be of one object
+    left = np.ones(len(known), dtype=bool)
+    for row in range(len(known)):
+        if left[row]:
+            members = _reached(linked, row)
+            left &= ~members
+            yield np.flatnonzero(members), np.flatnonzero(may_be[members].any(axis=0))
+
+
+def _reached(linked: Flags, row: int) -> Flags:
+    """(D,) what a row of ``linked`` (D, D) leads to, itself among it."""
+    members = np.asarray(np.arange(len(linked)) == row)
+    while True:
+        more = np.asarray(members | linked[members].any(axis=0))
+        if np.array_equal(more, members):
+            return members
+        members = more
 
 
 def _scaled(log_known: Array, log_new: Array) -> tuple[Array, Array, Array]:

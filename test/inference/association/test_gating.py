@@ -4,10 +4,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from worlds.exact.linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.inference.association.gating import best_assignments, pair_densities
-from semantic_slam.inference.association.sums import log_sum_of_all
+from semantic_slam.inference.association.sums import clusters, log_sum_of_all
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
@@ -44,6 +46,20 @@ def test_the_sum_is_exact_for_many_detections_that_fall_into_clusters() -> None:
     total = sum(np.logaddexp.reduce([score for score, _ in everything(*part)]) for part in parts)
     found = log_sum_of_all(log_known[order], np.concatenate([new for _, new in parts])[order])
     assert found == pytest.approx(total, abs=1e-10)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.4])
+@pytest.mark.parametrize("shape", [(1, 1), (3, 0), (8, 5), (30, 40)])
+def test_clusters_are_the_connected_parts_of_the_graph(shape: tuple[int, int], share: float) -> None:
+    """Detections that a chain of others links stand in one, in the order of their first ones."""
+    random = np.random.default_rng(5)
+    known = np.where(random.random(shape) < share, random.random(shape), 0.0)
+    rows, columns = np.nonzero(known)
+    links = coo_array((np.ones(len(rows)), (rows, shape[0] + columns)), shape=(sum(shape),) * 2)
+    _, labels = connected_components(links, directed=False)
+    found = [(own.tolist(), (shape[0] + objects).tolist()) for own, objects in clusters(known)]
+    first = dict.fromkeys(labels[: shape[0]].tolist())
+    assert [own + objects for own, objects in found] == [np.flatnonzero(labels == label).tolist() for label in first]
 
 
 @pytest.mark.parametrize("limit", [1, 5, 1000])
