@@ -4,6 +4,7 @@ The registry is a function of the map prior and of the keyframes so far, so that
 the same keyframes agree on it.
 """
 
+from array import array
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -66,7 +67,7 @@ class ObjectRegistry:
         self._known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
         self._by_name = {entry.name: entry.object_id for entry in entries}
         self._by_name |= {str(entry.object_id): entry.object_id for entry in entries}
-        self._first_new = [max(self._known, default=-1) + 1]  # by keyframe
+        self._first_new = array("q", [max(self._known, default=-1) + 1])  # by keyframe
         self._labels: dict[int, str] = {}  # of the detections that may have begun an object, where they are asked for
         self._alive: frozenset[int] = frozenset()
         self._reported = self._all = self._listed(tuple(self._known))

@@ -6,8 +6,13 @@ Live inputs never repeat, and are not looked at.
 from collections import Counter, deque
 from hashlib import blake2b
 
+from semantic_slam.messages import topics
+
 MOST_REMEMBERED = 20_000
 """Messages of a topic that are remembered: more than a late reader is sent again, or a replay goes back."""
+MOST_NEWS = 1000
+"""The same of news of how far another node is, of which a late reader is sent the last alone."""
+NEWS = frozenset({topics.CLASSIFIER_PROGRESS, topics.MANAGER_PROGRESS, topics.PLAYER_PROGRESS})
 
 
 class Repeats:
@@ -27,7 +32,7 @@ class Repeats:
             return True
         known.add(digest)
         order.append(digest)
-        if len(order) > MOST_REMEMBERED:
+        if len(order) > (MOST_NEWS if topic in NEWS else MOST_REMEMBERED):
             known.discard(order.popleft())
         return False
 

@@ -8,8 +8,9 @@ from worlds.bags.bag_factory import input_entries, of_topic
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import header_stamp_ns as stamp_of
+from semantic_slam.messages.topics import CLASSIFIER_PROGRESS
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros.node.repeats import MOST_REMEMBERED, Repeats
+from semantic_slam.ros.node.repeats import MOST_NEWS, MOST_REMEMBERED, Repeats
 from semantic_slam.ros.replay.resumption import FROM_THE_START, MARGIN, header_stamp_ns, resumption
 
 NUM_FRAMES = 14
@@ -58,8 +59,10 @@ def test_what_was_not_used_may_come_again() -> None:
 
 
 def test_what_is_remembered_is_bounded() -> None:
+    """News of how far a node is, which come with every frame of a live drive, less far back."""
     repeats = Repeats(Counter())
-    for n in range(MOST_REMEMBERED + 1):
-        repeats.is_known("odom", n.to_bytes(4, "little"))
-    assert repeats.is_known("odom", (1).to_bytes(4, "little"))
-    assert not repeats.is_known("odom", (0).to_bytes(4, "little"))
+    for topic, most in (("odom", MOST_REMEMBERED), (CLASSIFIER_PROGRESS, MOST_NEWS)):
+        for n in range(most + 1):
+            repeats.is_known(topic, n.to_bytes(4, "little"))
+        assert repeats.is_known(topic, (1).to_bytes(4, "little"))
+        assert not repeats.is_known(topic, (0).to_bytes(4, "little"))
