@@ -15,6 +15,7 @@ from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.training.labels import candidates
 from semantic_slam.training.labels.candidates import alike, by_side
+from semantic_slam.training.labels.fit import as_they_are, with_known_classes
 from semantic_slam.training.labels.learn import RunTracks, learn
 from semantic_slam.training.labels.maximisation import BeforeFit
 from semantic_slam.training.labels.passes import FOLDS, STRETCHES
@@ -68,6 +69,20 @@ def test_confusions_and_shares_are_found_without_being_told_what_is_what():
     counts = whole.confusions[0].counts[0]
     np.testing.assert_allclose(counts / counts.sum(axis=1, keepdims=True), THETA, atol=0.08)
     np.testing.assert_allclose(whole.class_shares, [10 / 22, 7 / 22, 4 / 22, 1 / 22], atol=0.03)
+
+
+def test_what_no_fit_has_told_knows_the_classes_that_a_run_would():
+    """Else a fit is held against models that take the ninth cup for no likelier than a sofa."""
+    random = np.random.default_rng(0)
+    tracks = [track(n, random.choice(4, 15, p=THETA[0]), around(random, 15)) for n in range(9)]
+    even = as_they_are([START] * len(FOLDS), tracks)
+    learned = with_known_classes(even, tracks, counts=1.0)
+    objects = even.whole.weights @ even.whole.told.classes
+    np.testing.assert_allclose(learned.whole.model.class_shares, (1.0 + objects) / (4.0 + objects.sum()))
+    assert learned.held_out > even.held_out + 0.1
+    np.testing.assert_allclose(
+        with_known_classes(even, tracks, counts=1e9).whole.model.class_shares, START.class_shares, atol=1e-6
+    )
 
 
 @pytest.mark.usefixtures("few_settings")

@@ -7,6 +7,9 @@ the views of the same objects there.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from semantic_slam.inference.semantics.new_classes import NewClasses
 from semantic_slam.training.labels.passes import FOLDS, Pass, passed
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.labels.model import LabelModel
@@ -47,6 +50,20 @@ def fitted(models: Sequence[LabelModel], refit: Refit, tracks: Sequence[Track], 
         if found.held_out >= best.held_out + LEAST_GAIN:
             best = found
     return best
+
+
+def with_known_classes(own: Fitted, tracks: Sequence[Track], counts: float) -> Fitted:
+    """Models that are not fitted, with shares of classes as a run learns them on its way: :class:`NewClasses`.
+
+    ``counts``: objects per class that the shares before count as.
+    """
+
+    def learned(one: Pass) -> LabelModel:
+        shares, objects = one.model.class_shares, one.weights @ one.told.classes
+        ratios = NewClasses(shares=shares, counts=counts * len(shares)).log_ratios(objects[None])
+        return replace(one.model, class_shares=shares * np.exp(ratios))
+
+    return as_they_are([learned(one) for one in own.passes], tracks)
 
 
 def as_they_are(models: Sequence[LabelModel], tracks: Sequence[Track]) -> Fitted:

@@ -15,7 +15,7 @@ from semantic_slam.training.detection.looks import looks_of
 from semantic_slam.training.detection.rates import LearnedRates, learned
 from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.expectation import Expectation
-from semantic_slam.training.labels.fit import Fitted, as_they_are
+from semantic_slam.training.labels.fit import Fitted, as_they_are, with_known_classes
 from semantic_slam.training.labels.judgement import Judgement, judged
 from semantic_slam.training.labels.maximisation import BeforeFit, class_shares, habit_shares
 from semantic_slam.training.labels.passes import FOLDS, NO_STRETCH, STRETCHES, passed
@@ -97,7 +97,8 @@ def learn(told: RunTracks) -> FittedLabels:
     unfitted = as_they_are([start] * len(FOLDS), told.every)
     same = alike(start, before, told.every)
     found = max(same, by_side(same, before, told.every), key=lambda own: own.held_out)
-    first, last = judged(unfitted, told.every), judged(found, told.every)
+    as_run = with_known_classes(unfitted, told.every, settings.class_counts)
+    first, last = judged(as_run, told.every), judged(found, told.every)
     is_better = _is_better(first, last)
     report = report_of(found, is_better, first, last) | {"detection": told.detection.numbers}
     return _handed_on(found, told, report) if is_better else _as_before(unfitted, told, report)
