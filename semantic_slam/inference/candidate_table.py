@@ -66,7 +66,7 @@ class CandidateTable:
     def step(self, row: int) -> LineageStep:
         """What the keyframe adds to the lineage of one candidate."""
         association, classes = self.associations[row].tolist(), self.classes[row].tolist()
-        return LineageStep(tuple(association), tuple(classes), int(self.modes[row]), self.changes[row])
+        return LineageStep.of(association, classes, int(self.modes[row]), self.changes[row])
 
 
 def _objects(values: Sequence[object]) -> NDArray[np.object_]:

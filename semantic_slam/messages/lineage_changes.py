@@ -33,7 +33,7 @@ def step_of(association: Sequence[int], classes: Sequence[int], mode: int) -> Li
     count = association.index(CHANGED) if CHANGED in association else len(association)
     if len(classes) < count:
         raise MessageError(f"class_assignments: {len(classes)} classes of {count} detections")
-    return LineageStep(tuple(association[:count]), tuple(classes[:count]), mode, changes_in(association[count:]))
+    return LineageStep.of(association[:count], classes[:count], mode, changes_in(association[count:]))
 
 
 def padded(rows: Sequence[Sequence[int]], width: int = 0) -> NDArray[np.int32]:

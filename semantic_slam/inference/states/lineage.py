@@ -1,7 +1,9 @@
 """What a hypothesis is made of: one step for every keyframe."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -14,6 +16,14 @@ MOVES = -2
 Reassigned = tuple[int, int, int, int]
 """Keyframe and detection of long ago, the object that it is taken to be of from now on, and that before."""
 
+Value = TypeVar("Value", int, tuple[int, ...])
+
+
+@lru_cache(maxsize=1 << 14, typed=True)
+def _the_one(value: Value) -> Value:
+    """The first of all equal values."""
+    return value
+
 
 @dataclass(frozen=True, slots=True)
 class LineageStep:
@@ -23,6 +33,13 @@ class LineageStep:
     class_assignment: tuple[int, ...]  # (D,) class of that object, -1 when classes are not enumerated, MOVES
     mode: int = 0  # in an open world, of the first keyframe: under which noise, and from which start, a history begins
     changes: tuple[Reassigned, ...] = ()  # made before this keyframe; the steps before tell what is true since
+
+    @classmethod
+    def of(
+        cls, association: Iterable[int], classes: Iterable[int], mode: int = 0, changes: tuple[Reassigned, ...] = ()
+    ) -> Self:
+        """With equal numbers kept once: lineages grow for days, and name the same few objects in every step."""
+        return cls(tuple(map(_the_one, association)), _the_one(tuple(classes)), mode, changes)
 
 
 def next_id(parent_id: int, stamp_ns: int, step: LineageStep) -> int:
@@ -68,4 +85,4 @@ def lineage_steps(
         assignment[:, used] = classes
     modes: Sequence[int] = [0] * len(objects) if numbers is None else numbers.tolist()
     rows = zip(association.tolist(), assignment.tolist(), modes, strict=True)
-    return [LineageStep(tuple(a), tuple(c), mode) for a, c, mode in rows]
+    return [LineageStep.of(a, c, mode) for a, c, mode in rows]
