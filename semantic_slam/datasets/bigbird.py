@@ -23,6 +23,8 @@ from semantic_slam.messages.picture_files import read_picture
 
 CAMERAS = ("NP1", "NP2", "NP3", "NP4", "NP5")
 METRES_PER_RAW_DEPTH = 1e-4
+LEAST_DETERMINANT = 0.5
+"""That of a rigid motion is 1."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,8 @@ class TurntableView:
         """(height, width) of the depth camera, NaN where nothing was measured."""
         path = self.folder / f"{self.stem}.h5"
         raw = _dataset(path, "depth").astype(np.float32)
+        if raw.ndim != 2:
+            raise InputError(f"{path}: 'depth' is no picture; restore the file from the data set")
         return np.where(raw == 0, np.nan, raw * (METRES_PER_RAW_DEPTH * self.depth_scale)).astype(np.float32)
 
 
@@ -104,7 +108,7 @@ def read_calibration(folder: Path) -> TurntableCalibration:
         rgb_distortions={name: _dataset(path, f"{name}_rgb_d") for name in CAMERAS},
         depth_matrices={name: _dataset(path, f"{name}_depth_K", (3, 3)) for name in CAMERAS},
         depth_scales={name: float(_dataset(path, f"{name}_ir_depth_scale", (1,))[0]) for name in CAMERAS},
-        camera_from_reference={name: _dataset(path, f"H_{name}_from_NP5", (4, 4)) for name in CAMERAS},
+        camera_from_reference={name: _motion(path, f"H_{name}_from_NP5") for name in CAMERAS},
     )
 
 
@@ -125,14 +129,24 @@ def turntable_views(folder: Path, cameras: Sequence[str] = CAMERAS) -> Iterator[
             yield TurntableView(folder, folder.name, camera, angle, table_from_camera, calibration.depth_scales[camera])
 
 
+def _motion(path: Path, name: str) -> Array:
+    """(4, 4) that can be inverted. Raises InputError."""
+    found = _dataset(path, name, (4, 4))
+    if not np.isfinite(found).all() or abs(np.linalg.det(found)) < LEAST_DETERMINANT:
+        raise InputError(f"{path}: '{name}' is no motion; restore the file from the data set")
+    return found
+
+
 def _dataset(path: Path, name: str, shape: tuple[int, ...] | None = None) -> Array:
-    """A data set of an HDF5 file; raises InputError, for one of more than MOST_PIXELS numbers before it is read."""
+    """Numbers of an HDF5 file; raises InputError, for more bytes than MOST_PIXELS numbers have before they are read."""
     try:
         with h5py.File(path, "r") as file:
             found = file[name]
-            if found.size is not None and found.size > MOST_PIXELS:
+            if found.nbytes > np.dtype(np.float64).itemsize * MOST_PIXELS:
                 raise InputError(f"{path}: '{name}' has more than {MOST_PIXELS} numbers; restore it from the data set")
+            if found.dtype.kind not in "uif":
+                raise TypeError(f"{found.dtype} are no numbers")
             values = np.asarray(found[()], dtype=np.float64)
             return values if shape is None else values.reshape(shape)
-    except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError):
+    except (OSError, KeyError, AttributeError, TypeError, ValueError, RuntimeError, MemoryError):
         raise InputError(f"{path}: no readable '{name}'; restore the file from the data set") from None

@@ -1,7 +1,7 @@
-"""What told of the classes of a map's objects before the objects themselves did, and what these told besides.
+"""What a run took the classes of a map's objects to be before it looked at them, and what they told besides.
 
-Of which class an object is, a run takes from the map that it started from, or from what else it has mapped: two runs
-that know the same must not count as two witnesses of it.
+Of which class an object is, a run takes from what else it has mapped, too: two runs through one room know the same of
+it, and must not count as two witnesses.
 """
 
 from collections.abc import Sequence
@@ -18,18 +18,21 @@ LEAST_CLASS = 1e-6
 """Probability of a class that nothing rules out for good."""
 
 
-def class_priors_of(components: Sequence[Component], weights: Array, ids: Index, reported: ReportedObjects) -> Array:
-    """(O, C) mean over H hypotheses, whose (H, O) ``weights`` say how much each has an object; 0: reported alone."""
-    told = np.zeros((len(components), len(ids), reported.class_prior.shape[1]))
-    for row, number in enumerate(ids.tolist()):
-        prior = reported.class_prior[reported.row_of[number]]
-        told[:, row] = [_prior_of(own, held_as(own, number, reported), prior) for own in components]
-    shares = weights + LEAST_CLASS
-    return np.asarray(np.einsum("ho,hoc->oc", shares / shares.sum(axis=0), told))
+def class_priors_of(
+    components: Sequence[Component], weights: Array, ids: Index, reported: ReportedObjects, class_shares: Array
+) -> Array:
+    """(O, C) means over H hypotheses of (H,) ``weights``, as class probabilities are; of what they lack, the shares.
+
+    ``class_shares`` (C,) are those of new objects before the run. What a map at the start says of an object is no part
+    of its prior, but evidence that somebody had.
+    """
+    told = [[_prior_of(own, held_as(own, int(n), reported), class_shares) for n in ids] for own in components]
+    stacked = np.array(told).reshape(len(components), len(ids), len(class_shares))
+    return np.asarray(np.tensordot(weights / weights.sum(), stacked, axes=1))
 
 
 def class_evidence(objects: MapObjects) -> Array:
-    """(O, C) proportional to the likelihood of what was seen of each object, adding up to one for each."""
+    """(O, C) proportional to the likelihood of what is known of each object by itself, adding up to one for each."""
     if not objects.class_probabilities.shape[1]:
         return objects.class_probabilities
     told = (objects.class_probabilities + LEAST_CLASS) / (known_priors(objects) + LEAST_CLASS)
@@ -42,10 +45,10 @@ def known_priors(objects: MapObjects) -> Array:
     return np.where(np.isnan(objects.class_priors), 1.0 / max(count, 1), objects.class_priors)
 
 
-def _prior_of(component: Component, number: int, prior: Array) -> Array:
-    """(C,) that of a run's new objects, or the map's, as what else was mapped changed it when the object was added."""
+def _prior_of(component: Component, number: int, class_shares: Array) -> Array:
+    """(C,) shares of classes as what else was mapped had changed them when the object was added."""
     record = component.views.get(number)
     if record is None or record.log_ratios is None:
-        return prior
-    changed = prior * np.exp(record.log_ratios)
+        return class_shares
+    changed = class_shares * np.exp(record.log_ratios)
     return np.asarray(changed / changed.sum())

@@ -90,7 +90,7 @@ def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelie
     objects = replace(
         known.objects,
         sightings=_sightings(engine, int(belief.hypothesis_ids[chosen[0]]), ids),
-        class_priors=class_priors_of(components, weights[:, None] * existence, ids, reported),
+        class_priors=class_priors_of(components, weights, ids, reported, engine.problem.class_shares),
     )
     looks = _looks(engine, components[0])
     left_out = 1.0 - (1.0 - known.discarded_mass) * min(float(weights.sum()), 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.maps.class_priors import class_evidence, known_priors
-from semantic_slam.maps.saved_map import MapObjects, SavedMap
+from semantic_slam.maps.saved_map import MapObjects, SavedMap, have_one_origin
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,14 +71,16 @@ def _sightings(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
 def _classes(one: SavedMap, other: SavedMap, sources: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
     """(N, C) class priors, and probabilities: what was seen of an object in both maps is independent evidence.
 
-    What either map knew before is not, and is taken for the same: the prior of both is the mean of theirs.
+    What either run knew before is not, and is taken for the same: the prior of both is the mean of theirs. Where both
+    started from one map, what that one says is in either: of what both have each counts half, as places do.
     """
-    size = len(one.class_names or other.class_names)
+    size, share = len(one.class_names or other.class_names), 0.5 if have_one_origin(one, other) else 1.0
+    halves = np.where((np.array(sources).reshape(-1, 2) >= 0).all(axis=1), share, 1.0)[:, None]
     evidence, summed, count = np.ones((len(sources), size)), np.zeros((len(sources), size)), np.zeros((len(sources), 1))
     for known, rows in zip((one, other), np.array(sources).reshape(-1, 2).T, strict=True):
         if known.class_names:
             own = np.flatnonzero(rows >= 0)
-            evidence[own] *= class_evidence(known.objects)[rows[own]]
+            evidence[own] *= class_evidence(known.objects)[rows[own]] ** halves[own]
             summed[own] += known_priors(known.objects)[rows[own]]
             count[own] += 1.0
     priors = np.where(count > 0.0, summed / np.maximum(count, 1.0), 1.0 / max(size, 1))

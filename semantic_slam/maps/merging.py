@@ -19,7 +19,7 @@ from semantic_slam.maps.differences import gone
 from semantic_slam.maps.landmarks import frame_slopes
 from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
 from semantic_slam.maps.merged_objects import MergedRows, merged_objects
-from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap
+from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap, have_one_origin
 
 SURE = 0.9
 """Probability from which on an alignment is taken for the one."""
@@ -104,7 +104,6 @@ def _rows(told: Comparison) -> MergedRows:
 def _stacked(told: Comparison) -> _Together:
     """The states of both maps in the first one's frame, before any of them is taken for another."""
     one, other, alignment = told.old, told.new, told.best.alignment
-    common = one.provenance.started_from and one.provenance.started_from == other.provenance.started_from
     own, theirs = planar_from_pose_vector(one.objects.poses), planar_from_pose_vector(other.objects.poses)
     T = np.zeros(3) if told.same_frame else alignment.T_old_new
     moved = se2.compose(np.broadcast_to(T, theirs.shape), theirs)
@@ -117,7 +116,9 @@ def _stacked(told: Comparison) -> _Together:
         square = square + slopes @ np.diag([ANYWHERE_M, ANYWHERE_M, ANYWHERE_RAD]) ** 2 @ slopes.T
     size, whole = 3 * len(own), np.zeros((3 * (len(own) + len(theirs)),) * 2)
     whole[:size, :size], whole[size:, size:] = joint_covariance(one), square
-    return _Together(states=np.concatenate([own, moved]), covariance=2.0 * whole if common else whole)
+    return _Together(
+        states=np.concatenate([own, moved]), covariance=2.0 * whole if have_one_origin(one, other) else whole
+    )
 
 
 def _fused(known: _Together, rows: MergedRows, count: int) -> _Together:

@@ -31,7 +31,7 @@ class MapObjects:
     covariances: Array  # (O, 6, 6) x y z rx ry rz along the axes of map
     existence: Array  # (O,)
     class_probabilities: Array  # (O, C)
-    class_priors: Array  # (O, C) what these were before anything told of the object itself; NaN where not known
+    class_priors: Array  # (O, C) what these were before anything was known of the object itself; or NaN
     descriptors: Array  # (O, L) NaN where not known
     descriptor_variances: Array  # (O, L)
     missing: Array  # (O,) probability that it is gone; NaN where the run did not ask
@@ -90,3 +90,8 @@ class SavedMap:
     descriptor_space: str = ""
     provenance: Provenance = Provenance()
     map_id: str = ""  # digest of all of this; "" before it was written
+
+
+def have_one_origin(one: SavedMap, other: SavedMap) -> bool:
+    """Whether the runs of two maps started from the same one, which both then hold."""
+    return bool(one.provenance.started_from) and one.provenance.started_from == other.provenance.started_from

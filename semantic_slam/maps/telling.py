@@ -46,7 +46,7 @@ def as_json(known: SavedMap) -> dict[str, Any]:
             "covariance": objects.covariances[row].tolist(),
             "existence": float(objects.existence[row]),
             "class_probabilities": dict(zip(known.class_names, objects.class_probabilities[row].tolist(), strict=True)),
-            "class_priors": _or_none(objects.class_priors[row]),
+            "class_priors": _by_name(known, objects.class_priors[row]),
             "descriptor": _or_none(objects.descriptors[row]),
             "descriptor_variance": _or_none(objects.descriptor_variances[row]),
             "missing": _or_none(objects.missing[row]),
@@ -72,6 +72,11 @@ def _class_text(known: SavedMap, row: int) -> str:
         return ""
     best = int(np.argmax(known.objects.class_probabilities[row]))
     return f"{known.class_names[best]} {known.objects.class_probabilities[row, best]:.3f}, "
+
+
+def _by_name(known: SavedMap, values: Array) -> dict[str, float] | None:
+    """(C,) numbers by class, or None where they are not known."""
+    return dict(zip(known.class_names, values.tolist(), strict=True)) if np.isfinite(values).all() else None
 
 
 def _or_none(values: Array) -> Any:

@@ -99,6 +99,9 @@ def test_missing_piece_is_named(tmp_path: Path, file: str, fault: str) -> None:
     ("make", "fault"),
     [
         (lambda file: file.create_dataset("depth", (40_000, 40_000), "u2", compression="gzip"), "more than 100000000"),
+        (lambda file: file.create_dataset("depth", (10_000, 10_000), ("f8", (1000, 1000))), "more than 100000000"),
+        (lambda file: file.create_dataset("depth", data=np.zeros(10)), "'depth' is no picture"),
+        (lambda file: file.create_dataset("depth", data=np.zeros((2, 2), dtype=complex)), "no readable 'depth'"),
         (lambda file: file.create_group("depth"), "no readable 'depth'"),
         (lambda file: file.create_dataset("depth", data=b"deep"), "no readable 'depth'"),
         (lambda file: file.create_dataset("depth", data=h5py.Empty("f")), "no readable 'depth'"),
@@ -111,6 +114,14 @@ def test_depth_that_is_no_picture_is_named(tmp_path: Path, make: Callable[[h5py.
         make(file)
     with pytest.raises(InputError, match=rf"NP1_0\.h5: .*{fault}"):
         _ = view.depth_m
+
+
+def test_a_camera_that_is_nowhere_is_named(tmp_path: Path) -> None:
+    folder = write_object(tmp_path / "crate")
+    with h5py.File(folder / "calibration.h5", "r+") as file:
+        file["H_NP1_from_NP5"][...] = 0.0
+    with pytest.raises(InputError, match=r"calibration\.h5: 'H_NP1_from_NP5' is no motion; restore"):
+        next(bigbird.turntable_views(folder, ("NP1",)))
 
 
 def test_empty_mask_is_named(tmp_path: Path) -> None:

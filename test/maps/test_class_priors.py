@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from worlds.scenes.small_map import LOOSE
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.engine import Engine
@@ -12,8 +13,8 @@ from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.maps.as_prior import map_prior_of
-from semantic_slam.maps.class_priors import class_evidence
+from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
+from semantic_slam.maps.class_priors import class_evidence, class_priors_of
 from semantic_slam.maps.comparison import Comparison
 from semantic_slam.maps.from_run import saved_map_of_engine
 from semantic_slam.maps.map_file import FORMAT, packed, read_map, with_id, write_map
@@ -22,15 +23,14 @@ from semantic_slam.maps.saved_map import SavedMap
 from semantic_slam.model_files import ModelFormat
 
 PLACES = {"a": (3.0, -2.0), "b": (3.0, 2.0), "c": (4.0, -1.0), "d": (4.5, 1.0), "e": (5.0, 0.0), "odd": (3.0, 0.0)}
+CONFIGURATION = Configuration.of(
+    association="given", semantic_model={"kind": "detector", "labels": ["chair", "cup"], "class_counts": 0.2}
+)
 
 
 def furnished(turns: int, prior: MapPrior | None = None) -> SavedMap:
     """The map of five chairs, and of something that is once called a cup, by a detector that is hardly sure."""
-    configuration = Configuration.of(
-        association="given",
-        semantic_model={"kind": "detector", "labels": ["chair", "cup"], "class_counts": 0.2},
-    )
-    engine = Engine(configuration, prior)
+    engine = Engine(CONFIGURATION, prior)
     for index in range(turns):
         names = [name for name in PLACES if name != "odd" or index == turns - 1]
         seen = [
@@ -91,17 +91,40 @@ def test_what_was_seen_of_an_object_in_two_runs_is_independent(room: SavedMap) -
 
 
 def test_two_runs_from_one_map_do_not_count_its_classes_twice(room: SavedMap) -> None:
-    """Both were told that it is a chair, and saw one cup each."""
-    first = with_classes(room, [0.6, 0.2, 0.2], [0.9, 0.05, 0.05], "odd")
-    later = [furnished(turns, map_prior_of(first)) for turns in (2, 3)]
-    assert all(own.provenance.started_from == first.map_id for own in later)
-    row = row_of(later[0], "odd")
-    np.testing.assert_allclose(later[0].objects.class_priors[row], [0.6, 0.2, 0.2], atol=0.005)
-    both = merged(*later, "")
-    seen = class_evidence(later[0].objects)[row] * class_evidence(later[1].objects)[row]
-    seen = seen * later[0].objects.class_priors[row]
-    found = both.objects.class_probabilities[row_of(both, "odd")]
-    np.testing.assert_allclose(found, seen / seen.sum(), atol=1e-9)
+    """Both were told what it is, and saw nothing of it: what they say together is what they were told."""
+    told, prior = np.array([0.9, 0.06, 0.04]), np.array([0.5, 0.3, 0.2])
+    later = [with_classes(own, told.tolist(), prior.tolist(), "odd") for own in (room, furnished(5))]
+    origin = [replace(own, provenance=replace(own.provenance, started_from="monday")) for own in later]
+    both = merged(*map(with_id, origin), "", same_frame=True)
+    np.testing.assert_allclose(both.objects.class_probabilities[row_of(both, "odd")], told, atol=1e-4)
+    apart = merged(*later, "", same_frame=True).objects.class_probabilities[row_of(both, "odd")]
+    np.testing.assert_allclose(apart, (told**2 / prior) / (told**2 / prior).sum(), atol=1e-4)
+
+
+def test_what_the_map_at_the_start_says_is_evidence_that_later_maps_hold(room: SavedMap) -> None:
+    """Else what was known of an object on Sunday would be forgotten where Monday's map is merged with another."""
+    first = with_classes(room, [0.02, 0.97, 0.01], [1.0 / 3.0] * 3, "odd")
+    later = furnished(2, map_prior_of(first))
+    row = row_of(later, "odd")
+    assert later.objects.class_priors[row].max() < 0.34, "nothing is known of the room before"
+    assert class_evidence(later.objects)[row, 1] > 0.9
+
+
+def test_a_hypothesis_that_lacks_an_object_knows_no_more_of_it_than_that_it_is_new(room: SavedMap) -> None:
+    """As in the probabilities that a belief states, of which the prior is taken out."""
+    engine = Engine(CONFIGURATION)
+    for index in range(3):
+        seen = [Detection.at(*at, label="chair", track_id=name, score=0.5) for name, at in PLACES.items()]
+        belief = engine.process(Keyframe.planar(index, detections=seen if index < 2 else seen[:1]))
+    assert isinstance(engine.pool, InProcessPool)
+    whole = [engine.pool.component(int(belief.hypothesis_ids[0])), engine.problem.root()]
+    arguments = np.array([5]), engine.registry.known, engine.problem.class_shares
+    alone = class_priors_of(whole[:1], np.ones(1), *arguments)
+    np.testing.assert_allclose(alone, 1.0 / 3.0)  # all came at once
+    late = replace(whole[0].views[5], log_ratios=np.log([2.0, 0.5, 0.5]))
+    known = replace(whole[0], views=whole[0].views | {5: late})
+    both = class_priors_of([known, whole[1]], np.array([0.6, 0.2]), *arguments)
+    np.testing.assert_allclose(both, [[0.75 * 2 / 3 + 0.25 / 3, 0.75 / 6 + 0.25 / 3, 0.75 / 6 + 0.25 / 3]])
 
 
 def test_things_of_which_nothing_was_seen_are_not_alike_for_that(room: SavedMap) -> None:
@@ -113,9 +136,8 @@ def test_things_of_which_nothing_was_seen_are_not_alike_for_that(room: SavedMap)
 
 
 def test_a_map_of_the_schema_before_is_read_under_its_id(tmp_path: Path) -> None:
-    known = furnished(1)
-    unknown = np.full_like(known.objects.class_priors, np.nan)
-    old = with_id(replace(known, objects=replace(known.objects, class_priors=unknown)))
+    old = with_id(saved_map_of_prior(LOOSE))
+    assert old.map_id == "400c59e356f02e41", "as it was before class priors were told"
     arrays, description = packed(old)
     del arrays["objects.class_priors"]
     ModelFormat(kind=FORMAT.kind, schema_version=1, remedy="").write(tmp_path / "old.map", arrays, description)

@@ -6,14 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from semantic_slam.errors import InputError
 
 MOST_BYTES = 200_000_000
 """Bytes that the variables of a file may have; a real scene of a thousand pictures has a megabyte."""
-EXHAUSTED = (MemoryError, OverflowError, zlib.error)
-"""What sizes that no file has lead to."""
 HEADER, COMPRESSED = 128, 15
 """Bytes before the first element of a file of version 5, and the type of compressed elements."""
 
@@ -21,19 +18,14 @@ HEADER, COMPRESSED = 128, 15
 def read_matlab(path: Path) -> dict[str, Any]:
     """Name -> value. Raises InputError that names the file."""
     try:
-        if path.stat().st_size > MOST_BYTES or _unpacked_size(path.read_bytes()) > MOST_BYTES:
-            raise InputError(f"{path}: holds more than {MOST_BYTES // 10**6} MB; restore it from the data set")
+        is_large = path.stat().st_size > MOST_BYTES or _unpacked_size(path.read_bytes()) > MOST_BYTES
+    except (OSError, zlib.error) as fault:
+        raise unreadable(path, fault) from None
+    if is_large:
+        raise InputError(f"{path}: holds more than {MOST_BYTES // 10**6} MB; restore it from the data set")
+    try:
         return dict(loadmat(path))
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        IndexError,
-        TypeError,
-        NotImplementedError,
-        MatReadError,
-        *EXHAUSTED,
-    ) as fault:
+    except Exception as fault:  # of damaged files scipy's reader raises whatever comes, UnboundLocalError among it
         raise unreadable(path, fault) from None
 
 
@@ -44,10 +36,12 @@ def unreadable(path: Path, fault: BaseException) -> InputError:
 
 
 def _unpacked_size(content: bytes) -> int:
-    """Bytes of all elements of a file of version 5, compressed ones unpacked, as far as MOST_BYTES; 0 for others."""
-    order = {b"IM": "<II", b"MI": ">II"}.get(content[HEADER - 2 : HEADER])
+    """Bytes of all elements of a file of version 5, compressed ones unpacked, as far as MOST_BYTES; 0 for version 4."""
+    if 0 in content[:4]:
+        return 0  # of version 4, which knows no compression
+    order = "<II" if content[HEADER - 2 : HEADER] == b"IM" else ">II"  # as scipy takes it, whatever stands there
     total, at = 0, HEADER
-    while order is not None and at + 8 <= len(content) and total <= MOST_BYTES:
+    while at + 8 <= len(content) and total <= MOST_BYTES:
         kind, size = struct.unpack_from(order, content, at)
         element = content[at + 8 : at + 8 + size]
         total += _inflated_size(element, MOST_BYTES - total) if kind == COMPRESSED else len(element)

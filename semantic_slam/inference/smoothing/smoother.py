@@ -140,7 +140,7 @@ class Smoother:
             descriptor_size=len(self.semantics.descriptor_threshold),
             last=self.last,
             is_summarised=self.is_summarised,
-            located=None if self.in_charts is None else partial(_located, self.owned, self.in_charts, self._here),
+            located=None if self.in_charts is None else partial(_read_once, self.owned, self.in_charts, self._here),
         )
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
@@ -213,7 +213,7 @@ class Smoother:
     def _located(self) -> Located:
         """Where robots and objects are in charts, read from iSAM2 once."""
         assert self.in_charts is not None
-        return _located(self.owned, self.in_charts, self._here)
+        return _read_once(self.owned, self.in_charts, self._here)
 
     def _vectors(self, values: gtsam.Values, keys: Sequence[int]) -> gtsam.Values:
         """New variables at their ``values``, and estimates of the others among ``keys``, which are vectors."""
@@ -350,8 +350,8 @@ class Smoother:
         return self.factor_table.without(self.isam.getFactorsUnsafe())
 
 
-def _located(owned: OwnedIsam, factors: LinearFactors, here: list[Located]) -> Located:
-    """What is ``here``, or read now."""
+def _read_once(owned: OwnedIsam, factors: LinearFactors, here: list[Located]) -> Located:
+    """Where the variables of an iSAM2 are; read the first time, and kept ``here``, which is empty then."""
     if not here:
         here.append(factors.charts.located(owned.isam.getDelta().vector()))
     return here[0]

@@ -12,7 +12,7 @@ MOST_REMEMBERED = 20_000
 """Messages of a topic that are remembered: more than a late reader is sent again, or a replay goes back."""
 MOST_NEWS = 1000
 """The same of news of how far another node is, of which a late reader is sent the last alone."""
-NEWS = frozenset({topics.CLASSIFIER_PROGRESS, topics.MANAGER_PROGRESS, topics.PLAYER_PROGRESS})
+NEWS = frozenset({topics.CLASSIFIER_PROGRESS, topics.MANAGER_PROGRESS})
 
 
 class Repeats:

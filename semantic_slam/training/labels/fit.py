@@ -53,9 +53,10 @@ def fitted(models: Sequence[LabelModel], refit: Refit, tracks: Sequence[Track], 
 
 
 def with_known_classes(own: Fitted, tracks: Sequence[Track], counts: float) -> Fitted:
-    """Models that are not fitted, with shares of classes as a run learns them on its way: :class:`NewClasses`.
+    """Models that are not fitted, with shares of classes as at the end of a run that has seen all of these objects.
 
-    ``counts``: objects per class that the shares before count as.
+    A run learns them on its way (:class:`NewClasses`); a fit has them from all of its runs, and is held against models
+    that have them, too. ``counts``: objects per class that the shares before count as.
     """
 
     def learned(one: Pass) -> LabelModel:
