@@ -11,7 +11,7 @@ from semantic_slam.messages import topics
 MOST_REMEMBERED = 20_000
 """Messages of a topic that are remembered: more than a late reader is sent again, or a replay goes back."""
 MOST_NEWS = 1000
-"""The same of news of how far another node is, of which a late reader is sent the last alone."""
+"""Messages of how far another node is that are remembered: a late reader is sent the last one alone."""
 NEWS = frozenset({topics.CLASSIFIER_PROGRESS, topics.MANAGER_PROGRESS})
 
 
