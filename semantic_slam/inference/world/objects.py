@@ -4,7 +4,9 @@ The registry is a function of the map prior and of the keyframes so far, so that
 the same keyframes agree on it.
 """
 
+import sys
 from array import array
+from bisect import bisect_right
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -68,7 +70,7 @@ class ObjectRegistry:
         self._by_name = {entry.name: entry.object_id for entry in entries}
         self._by_name |= {str(entry.object_id): entry.object_id for entry in entries}
         self._first_new = array("q", [max(self._known, default=-1) + 1])  # by keyframe
-        self._labels: dict[int, str] = {}  # of the detections that may have begun an object, where they are asked for
+        self._labels: list[tuple[str, ...]] = []  # of a keyframe's detections; () where none has one
         self._alive: frozenset[int] = frozenset()
         self._reported = self._all = self._listed(tuple(self._known))
         self._stated = self._each_once()
@@ -107,12 +109,16 @@ class ObjectRegistry:
         ``labels`` (D,) are what the detector calls them, or nothing where nobody asks.
         """
         if index == len(self._first_new) - 1:
-            self._labels |= dict(enumerate(labels, start=self._first_new[-1]))
+            self._labels.append(tuple(sys.intern(str(label)) for label in labels) if any(labels) else ())
             self._first_new.append(self._first_new[-1] + num_detections)
 
     def label_of(self, object_id: int) -> str:
         """What the detector called the detection that began an object; "" of the map's, and where nobody asked."""
-        return self._labels.get(object_id, "")
+        keyframe = bisect_right(self._first_new, object_id) - 1
+        if not 0 <= keyframe < len(self._labels):
+            return ""
+        labels, place = self._labels[keyframe], object_id - self._first_new[keyframe]
+        return labels[place] if place < len(labels) else ""
 
     def first_new_id(self, index: int) -> int:
         """Id of the object that the first detection of keyframe ``index`` would start; the next ones follow."""
