@@ -7,6 +7,7 @@ cannot be, is counted and changes nothing: a backend serves whoever announced a 
 nobody. Nothing here knows ROS.
 """
 
+from array import array
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -35,7 +36,7 @@ class _Run:
 
     announced: RunConfiguration
     backend: Backend
-    stamps_ns: list[int] = field(default_factory=list)  # of the keyframes that are known
+    stamps_ns: "array[int]" = field(default_factory=lambda: array("q"))  # of the keyframes that are known
     repeated: int = -1  # the keyframe that came last, when it was known before
     is_announced_again: bool = False
 
@@ -161,7 +162,7 @@ class WorkOrder:
     def _begin_anew(run: _Run) -> None:
         """A manager that was started anew has other keyframes."""
         run.backend.start(run.announced)
-        run.is_announced_again, run.stamps_ns, run.repeated = False, [], -1
+        run.is_announced_again, run.stamps_ns, run.repeated = False, array("q"), -1
 
     def _keep(self, waiting: Waiting[Any], run_id: str, index: int, value: Any) -> None:
         """Let a message wait for those before it. A topic keeps its order, and so leaves out none of an announced run;
