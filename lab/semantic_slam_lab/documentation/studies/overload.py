@@ -38,6 +38,6 @@ SECTIONS = (
         " through classifier, manager and one backend, each a process of its own; `history.horizon_keyframes` is 200."
         " What is dropped is what the nodes count on `/diagnostics`; memory is resident.",
         (("", over_time),),
-        "python -m semantic_slam_lab.overload --seconds 600 --rate 60 --horizon 200",
+        "python -m semantic_slam_lab.overload --seconds 900 --rate 60 --horizon 200",
     ),
 )
