@@ -13,7 +13,7 @@ from semantic_slam.maps.alignments import aligned, in_place
 from semantic_slam.maps.correspondence import Correspondence
 from semantic_slam.maps.landmarks import Landmarks, compared_rows
 from semantic_slam.maps.likelihood import DISPLACED_SHARE, GONE_SHARE
-from semantic_slam.maps.saved_map import SavedMap
+from semantic_slam.maps.saved_map import SavedMap, have_one_origin
 
 SEEN_IN_A_LOOK = 0.3
 """Probability that an object in the sensor's region is detected, whatever may hide it, where a map does not tell."""
@@ -108,7 +108,7 @@ class Comparison:
 def are_of_one_frame(old: SavedMap, new: SavedMap) -> bool:
     """Whether provenance says that the frame of both is one."""
     one, other = old.provenance.started_from, new.provenance.started_from
-    return other == old.map_id or one == new.map_id or bool(one and one == other)
+    return other == old.map_id or one == new.map_id or have_one_origin(old, new)
 
 
 def _only_told(old: SavedMap, new: SavedMap, rows: Index) -> Flags:

@@ -45,7 +45,7 @@ def as_json(known: SavedMap) -> dict[str, Any]:
             "pose": objects.poses[row].tolist(),
             "covariance": objects.covariances[row].tolist(),
             "existence": float(objects.existence[row]),
-            "class_probabilities": dict(zip(known.class_names, objects.class_probabilities[row].tolist(), strict=True)),
+            "class_probabilities": _by_name(known, objects.class_probabilities[row]),
             "class_priors": _by_name(known, objects.class_priors[row]),
             "descriptor": _or_none(objects.descriptors[row]),
             "descriptor_variance": _or_none(objects.descriptor_variances[row]),

@@ -25,6 +25,7 @@ from worlds.views.harmonic_model import HarmonicModel
 
 from semantic_slam.inference.models.latent.factor import exact_factor
 from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.smoothing import batch_update
 from semantic_slam.inference.smoothing.batch_update import Extension
 from semantic_slam.inference.smoothing.semantic_factors import (
@@ -38,17 +39,23 @@ from semantic_slam.viewpoint.model import Viewpoints
 
 
 @dataclass(frozen=True)
-class Swinging:
-    """A decoder that bends as sin 4e in every direction."""
+class OneDimension:
+    """What decoders of one number have in common."""
 
-    num_features: int = 4
     num_dimensions: int = 1
-    noise: float = 0.05
     class_names: tuple[str, ...] = ()
 
     @property
     def prior(self):
         return HarmonicModel(num_dimensions=1).prior
+
+
+@dataclass(frozen=True)
+class Swinging(OneDimension):
+    """A decoder that bends as sin 4e in every direction."""
+
+    num_features: int = 4
+    noise: float = 0.05
 
     def predict(self, viewpoints: Viewpoints, descriptors: np.ndarray) -> LatentPrediction:
         azimuth = np.asarray(viewpoints.azimuth_rad)[:, None]
@@ -63,22 +70,32 @@ class Swinging:
 
 
 @dataclass(frozen=True)
-class Bent:
+class Bent(OneDimension):
     """(e, e^2), wherever it is seen from. About e = 0, Gauss-Newton steps from e to -2 r e where r is left of e^2."""
 
     num_features: int = 2
-    num_dimensions: int = 1
-    class_names: tuple[str, ...] = ()
-
-    @property
-    def prior(self):
-        return HarmonicModel(num_dimensions=1).prior
 
     def predict(self, viewpoints: Viewpoints, descriptors: np.ndarray) -> LatentPrediction:
         e = descriptors[:, :1]
         mean = np.concatenate([e, e**2], axis=1)
         by_descriptor = np.stack([np.ones_like(e), 2.0 * e], axis=1)
         return LatentPrediction(mean, np.full_like(mean, 0.1), np.zeros((len(e), 2, 2)), by_descriptor)
+
+
+def looked_at(k: int, seen: PlanarDetection, guess: np.ndarray) -> Extension:
+    """A step from which the object is seen, of which the descriptor is to be found."""
+    seen_as = SemanticFactor(
+        robot_key=ROBOT[k + 1], object_key=TARGET, detection=seen, assigned_class=-1, descriptor_key=LOOK
+    )
+    return step(k, [seen_as], seen, guess)
+
+
+def bent(start: float) -> Extension:
+    """The first step, with a view that no descriptor explains, which begins at ``start``."""
+    extension, begin = looked_at(0, detection(path(1), np.array([0.0, -0.7])), path(1)), np.array([start])
+    extension.graph.add(gtsam.PriorFactorVector(LOOK, np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1.0)))
+    extension.values.insert(LOOK, begin)
+    return replace(extension, start={**extension.start, LOOK: begin})
 
 
 @pytest.mark.parametrize("damped", [True, False])
@@ -90,18 +107,7 @@ def test_half_way_ends_a_swing(damped: bool, monkeypatch: pytest.MonkeyPatch) ->
     if not damped:
         monkeypatch.setattr(batch_update, "_halfway", lambda now, fork, measurements: now)
     latent = LatentObservation(Bent())
-    seen = detection(path(1), np.array([0.0, -0.7]))
-    extension = step(
-        0,
-        [SemanticFactor(robot_key=ROBOT[1], object_key=TARGET, detection=seen, assigned_class=-1, descriptor_key=LOOK)],
-        seen,
-        path(1),
-    )
-    begin = np.array([0.3])
-    extension.graph.add(gtsam.PriorFactorVector(LOOK, np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1.0)))
-    extension.values.insert(LOOK, begin)
-    began = {**extension.start, LOOK: begin}
-    grown = extend(root(SemanticFactorMaker(SPACES, GEOMETRY, latent)), replace(extension, start=began))
+    grown = extend(root(SemanticFactorMaker(SPACES, GEOMETRY, latent)), bent(0.3))
     assert (len(calls) < batch_update.MAX_UPDATES) == damped
     assert (abs(grown.descriptors([LOOK])[0, 0]) < MOVED_DESCRIPTOR) == damped
 
@@ -114,17 +120,8 @@ def test_a_factor_hardly_off_waits_until_its_object_is_seen_again(
     thresholds: float, converged: bool, renewed: bool
 ) -> None:
     latent = LatentObservation(Bent())
-    seen = detection(path(1), np.array([0.0, -0.7]))
-    extension = step(
-        0,
-        [SemanticFactor(robot_key=ROBOT[1], object_key=TARGET, detection=seen, assigned_class=-1, descriptor_key=LOOK)],
-        seen,
-        path(1),
-    )
-    extension.graph.add(gtsam.PriorFactorVector(LOOK, np.zeros(1), gtsam.noiseModel.Isotropic.Sigma(1, 1.0)))
-    extension.values.insert(LOOK, np.zeros(1))
-    began = {**extension.start, LOOK: np.zeros(1)}
-    smoother = extend(root(SemanticFactorMaker(SPACES, GEOMETRY, latent)), replace(extension, start=began))
+    extension = bent(0.0)
+    smoother = extend(root(SemanticFactorMaker(SPACES, GEOMETRY, latent)), extension)
     now = smoother.points([0])
     off = now.descriptors + thresholds * MOVED_DESCRIPTOR * latent.prior.sigma
     moved = replace(
@@ -169,16 +166,7 @@ def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
         x = path(k + 1)
         views = SPACES.viewpoints(x[None], OBJECT[None], np.zeros(2))
         seen = detection(x, model.predict(views, true[None]).mean[0] + 0.02)
-        extension = step(
-            k,
-            [
-                SemanticFactor(
-                    robot_key=ROBOT[k + 1], object_key=TARGET, detection=seen, assigned_class=-1, descriptor_key=LOOK
-                )
-            ],
-            seen,
-            x,
-        )
+        extension = looked_at(k, seen, x)
         begin = np.array([start]) if k == 0 else smoother.descriptors([LOOK])[0]
         if k == 0:
             prior = latent.prior_of(0)
@@ -186,16 +174,7 @@ def test_descriptors_settle_at_the_optimum_and_every_view_counts_once(
             extension.graph.add(gtsam.PriorFactorVector(LOOK, prior.mean[0], sigma))
             extension.values.insert(LOOK, begin)
         began = {**extension.start, LOOK: begin}
-        smoother = extend(
-            smoother,
-            Extension(
-                graph=extension.graph,
-                values=extension.values,
-                measurements=extension.measurements,
-                start=began,
-                jumped=jumped,
-            ),
-        )
+        smoother = extend(smoother, replace(extension, start=began, jumped=jumped))
     factors = gtsam.NonlinearFactorGraph(smoother.isam.getFactorsUnsafe())
     assert sum(factors.exists(i) for i in range(factors.size())) == 2 + 1 + 4 * 3
     graph = smoother.kept()
