@@ -110,6 +110,15 @@ class Components:
     noise: Array  # (S, N, 2) mean and standard deviation of what each infers of the noise
 
 
+@dataclass(frozen=True, kw_only=True)
+class MissedKeyframes:
+    """A backend that was started late, or again, asks to be told the keyframes from ``keyframe`` on."""
+
+    run_id: str
+    backend_id: int
+    keyframe: int
+
+
 class BackendPool(Protocol):
     """The one interface through which a manager reaches its backends."""
 

@@ -11,7 +11,7 @@ from typing import Any
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.protocol import Candidates, Commit, Components, MissedKeyframes, RunConfiguration
 from semantic_slam.messages import belief, ground_truth, measurements, rounds, standard
 from semantic_slam.messages.layout import Layout
 from semantic_slam.messages.typestore import deserialize, serialize
@@ -54,6 +54,7 @@ CODECS: dict[type, Codec] = {
     Components: Codec(
         rounds.COMPONENTS_TYPE, rounds.components_to_message, rounds.components_from_message, rounds.COMPONENTS_LAYOUT
     ),
+    MissedKeyframes: Codec(rounds.MISSED_TYPE, rounds.missed_to_message, rounds.missed_from_message),
     ground_truth.GroundTruthObjects: Codec(
         ground_truth.OBJECTS_TYPE,
         ground_truth.objects_to_message,

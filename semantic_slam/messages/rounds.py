@@ -9,7 +9,7 @@ from semantic_slam.errors import MessageError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.noise.clock_offset import OFFSETS
 from semantic_slam.inference.object_table import QUANTITIES, ObjectTable, columns
-from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.protocol import Candidates, Commit, Components, MissedKeyframes, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.messages.layout import Layout, MayBeEmpty, contents, filled, unpack
 from semantic_slam.messages.lineage_changes import changes_in, padded, step_of, with_changes
@@ -28,6 +28,7 @@ KEYFRAME_TYPE = "semantic_slam_msgs/msg/Keyframe"
 CANDIDATES_TYPE = "semantic_slam_msgs/msg/Candidates"
 COMMIT_TYPE = "semantic_slam_msgs/msg/Commit"
 COMPONENTS_TYPE = "semantic_slam_msgs/msg/Components"
+MISSED_TYPE = "semantic_slam_msgs/msg/MissedKeyframes"
 
 RUN_LAYOUT: Layout = {"class_names": ("C",)}
 
@@ -106,14 +107,14 @@ def run_from_message(message: Any) -> RunConfiguration:
     )
 
 
-def keyframe_to_message(value: Keyframe, run_id: str) -> Any:
-    """Keyframe of the run ``run_id``."""
+def keyframe_to_message(value: Keyframe, run_id: str, *, again: bool = False) -> Any:
+    """Keyframe of the run ``run_id``; ``again``: for backends that have missed it."""
     told = {name: getattr(value, name) for name in KEYFRAME_LAYOUT}
     arrays = {name: np.zeros(0) if array is None else array for name, array in told.items()}
     return filled(
         KEYFRAME_TYPE,
         KEYFRAME_LAYOUT,
-        {"run_id": run_id, "keyframe": value.index, **arrays},
+        {"run_id": run_id, "keyframe": value.index, "again": again, **arrays},
         header=header_message(value.stamp_ns, "map"),
         odometry=covariance_pose_message(value.odometry, value.odometry_covariance),
         measurements=measurements_to_message(value.measurements),
@@ -121,7 +122,7 @@ def keyframe_to_message(value: Keyframe, run_id: str) -> Any:
 
 
 def keyframe_from_message(message: Any) -> Keyframe:
-    """The keyframe without the id of its run, which is ``message.run_id``."""
+    """The keyframe without the id of its run, which is ``message.run_id``, and ``message.again``."""
     arrays = unpack(KEYFRAME_TYPE, KEYFRAME_LAYOUT, message)
     return Keyframe(
         index=int(message.keyframe),
@@ -220,3 +221,11 @@ def _lineages(arrays: dict[str, Any]) -> tuple[tuple[LineageStep, ...], ...]:
     ]
     starts = np.concatenate([[0], np.cumsum(lengths)]).astype(int)
     return tuple(tuple(steps[begin:end]) for begin, end in pairwise(starts))
+
+
+def missed_to_message(value: MissedKeyframes) -> Any:
+    return filled(MISSED_TYPE, {}, vars(value))
+
+
+def missed_from_message(message: Any) -> MissedKeyframes:
+    return MissedKeyframes(**contents(MISSED_TYPE, {}, message))

@@ -25,6 +25,7 @@ KEYFRAMES = "/hypothesis_manager/keyframes"
 COMMITS = "/hypothesis_manager/commits"
 CANDIDATES = "/hypothesis_manager/candidates"
 COMPONENTS = "/hypothesis_manager/components"
+MISSED = "/hypothesis_manager/missed_keyframes"
 PLAYER_PROGRESS = "/bag_player/progress"
 MANAGER_PROGRESS = "/hypothesis_manager/progress"
 
@@ -56,6 +57,7 @@ TYPES = {
     COMMITS: "semantic_slam_msgs/msg/Commit",
     CANDIDATES: "semantic_slam_msgs/msg/Candidates",
     COMPONENTS: "semantic_slam_msgs/msg/Components",
+    MISSED: "semantic_slam_msgs/msg/MissedKeyframes",
     PLAYER_PROGRESS: "semantic_slam_msgs/msg/ReplayProgress",
     CLASSIFIER_PROGRESS: "semantic_slam_msgs/msg/ReplayProgress",
     MANAGER_PROGRESS: "semantic_slam_msgs/msg/ReplayProgress",

@@ -10,7 +10,7 @@ from rclpy.qos import QoSProfile
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.protocol import Candidates
+from semantic_slam.inference.protocol import Candidates, Components, MissedKeyframes
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.ros.node.health import Status, disk_status, dropped_status
@@ -34,13 +34,16 @@ class BackendNode(PipelineNode):
         self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
         self._rounds = WorkOrder(lambda: backend_class(self.backend_id))
         self._sign = Sign(self, self.backend_id)
-        self._candidates = self._outlet(topics.CANDIDATES)
-        self._components = self._outlet(topics.COMPONENTS)
+        self._outlets = {
+            Candidates: self._outlet(topics.CANDIDATES),
+            Components: self._outlet(topics.COMPONENTS),
+            MissedKeyframes: self._outlet(topics.MISSED),
+        }
         self._statuses = self._health()  # replaced by the worker, published by the executor
         self.health.add_source(lambda: self._statuses)
         self._follow(topics.RUN_CONFIGURATION, qos.latched_by_any())
-        self._follow(topics.KEYFRAMES, qos.everything_from_the_start())
-        self._follow(topics.COMMITS, qos.everything_from_the_start())
+        self._follow(topics.KEYFRAMES, qos.everything())
+        self._follow(topics.COMMITS, qos.everything())
 
     def _outlet(self, topic: str) -> Outlet:
         return Outlet(self, relative_name(topic), topics.TYPES[topic], qos.everything())
@@ -58,7 +61,7 @@ class BackendNode(PipelineNode):
 
     def _send(self, answers: list[Answer]) -> None:
         for answer in answers:
-            outlet = self._candidates if isinstance(answer, Candidates) else self._components
+            outlet = self._outlets[type(answer)]
             outlet.wait_for_readers(1, MATCH_S)  # an answer to a manager that is not matched yet would be lost
             outlet.send(encode(answer))
 

@@ -280,7 +280,7 @@ class HypothesisManagerNode(PipelineNode):
         self._belief, self._objects.map_prior = belief, self._session.map_prior
         for service in self._answers:
             service.belief = belief
-        self._explain.tell(self._run(), keyframe, belief)
+        self._explain.tell(self._pool.kept, belief)
         self._explanation = explanation_status(belief, self._session.carried)
         self._belief_stamp_ns = belief.stamp_ns
 

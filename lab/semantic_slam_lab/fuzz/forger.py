@@ -23,7 +23,7 @@ from semantic_slam_lab.fuzz.forgery import forgery
 NAME = "forger"
 HEARD = (
     topics.MEASUREMENTS, topics.BELIEF, topics.POSE, topics.PATH, topics.MARKERS, topics.RUN_CONFIGURATION,
-    topics.KEYFRAMES, topics.COMMITS, topics.CANDIDATES, topics.COMPONENTS, topics.CLASSIFIER_PROGRESS,
+    topics.KEYFRAMES, topics.COMMITS, topics.CANDIDATES, topics.COMPONENTS, topics.MISSED, topics.CLASSIFIER_PROGRESS,
     topics.PLAYER_PROGRESS, topics.MANAGER_PROGRESS,
 )  # fmt: skip
 """What forgeries are made of; of inputs it is what the bag has up to the newest belief."""

@@ -16,7 +16,7 @@ from semantic_slam.messages.layout import MayBeEmpty, Shape
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.messages.typestore import HEADER, MOST_BEHIND, deserialize, serialize
 
-ROUNDS = (topics.KEYFRAMES, topics.COMMITS, topics.CANDIDATES, topics.COMPONENTS)
+ROUNDS = (topics.KEYFRAMES, topics.COMMITS, topics.CANDIDATES, topics.COMPONENTS, topics.MISSED)
 PROGRESS = (topics.PLAYER_PROGRESS, topics.CLASSIFIER_PROGRESS, topics.MANAGER_PROGRESS)
 STAMPED = (topics.DETECTIONS, topics.MEASUREMENTS, topics.ODOMETRY)
 NO_BACKEND = 77
@@ -74,7 +74,7 @@ def of_another_run(topic: str, genuine: bytes, chance: Generator) -> bytes | Non
 def out_of_turn(topic: str, genuine: bytes, chance: Generator) -> bytes | None:
     """A message of a keyframe, a backend or a time that it cannot be of; None where nothing tells that."""
     message = deserialize(genuine, topics.TYPES[topic])
-    if topic in (topics.CANDIDATES, topics.COMPONENTS) and chance.random() < 0.5:
+    if topic in (topics.CANDIDATES, topics.COMPONENTS, topics.MISSED) and chance.random() < 0.5:
         message.backend_id = NO_BACKEND
     elif topic in (*ROUNDS, topics.BELIEF):
         message.keyframe += FAR + int(chance.integers(FAR))

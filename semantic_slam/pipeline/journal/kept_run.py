@@ -1,9 +1,10 @@
-"""The keyframes of a run that goes on, in a file without a name, for whoever infers the run again.
+"""The keyframes of a run that goes on, in a file without a name, for whoever has missed some, or infers the run again.
 
 Another process may read it up to the length that it had when it was asked for.
 """
 
 import struct
+from array import array
 from collections.abc import Iterator
 
 from semantic_slam.errors import InputError
@@ -24,6 +25,7 @@ class KeptRun:
         self._file = NamelessFile()
         self._run_id = run.run_id
         self._append(encode(run))
+        self._ends = array("Q", [self.length])  # of the run, and of each keyframe
 
     @property
     def descriptor(self) -> int:
@@ -35,9 +37,26 @@ class KeptRun:
         """Bytes of whole records."""
         return self._file.length
 
+    @property
+    def num_keyframes(self) -> int:
+        """Keyframes that are kept, the first ones."""
+        return len(self._ends) - 1
+
     def add(self, keyframe: Keyframe) -> None:
-        """Keep the next keyframe; a disk that takes no more ends this, and nothing else."""
+        """Keep the next keyframe, once; a disk that takes no more ends this, and nothing else."""
+        if keyframe.index != self.num_keyframes:
+            return
         self._append(encode(keyframe, run_id=self._run_id))
+        if not self.fault:
+            self._ends.append(self.length)
+
+    def keyframes(self, first: int, end: int) -> list[Keyframe]:
+        """Keyframes ``first`` to ``end`` - 1, of those that are kept. Raises InputError where the disk fails."""
+        last = min(end, self.num_keyframes)
+        if first >= last:
+            return []
+        kind = topics.TYPES[topics.KEYFRAMES]
+        return [decode(data, kind) for data in _records(self.descriptor, self._ends[first], self._ends[last])]
 
     def _append(self, data: bytes) -> None:
         if self.fault:
@@ -51,14 +70,13 @@ class KeptRun:
 
 def read_kept(descriptor: int, length: int) -> tuple[RunConfiguration, list[Keyframe]]:
     """The run and its keyframes in the first ``length`` bytes of a file. Raises InputError."""
-    run, *keyframes = _records(descriptor, length)
+    run, *keyframes = _records(descriptor, 0, length)
     types = topics.TYPES
     return decode(run, types[topics.RUN_CONFIGURATION]), [decode(own, types[topics.KEYFRAMES]) for own in keyframes]
 
 
-def _records(descriptor: int, length: int) -> Iterator[bytes]:
-    at = 0
-    while at < length:
+def _records(descriptor: int, at: int, end: int) -> Iterator[bytes]:
+    while at < end:
         (size,) = LENGTH.unpack(_read(descriptor, LENGTH.size, at))
         yield _read(descriptor, size, at + LENGTH.size)
         at += LENGTH.size + size

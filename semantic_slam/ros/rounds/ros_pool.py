@@ -15,8 +15,10 @@ from semantic_slam.inference.protocol import Candidates, Commit, Components, Run
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
+from semantic_slam.pipeline.journal.kept_run import KeptRun
 from semantic_slam.ros.node.health import SILENT_AFTER_S, Level, Status
 from semantic_slam.ros.rounds.liveliness import Watch
+from semantic_slam.ros.rounds.missed import MissedQuestions
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, private_name, receive
 
@@ -33,13 +35,14 @@ class RosPool:
     """A ``BackendPool`` over topics. Its rounds run on the worker's thread, the answers arrive on the executor's.
 
     A backend whose sign of life is missing for ``PATIENCE_S``, or that does not answer within ``timeout_s``, is given
-    up: the manager rebuilds its hypotheses elsewhere. The last one is waited for, it may be started again. One that
-    answers again, and so knows all keyframes, takes part from then on.
+    up: the manager rebuilds its hypotheses elsewhere. The last one is waited for, it may be started again. Who was
+    started late is told what it has missed, and takes part from where it answers, and so knows all keyframes.
     """
 
     def __init__(self, node: Node, backend_ids: Sequence[int], timeout_s: float) -> None:
         self.backend_ids = tuple(backend_ids)
         self._timeout_s = timeout_s
+        self.kept: KeptRun  # the keyframes of the run, from its announcement on
         self._run_id = ""
         self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and kind
         self.repeated: Counter[str] = Counter()  # answers that were there or are no longer awaited, by topic
@@ -49,26 +52,34 @@ class RosPool:
         self._logger = node.get_logger()
         self._watch = Watch(node, backend_ids)
         self._awaited: tuple[int, ...] = ()
+        self._goes_on = False  # after a restart, and has not asked for a keyframe since
         self._since_s = time.monotonic()
         self._what = ""
         self._run = self._outlet(node, topics.RUN_CONFIGURATION, qos.latched())
-        self._keyframes = self._outlet(node, topics.KEYFRAMES, qos.everything_from_the_start())
-        self._commits = self._outlet(node, topics.COMMITS, qos.everything_from_the_start())
+        self._keyframes = self._outlet(node, topics.KEYFRAMES, qos.everything())
+        self._commits = self._outlet(node, topics.COMMITS, qos.everything())
         self._candidates = self._inlet(node, topics.CANDIDATES)
         self._components = self._inlet(node, topics.COMPONENTS)
+        self._missed = MissedQuestions(backend_ids, self.refused, self.repeated)
+        receive(node, topics.MISSED, self._missed.ask, qos.everything())
 
     def start(self, run: RunConfiguration) -> None:
         """Announce the run; backends that start later receive it, too."""
-        self._run_id = run.run_id
+        self._run_id, self.kept = run.run_id, KeptRun(run)
         self._run.send(encode(run))
 
     def tell(self, keyframe: Keyframe) -> None:
-        """Publish a keyframe for those backends that do not know it; no answer is waited for."""
-        self._keyframes.send(encode(keyframe, run_id=self._run_id))
+        """Keep a keyframe for those backends that do not know it; no answer is waited for."""
+        self.kept.add(keyframe)
+        self._goes_on = True
 
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every live hypothesis."""
+        self.kept.add(keyframe)
         request = encode(keyframe, run_id=self._run_id)
+        if self._goes_on:  # backends may have been farther: who asks twice stands there
+            self._keyframes.send(request)
+            self._goes_on = False
         answers = self._ask(self._keyframes, request, self._candidates, topics.CANDIDATES, keyframe.index)
         self._welcome()
         return answers
@@ -89,7 +100,7 @@ class RosPool:
         self._back = set()
 
     def statuses(self) -> list[Status]:
-        """Which backends are silent or given up."""
+        """Which backends are silent or given up, and whether one that is started again can be told what it missed."""
         waiting_s, awaited = time.monotonic() - self._since_s, self._awaited
         silent = awaited if waiting_s > SILENT_AFTER_S else ()
         return [
@@ -110,7 +121,13 @@ class RosPool:
                 )
                 for n in sorted(self._given_up)
             ),
+            *self._memory_statuses(),
         ]
+
+    def _memory_statuses(self) -> list[Status]:
+        fault = self.kept.fault if self._run_id else ""
+        text = f"{fault}; until then a backend that is started again cannot take part"
+        return [Status("memory of keyframes", Level.WARN, text)] if fault else []
 
     def _presence(self, number: int) -> Status:
         """Status of a backend that does not owe an answer for long."""
@@ -129,16 +146,23 @@ class RosPool:
         collected: dict[int, Any] = {}
         self._what, self._since_s = f"{topic.rsplit('/', 1)[-1]} of keyframe {index}", time.monotonic()
         self._awaited = self.backend_ids
+        readers = outlet.num_readers
         outlet.send(request)
         asked_s = self._since_s
         while self._awaited:
             answer = self._next(answers, topic)
+            knows_all = self._missed.answer(self._run_id, self.kept, index + 1, self._keyframes)
+            is_missed = knows_all and outlet is self._commits
             if answer is None:
                 self._check()
-                if time.monotonic() - asked_s > ASK_AGAIN_S:
-                    outlet.send(request)
-                    asked_s = time.monotonic()
-            elif answer.keyframe == index and answer.backend_id in self._awaited:
+                came, readers = outlet.num_readers > readers, outlet.num_readers
+                is_missed |= came or time.monotonic() - asked_s > ASK_AGAIN_S
+            if is_missed:
+                outlet.send(request)
+                asked_s = time.monotonic()
+            if answer is None:
+                continue
+            if answer.keyframe == index and answer.backend_id in self._awaited:
                 collected[answer.backend_id] = answer
                 self._awaited = tuple(n for n in self._awaited if n != answer.backend_id)
             else:

@@ -6,7 +6,6 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 MOST_WAITING = 5000
-"""As many as a late reader is sent."""
 
 
 class Waiting(Generic[T]):

@@ -2,21 +2,22 @@
 
 Each topic keeps its own order, different topics have none: a commit may arrive before the keyframe it belongs to, and
 after a restart all of them arrive at once. Whoever asks for a keyframe has done with those before: their commits are
-not waited for, and of a heap of keyframes all but the newest are only learnt. What does not belong to the run, or
-cannot be, is counted and changes nothing: a backend serves whoever announced a run, and another announcement silences
-nobody. Nothing here knows ROS.
+not waited for, and of a heap of keyframes all but the newest are only learnt. A backend that was started late, or
+again, asks for the keyframes that it has missed. What does not belong to the run, or cannot be, is counted and changes
+nothing: it serves whoever announced a run, and another announcement silences nobody. Nothing here knows ROS.
 """
 
 from array import array
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.protocol import Candidates, Commit, Components, MissedKeyframes, RunConfiguration
 from semantic_slam.inference.run_id import is_id_of_its_contents
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
@@ -24,7 +25,7 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros.rounds.round_checks import fault_of_commit, fault_of_keyframe
 from semantic_slam.ros.rounds.waiting import Waiting
 
-Answer = Candidates | Components
+Answer = Candidates | Components | MissedKeyframes
 MOST_RUNS = 2
 """Runs that a backend holds: that of its manager, and that of the one before it, or of whoever else announced one."""
 TOPICS = {topics.TYPES[topic]: topic for topic in (topics.RUN_CONFIGURATION, topics.KEYFRAMES, topics.COMMITS)}
@@ -82,7 +83,7 @@ class WorkOrder:
         message = deserialize(data, type_name)
         value = from_message(message)
         if isinstance(value, Keyframe):
-            return self.keyframe(str(message.run_id), value)
+            return self.keyframe(str(message.run_id), value, again=bool(message.again))
         if isinstance(value, RunConfiguration):
             self.start(value)
             return []
@@ -103,8 +104,11 @@ class WorkOrder:
             idle = [name for name, other in self._runs.items() if not other.num_known and name != run.run_id]
             del self._runs[idle[0] if idle else next(iter(self._runs))]
 
-    def keyframe(self, run_id: str, keyframe: Keyframe) -> list[Answer]:
-        """Round one; the answer where the keyframe is known, and is asked for again."""
+    def keyframe(self, run_id: str, keyframe: Keyframe, *, again: bool = False) -> list[Answer]:
+        """Round one; the answer where the keyframe is known, and is asked for again.
+
+        With ``again`` it is told to those who have missed it, and nobody else is asked.
+        """
         fault = fault_of_keyframe(keyframe)
         if fault:
             self.dropped[f"{topics.KEYFRAMES}: {fault}"] += 1
@@ -113,13 +117,12 @@ class WorkOrder:
         if run is not None and keyframe.index < run.num_known:
             if keyframe.stamp_ns == run.stamps_ns[keyframe.index]:
                 self.repeated[topics.KEYFRAMES] += 1
-                return self._asked_again(run, keyframe)
+                return [] if again else self._asked_again(run, keyframe)
             if keyframe.index or not run.is_announced_again:
                 self.dropped[f"{topics.KEYFRAMES}: of an earlier keyframe"] += 1
                 return []
             self._begin_anew(run)
-        self._keep(self._keyframes, run_id, keyframe.index, keyframe)
-        return []
+        return self._keep(self._keyframes, run_id, keyframe.index, keyframe)
 
     def commit(self, commit: Commit) -> list[Answer]:
         """Round two; the answer where its keyframe is known. In the backend a repeated one is idempotent."""
@@ -127,8 +130,7 @@ class WorkOrder:
         if run is not None and commit.keyframe < run.num_known:
             self.dropped += self._commits.without_others(self._runs)
             return self._followed(run, commit)
-        self._keep(self._commits, commit.run_id, commit.keyframe, commit)
-        return []
+        return self._keep(self._commits, commit.run_id, commit.keyframe, commit)
 
     def advance(self) -> list[Answer]:
         """Do all that can be done by now, in turn."""
@@ -151,8 +153,8 @@ class WorkOrder:
     def _asked_again(run: _Run, keyframe: Keyframe) -> list[Answer]:
         """A keyframe that is due is answered again; another one when it comes twice in succession.
 
-        A manager that goes on after a restart repeats all keyframes once, for those backends that know none of them.
-        Where it asks for one a second time, there it stands: it lost what this backend has done since.
+        Where a manager that goes on after a restart asks for one twice, there it stands: it lost what this backend has
+        done since.
         """
         is_due = keyframe.index in (run.backend.committed + 1, run.repeated)
         run.repeated = keyframe.index
@@ -164,17 +166,22 @@ class WorkOrder:
         run.backend.start(run.announced)
         run.is_announced_again, run.stamps_ns, run.repeated = False, array("q"), -1
 
-    def _keep(self, waiting: Waiting[Any], run_id: str, index: int, value: Any) -> None:
-        """Let a message wait for those before it. A topic keeps its order, and so leaves out none of an announced run;
-        nor does anything follow there on what is of another run, unless its announcement has come meanwhile.
+    def _keep(self, waiting: Waiting[Any], run_id: str, index: int, value: Any) -> list[Answer]:
+        """Let a message wait for those before it, or ask for the keyframes that are missing.
+
+        A topic keeps its order, and so leaves out none of an announced run that this backend was there for; nor does
+        anything follow there on what is of another run, unless its announcement has come meanwhile.
         """
         run = self._runs.get(run_id)
         if run is not None:
             self.dropped += waiting.without_others(self._runs)
-            if index > run.num_known and not waiting.has(run_id, index - 1):
+            first = next(n for n in count(run.num_known) if not self._keyframes.has(run_id, n))
+            follows = waiting is self._commits and waiting.has(run_id, index - 1)
+            if index > first and not follows:
                 self.dropped[f"{waiting.topic}: out of turn"] += 1
-                return
+                return [MissedKeyframes(run_id=run_id, backend_id=run.backend.backend_id, keyframe=first)]
         self.dropped += waiting.keep(run_id, index, value)
+        return []
 
     def _advanced(self, run_id: str, run: _Run) -> list[Answer]:
         answers: list[Answer] = []

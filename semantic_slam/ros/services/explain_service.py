@@ -16,19 +16,16 @@ from semantic_slam_msgs.srv import Explain
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.messages.codec import encode
 from semantic_slam.pipeline.journal.kept_run import KeptRun
 from semantic_slam.ros.services.answering import newest, row_of
 
 
 class ExplainService:
-    """Keeps the keyframes of the run, and answers for the newest belief that it was told of."""
+    """Answers for the newest belief that it was told of."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._kept: KeptRun | None = None
         self._told: tuple[HybridBelief, KeptRun] | None = None
         self._queue = ThreadPoolExecutor(1, "explain")
         self._process: subprocess.Popen[bytes] | None = None
@@ -37,14 +34,11 @@ class ExplainService:
 
     def begin(self) -> None:
         """Another run begins."""
-        self._kept = self._told = None
+        self._told = None
 
-    def tell(self, run: RunConfiguration, keyframe: Keyframe, belief: HybridBelief) -> None:
-        """The next keyframe of the run, and the belief after it."""
-        if self._kept is None:
-            self._kept = KeptRun(run)
-        self._kept.add(keyframe)
-        self._told = belief, self._kept
+    def tell(self, kept: KeptRun, belief: HybridBelief) -> None:
+        """The run, and the belief after the newest of its keyframes."""
+        self._told = belief, kept
 
     def close(self) -> None:
         """Give up what is being asked."""

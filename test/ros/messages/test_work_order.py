@@ -11,15 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 from worlds.same_beliefs import assert_same
+from worlds.scenes.three_places import CLOSED, OPEN, drive
 
 from semantic_slam.configuration import Configuration, from_dict
 from semantic_slam.inference.backend import Backend
-from semantic_slam.inference.building import initial_pose_of, make_run_configuration
-from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.inputs.detection import Detection
+from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.protocol import BackendPool, Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.protocol import (
+    Candidates,
+    Commit,
+    Components,
+    MissedKeyframes,
+    RunConfiguration,
+)
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode, from_message, to_message
@@ -27,17 +32,6 @@ from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros.node.health import Level, disk_status
 from semantic_slam.ros.rounds.waiting import MOST_WAITING
 from semantic_slam.ros.rounds.work_order import WorkOrder
-
-PLACES = ((3.0, 0.5), (3.5, -0.6), (2.0, 1.0))
-CLOSED = from_dict({"semantic_model": {"kind": "none"}})
-OPEN = from_dict(
-    {
-        "semantic_model": {"kind": "none"},
-        "association": "open",
-        "open_world": {"iterate_updates": False},
-        "revision": {"every_keyframes": 1},
-    }
-)
 
 
 class Wire:
@@ -71,18 +65,6 @@ class Wire:
     @property
     def dropped(self) -> dict[str, int]:
         return dict(self.orders[0].dropped)
-
-
-def drive(configuration: Configuration, pool: BackendPool, num_keyframes: int = 4) -> list[Any]:
-    covariance = dict(sigma_m=0.1, sigma_rad=0.1)
-    prior = MapPrior(tuple(ObjectPrior.planar(n, x, y, **covariance) for n, (x, y) in enumerate(PLACES)))
-    run = make_run_configuration(configuration, prior, *initial_pose_of(configuration), stamp_ns=1)
-    engine = Engine.of_run(run, pool)
-    beliefs = []
-    for k in range(num_keyframes):
-        seen = [Detection.at(x - 0.1 * (k + 1), y) for x, y in PLACES]
-        beliefs.append(engine.process(Keyframe.planar(k, detections=seen, motion=(0.1, 0.0, 0.0))))
-    return beliefs
 
 
 @pytest.fixture(scope="module")
@@ -171,20 +153,19 @@ def test_a_backend_that_was_started_again_learns_the_keyframes_and_is_given_hypo
     assert not order.dropped
 
 
-def test_a_manager_that_goes_on_after_a_restart_repeats_keyframes_and_changes_nothing(
-    spoken: list[tuple[bytes, str]],
-) -> None:
+def test_keyframes_that_others_have_missed_change_nothing(spoken: list[tuple[bytes, str]]) -> None:
     expected = answers(WorkOrder(lambda: Backend(0)), spoken)
     order = WorkOrder(lambda: Backend(0))
-    assert answers(order, [*spoken[:3], spoken[0], spoken[1], *spoken[3:]]) == expected
-    assert not order.dropped
+    told = [changed(said, again=True, run_id=decode(*spoken[0]).run_id) for said in (spoken[1], spoken[3])]
+    assert answers(order, [*spoken[:3], told[0], told[0], *spoken[3:], *told, *told]) == expected
+    assert not order.dropped and order.repeated[topics.KEYFRAMES] == 6 == order.repeated.total()
 
 
 def test_a_manager_that_lost_a_round_is_given_it_again(spoken: list[tuple[bytes, str]]) -> None:
     """It asks for a keyframe that the backend has committed, and having no answer asks again."""
     order = WorkOrder(lambda: Backend(0))
     first = answers(order, spoken)
-    assert answers(order, [spoken[1], spoken[3]]) == []  # what it repeats
+    assert answers(order, [spoken[3]]) == []
     (empty,) = answers(order, [spoken[3]])
     assert not len(decode(empty, topics.TYPES[topics.CANDIDATES]).expanded_parent_ids)
     assert answers(order, [spoken[2], spoken[3], spoken[4]]) == first[1:]
@@ -309,13 +290,23 @@ def test_what_is_out_of_turn_or_of_a_run_that_nobody_announced_is_counted_and_ch
     order = WorkOrder(lambda: Backend(0))
     nobodys = changed(spoken[4], run_id="nobody's")
     said = [*spoken[:3], far, others, spoken[3], changed(spoken[4], keyframe=900), nobodys, spoken[4]]
-    assert answers(order, said) == expected
+    asked = [encode(MissedKeyframes(run_id=commit.run_id, backend_id=0, keyframe=known)) for known in (1, 2)]
+    assert answers(order, said) == [*expected[:2], asked[0], expected[2], asked[1], expected[3]]
     assert order.dropped == {
         f"{topics.KEYFRAMES}: out of turn": 1,
         f"{topics.KEYFRAMES}: of a run that is not announced": 1,
         f"{topics.COMMITS}: out of turn": 1,
         f"{topics.COMMITS}: of a run that is not announced": 1,
     }
+
+
+def test_a_keyframe_that_overtakes_the_announcement_keeps_nobody_from_asking_for_those_before(
+    spoken: list[tuple[bytes, str]],
+) -> None:
+    run, keyframe = decode(*spoken[0]), decode(*spoken[3])
+    later = [(encode(replace(keyframe, index=n), run_id=run.run_id), spoken[3][1]) for n in (5, 6)]
+    asked = encode(MissedKeyframes(run_id=run.run_id, backend_id=0, keyframe=0))
+    assert answers(WorkOrder(lambda: Backend(0)), [later[0], spoken[0], later[1]]) == [asked]
 
 
 def test_what_came_before_is_counted_apart(spoken: list[tuple[bytes, str]]) -> None:

@@ -20,6 +20,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
+from semantic_slam.pipeline.journal.kept_run import KeptRun
 from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.services.explain_service import ExplainService
@@ -60,9 +61,10 @@ class Asker:
 
     def tell(self, belief_bag: Path, count: int) -> None:
         record = read_record(belief_bag)
-        keyframes = recorded_keyframes(belief_bag, SETTINGS, count)
-        for keyframe, belief in zip(keyframes, record.beliefs, strict=False):
-            self.service.tell(record.run, keyframe, belief)
+        kept = KeptRun(record.run)
+        for keyframe in recorded_keyframes(belief_bag, SETTINGS, count):
+            kept.add(keyframe)
+            self.service.tell(kept, record.beliefs[keyframe.index])
 
 
 @pytest.fixture
@@ -94,7 +96,9 @@ def test_what_cannot_be_explained_is_one_line_and_another_run_is_another_one(ask
     assert "there is no belief yet" in asker.ask(1).fault
     record = read_record(belief_bag)
     (first, _, third) = recorded_keyframes(belief_bag, SETTINGS, 3)
+    kept = KeptRun(record.run)
     for keyframe in (first, replace(third, index=1)):
-        asker.service.tell(record.run, keyframe, record.beliefs[1])
+        kept.add(keyframe)
+    asker.service.tell(kept, record.beliefs[1])
     fault = asker.ask(1).fault
     assert "keyframe 1: inferred again, the hypotheses are not those recorded" in fault and "\n" not in fault

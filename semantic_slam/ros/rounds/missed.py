@@ -1,0 +1,68 @@
+"""Backends that were started late, or again, ask for keyframes that they have missed, and are told them."""
+
+import queue
+from collections import Counter
+from collections.abc import Collection
+
+from semantic_slam.errors import MessageError
+from semantic_slam.inference.protocol import MissedKeyframes
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode, encode
+from semantic_slam.pipeline.journal.kept_run import KeptRun
+from semantic_slam.ros.wire.transport import Outlet
+
+MOST_TOLD = 500
+"""Keyframes at once: who has missed more asks again, and neither he nor the manager ever holds more."""
+
+
+class MissedQuestions:
+    """What backends ask for; taken on the executor's thread, answered on the worker's.
+
+    ``refused`` and ``repeated`` count questions that cannot be answered, and those that were, by topic.
+    """
+
+    def __init__(self, backend_ids: Collection[int], refused: Counter[str], repeated: Counter[str]) -> None:
+        self._backend_ids, self._refused, self._repeated = frozenset(backend_ids), refused, repeated
+        self._asked: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+
+    def ask(self, data: bytes) -> None:
+        """A message of :data:`~semantic_slam.messages.topics.MISSED`."""
+        self._asked.put(data)
+
+    def answer(self, run_id: str, kept: KeptRun, end: int, outlet: Outlet) -> bool:
+        """Tell the keyframes before ``end`` that are missed; whether those who have asked know all of them then.
+
+        Of more than :data:`MOST_TOLD` the oldest ones are told, and the newest, at which they ask again. Raises
+        InputError where the disk on which keyframes are kept fails.
+        """
+        first = [question.keyframe for question in self._questions(run_id, kept.num_keyframes)]
+        if not first:
+            return False
+        middle = min(min(first) + MOST_TOLD, end)
+        for keyframe in kept.keyframes(min(first), middle) + kept.keyframes(max(middle, end - 1), end):
+            outlet.send(encode(keyframe, run_id=run_id, again=True))
+        return middle == end
+
+    def _questions(self, run_id: str, num_keyframes: int) -> list[MissedKeyframes]:
+        """All that have come, but those that nobody of this run can ask."""
+        questions = []
+        while not self._asked.empty():
+            try:
+                question = decode(self._asked.get(), topics.TYPES[topics.MISSED])
+            except MessageError as fault:
+                self._refused[f"{topics.MISSED}: {fault.kind}"] += 1
+                continue
+            reason = self._fault_of(question, run_id, num_keyframes)
+            if reason:
+                self._refused[f"{topics.MISSED}: {reason}"] += 1
+            else:
+                self._repeated[topics.MISSED] += 1
+                questions.append(question)
+        return questions
+
+    def _fault_of(self, question: MissedKeyframes, run_id: str, num_keyframes: int) -> str:
+        if question.run_id != run_id:
+            return "of another run"
+        if question.backend_id not in self._backend_ids:
+            return "of a backend that there is not"
+        return "of a keyframe that there is not yet" if question.keyframe > num_keyframes else ""
