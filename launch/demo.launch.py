@@ -53,11 +53,18 @@ class Nodes:
                 return [Shutdown(reason=verdict.text)]
             return [
                 *([LogInfo(msg=verdict.text)] if verdict.text else []),
-                *(self._kill(other) for other in verdict.kill),
+                *(self._kill(other) for other in verdict.kill if self._is_up(other)),
                 *([TimerAction(period=verdict.after_s, actions=[self.action(verdict.again)])] if verdict.again else []),
             ]
 
         return on_exit
+
+    def _is_up(self, name):
+        """Whether a node can be killed; one that waits to be started again cannot, and need not."""
+        details = self._actions[name].process_details
+        if details is None:
+            self._supervisor.is_down(name)
+        return details is not None
 
     def _kill(self, name):
         matcher = matches_action(self._actions[name])

@@ -16,7 +16,7 @@ from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -225,7 +225,11 @@ class OfflineRun:
         except InputError:
             self._undecodable[f"{message.topic}: message does not decode"] += 1
             return
-        self._handlers[message.topic](content)
+        try:
+            self._handlers[message.topic](content)
+        except MessageError as fault:
+            self._undecodable[f"{message.topic}: {fault.kind}"] += 1
+            return
         self._measure(self._frames.take())
         self._pass_on(self._places.take())
         self._infer(self._keyframes.take())

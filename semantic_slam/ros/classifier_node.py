@@ -243,7 +243,7 @@ class ClassifierNode(PipelineNode):
 
     def _all_dropped(self) -> Counter[str]:
         classifier = Counter[str]() if self._classifier is None else self._classifier.dropped
-        return self._assembler.dropped + classifier + self._dropped + self.refused
+        return self._assembler.dropped + classifier + self._dropped + self.refused.copy()
 
 
 def _received(data: bytes, kind: Any) -> Any:

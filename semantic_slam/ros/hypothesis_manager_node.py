@@ -58,6 +58,7 @@ from semantic_slam.ros.node.repeats import Repeats
 from semantic_slam.ros.publishing.belief_publisher import BeliefPublisher
 from semantic_slam.ros.rounds.ros_pool import RosPool
 from semantic_slam.ros.services.explain_service import ExplainService
+from semantic_slam.ros.services.in_background import InBackground
 from semantic_slam.ros.services.lookalike_service import LookalikeService
 from semantic_slam.ros.services.map_service import MapService
 from semantic_slam.ros.services.object_services import ObjectServices
@@ -105,10 +106,11 @@ class HypothesisManagerNode(PipelineNode):
         self._publisher = BeliefPublisher(self, self.lossless)
         self._belief: HybridBelief | None = None  # the newest
         self._objects = ObjectServices(self)
-        lookalikes = LookalikeService(self, self._configuration.semantic_model)
+        self._background = InBackground(self, "services")
+        lookalikes = LookalikeService(self._background, self._configuration.semantic_model)
         self._answers = lookalikes, self._objects, MapService(self, self._run)
         self._explain = ExplainService(self)
-        self._session_services = SessionServices(self, self, read_map_prior)
+        self._session_services = SessionServices(self, self._background, self, read_map_prior)
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
         )
@@ -221,8 +223,9 @@ class HypothesisManagerNode(PipelineNode):
         self._is_paused = self._session.assembler.is_paused = paused
 
     def close(self) -> None:
-        """Give up what is being explained."""
+        """Give up what is being explained, and what else was asked for."""
         self._explain.close()
+        self._background.close()
 
     def _recover(self, _: None) -> None:
         """Go again through what the journal has, up to where the last process stood; then say where that is."""
@@ -267,7 +270,7 @@ class HypothesisManagerNode(PipelineNode):
             for keyframe, belief in self._session.beliefs(self._pool_of_run, at_end=at_end):
                 self._state(belief, keyframe)
         finally:
-            self._status = dropped_status(self._session.dropped + self.refused + self._pool.refused)
+            self._status = dropped_status(self._session.dropped + self.refused.copy() + self._pool.refused)
         self._announce(finished=False)
 
     def _state(self, belief: HybridBelief, keyframe: Keyframe) -> None:
@@ -316,14 +319,13 @@ class HypothesisManagerNode(PipelineNode):
         self._journal.append(END)
         self._finish()
         self._publisher.wait_for_acknowledgement()
-        self.health.finished = True
         self.health.publish()  # the last counts, before whoever records stops listening
         self._announce(finished=True)
 
     def _finish(self) -> None:
         """All that is left."""
         self._infer(at_end=True)
-        self._is_finished = True
+        self._is_finished = self.health.finished = True
 
     def _announce(self, *, finished: bool) -> None:
         """Tell the player how many detection frames are done with, and up to which stamp; at the end the last belief's.

@@ -25,6 +25,7 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.images import decode_image
+from semantic_slam.ros.services.in_background import InBackground
 from semantic_slam.ros.services.lookalike_service import LookalikeService
 
 pytestmark = pytest.mark.slow  # all share one run with descriptors and its report
@@ -188,7 +189,7 @@ def test_the_service_answers_from_the_newest_belief(record: Record, crop: tuple)
     node = rclpy.create_node("hypothesis_manager")
     executor = SingleThreadedExecutor()
     try:
-        service = LookalikeService(node, load_configuration(CONFIG).semantic_model)
+        service = LookalikeService(InBackground(node, "services"), load_configuration(CONFIG).semantic_model)
         executor.add_node(node)
         client = node.create_client(FindLookalike, "~/find_lookalike")
         assert client.wait_for_service(timeout_sec=10.0)

@@ -107,3 +107,16 @@ def test_sparse_odometry_has_no_gaps_of_its_own() -> None:
     (keyframe,) = assembler.flush()
     travelled = 0.3 * 6.4
     assert sigma(keyframe, 0) < 0.01 + from_dict({}).odometry.sigma_translation_per_m * travelled + 1e-6
+
+
+@pytest.mark.parametrize("wrong", [(100,), (100, 200), (0, 300)])
+def test_the_first_stamps_of_odometry_leave_nothing_behind_where_they_were_wrong(wrong: tuple[int, ...]) -> None:
+    """Its first two may be wrong; no motion, rate or start is taken from those that are withdrawn."""
+    right = samples()[1:]
+    ahead = [odometry(START + step * STEP_NS, 7.0) for step in wrong if step] + right
+    if 0 in wrong:
+        ahead, right = [*samples()[:1], *ahead], samples()
+    with_wrong, without = keyframes(ahead, 10.5, 20.5), keyframes(right, 10.5, 20.5)
+    for a, b in zip(with_wrong, without, strict=True):
+        np.testing.assert_array_equal(a.odometry, b.odometry)
+        np.testing.assert_array_equal(a.odometry_covariance, b.odometry_covariance)

@@ -8,7 +8,7 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
+from semantic_slam.inference.smoothing.errors import LostComponentError, lost_where_indeterminate
 from semantic_slam.inference.smoothing.factor_table import AddedFactors, RelinearisedFactors
 from semantic_slam.inference.smoothing.reoptimisation import changed, reoptimised
 from semantic_slam.inference.smoothing.semantic_factors import NO_POINTS, LinearisationPoints, SemanticFactor
@@ -270,10 +270,9 @@ def _halfway(now: LinearisationPoints, fork: _Fork, measurements: Sequence[Seman
 
 
 def _attempt(make: Callable[..., T], *arguments: object) -> T | LostComponentError:
-    """What GTSAM throws where a system is indeterminate; what else is wrong is nobody's to swallow."""
+    """What is made, or why its system is indeterminate."""
     try:
-        return make(*arguments)
-    except (NotImplementedError, RecursionError):
-        raise
-    except RuntimeError as fault:
-        return LostComponentError(f"an update failed ({first_line(fault)})")
+        with lost_where_indeterminate("an update"):
+            return make(*arguments)
+    except LostComponentError as fault:
+        return fault

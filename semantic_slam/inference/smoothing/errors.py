@@ -1,6 +1,7 @@
 """Why a hypothesis has to be given up."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from semantic_slam.errors import SemanticSlamError
 
@@ -19,6 +20,20 @@ class UnknownObjectsError(LostComponentError):
 
 class ConsumedSmootherError(Exception):
     """A smoother was asked after an update had consumed it: a mistake in the program, not in its data."""
+
+
+@contextmanager
+def lost_where_indeterminate(what: str) -> Iterator[None]:
+    """GTSAM's complaint about a system that cannot be solved, as LostComponentError: ``what`` failed.
+
+    GTSAM throws RuntimeError; a mistake in a model that a user brings is not one of its complaints, and is let through.
+    """
+    try:
+        yield
+    except (NotImplementedError, RecursionError):
+        raise
+    except RuntimeError as fault:
+        raise LostComponentError(f"{what} failed ({first_line(fault)})") from None
 
 
 def first_line(fault: BaseException) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
+from semantic_slam.inference.smoothing.errors import lost_where_indeterminate
 from semantic_slam.inference.smoothing.factor_table import FactorTable
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.summary import summary_of
@@ -19,10 +19,8 @@ def without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) -
 
     Nor with objects other than ``object_ids`` that nothing has seen since. Raises LostComponentError.
     """
-    try:
+    with lost_where_indeterminate("a summary of the past"):
         return _without_past(smoother, oldest, object_ids)
-    except RuntimeError as fault:
-        raise LostComponentError(f"the past could not be summarised ({first_line(fault)})") from None
 
 
 def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) -> Smoother:

@@ -12,7 +12,7 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Index
-from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
+from semantic_slam.inference.smoothing.errors import lost_where_indeterminate
 from semantic_slam.inference.smoothing.isam import OwnedIsam, single_step_isam
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors
 from semantic_slam.inference.smoothing.linear.measured import Sightings
@@ -51,11 +51,9 @@ def reassociated(smoother: Smoother, objects: Index, started: Mapping[int, Gauss
     ``started``: priors of those that it did not have, at whose means they begin. Raises LostComponentError.
     """
     assert smoother.in_charts is not None
-    try:
+    with lost_where_indeterminate("a revision"):
         isam, factors = relinearised(*_renamed(smoother, objects, started))
         size = int(isam.calculateEstimate().size())
-    except RuntimeError as fault:
-        raise LostComponentError(f"a revision failed ({first_line(fault)})") from None
     return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, num_variables=size, _here=[])
 
 
@@ -70,12 +68,10 @@ def brought_together(smoother: Smoother, pairs: Sequence[tuple[int, int]]) -> Sm
         nothing = np.zeros(space.storage_size)
         graph.add(space.between_factor(object_key(one), object_key(other), nothing, np.diag(apart)))
     isam = gtsam.ISAM2(smoother.isam)
-    try:
+    with lost_where_indeterminate("a revision"):
         isam.update(graph, gtsam.Values())
         factors = replace(before, num_slots=before.num_slots + graph.size())
         isam, factors = relinearised(isam, factors)
-    except RuntimeError as fault:
-        raise LostComponentError(f"a revision failed ({first_line(fault)})") from None
     return replace(smoother, owned=OwnedIsam(isam), in_charts=factors, _here=[])
 
 

@@ -19,7 +19,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
 from semantic_slam.inference.smoothing.elimination import groups, last_eliminated
-from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
+from semantic_slam.inference.smoothing.errors import first_line, lost_where_indeterminate
 from semantic_slam.inference.smoothing.estimate import Estimate
 from semantic_slam.inference.smoothing.factor_table import (
     NO_FACTORS,
@@ -170,7 +170,7 @@ class Smoother:
         ``measured`` is what the keyframe measures, where the smoother holds its measurements linear.
         Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
         """
-        try:
+        with lost_where_indeterminate("an update"):
             points = LinearisationPoints.of(measurements, start)
             added = AddedFactors(measurements, self.semantics.make([measurements], [points])[0], points)
             if self.in_charts is not None:
@@ -178,8 +178,6 @@ class Smoother:
             child = self.updated(graph, values, added)
             if again:
                 child.isam.update(force_relinearize=True)
-        except RuntimeError as fault:
-            raise LostComponentError(f"an update failed ({first_line(fault)})") from None
         return child
 
     def _stepped_in_charts(

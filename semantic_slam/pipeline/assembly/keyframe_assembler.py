@@ -123,12 +123,15 @@ class KeyframeAssembler:
 
     def _advanced(self, sample: OdometrySample) -> OdometryPoint:
         """The point at the next sample; the first one is where the first keyframe's motion starts."""
-        if self._newest is None:
+        last = self._newest
+        if last is not None and sample.stamp_ns <= last.stamp_ns and not self._next_index:
+            last, self._rates = self._odometry.newest, RateMeter()  # the first stamps were wrong, and are withdrawn
+        if last is None:
             biases = self._configuration.odometry.estimate_bias
             self._newest = self._last_keyframe = start(sample, with_slopes=biases)
             self.first_pose = sample.pose
         else:
-            last, new = self._newest, self._newest.advance(sample)
+            new = last.advance(sample)
             steps = (new.stamp_ns - last.stamp_ns, new.travelled_m - last.travelled_m, new.turned_rad - last.turned_rad)
             self._newest = replace(new, rate=self._rates.step(*steps))
         return self._newest

@@ -1,12 +1,14 @@
 """The keyframes of a recorded run: made again from the measurements and the odometry in its belief bag."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.configuration import Configuration
+from semantic_slam.errors import MessageError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
@@ -33,7 +35,8 @@ def recorded_keyframes(bag: Path, configuration: Configuration, count: int) -> l
         }
         try:
             for message in reader.messages(handlers):
-                handlers[message.topic](reader.decode(message.cdr, message.type_name))
+                with suppress(MessageError):  # counted when it was recorded
+                    handlers[message.topic](reader.decode(message.cdr, message.type_name))
                 found += assembler.take()
         except TruncatedBagError:
             pass  # beliefs end there, too

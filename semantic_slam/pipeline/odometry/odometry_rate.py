@@ -41,9 +41,9 @@ class RateMeter:
         self._steps: deque[tuple[float, float, float]] = deque(maxlen=RECENT_STEPS)  # duration [s], length [m], turn
 
     def step(self, duration_ns: int, length_m: float, turn_rad: float) -> Rate:
-        """The rate with one more step. Gaps tell nothing of it."""
+        """The rate with one more step. Gaps tell nothing of it, nor does a step back from a stamp that was wrong."""
         duration_s = duration_ns / NANOSECONDS
-        if not self._rate().is_gap(duration_s):
+        if duration_ns > 0 and not self._rate().is_gap(duration_s):
             self._steps.append((duration_s, length_m, turn_rad))
         return self._rate()
 

@@ -81,6 +81,11 @@ class StampedBuffer(Generic[T]):
             self._dropped[f"{self.topic}: nothing matched it for too long"] += 1
             del self._stamps[0], self._items[0]
 
+    @property
+    def newest(self) -> T | None:
+        """The newest item, where one is kept."""
+        return self._items[-1] if self._items else None
+
     def has_reached(self, stamp_ns: int) -> bool:
         """Whether the topic's clock has come to this stamp: nothing at or before it will follow."""
         return self.last_stamp_ns is not None and self.last_stamp_ns >= stamp_ns

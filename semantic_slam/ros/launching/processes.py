@@ -115,7 +115,10 @@ class NodeProcesses:
         if code and verdict.text:
             print(verdict.text, file=sys.stderr)
         for other in verdict.kill:
-            self._processes[other].kill()
+            if self._processes[other].pid in self._settled:
+                self._supervisor.is_down(other)
+            else:
+                self._processes[other].kill()
         if verdict.again is not None:
             self._due[name] = (now_s + verdict.after_s, verdict.again)
 

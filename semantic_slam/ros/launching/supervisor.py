@@ -48,6 +48,10 @@ class Supervisor:
             return Verdict(text=f"{name} has ended", ends_run=name == self._last)
         return self._died(self._specs[name], exit_code, now_s)
 
+    def is_down(self, name: str) -> None:
+        """A node that was to be killed had ended before, and is started again anyway: its next end is its own."""
+        self._killed.discard(name)
+
     def _died(self, spec: NodeSpec, exit_code: int, now_s: float) -> Verdict:
         lately = [at_s for at_s in self._deaths.get(spec.name, []) if now_s - at_s < WINDOW_S]
         self._deaths[spec.name] = [*lately, now_s]

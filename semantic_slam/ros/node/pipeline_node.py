@@ -78,7 +78,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         self.health = Diagnostics(self)
         self.worker = Worker(self._failed)
         self.fault: Exception | None = None
-        self.refused: Counter[str] = Counter()  # messages that could not be used, by topic and kind
+        self.refused: Counter[str] = Counter()  # messages not used, by topic and kind; two threads add: sum a copy
         self.repeated: Counter[str] = Counter()  # messages that came before, by topic
         self.health.add_source(lambda: [repeated_status(self.repeated.copy())])
         self._arrivals = 0
@@ -147,7 +147,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         def look() -> None:
             for topic, handle in handlers.items():
                 if self.count_publishers(names[topic]):
-                    timer.cancel()
+                    self.destroy_timer(timer)
                     self.health.forget(waiting)
                     self.listen(topic, handle, profile_of(topic), required=True)
                     return
@@ -166,7 +166,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
             state["quiet"] = state["quiet"] + 1 if state["received"] == self._arrivals else 0
             state["received"] = self._arrivals
             if state["quiet"] == QUIET_TICKS:
-                timer.cancel()
+                self.destroy_timer(timer)
                 self.worker.submit(handle, item)
 
         timer = self.create_timer(QUIET_TICK_S, tick, clock=Clock(clock_type=ClockType.STEADY_TIME))

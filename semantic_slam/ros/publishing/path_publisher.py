@@ -31,22 +31,23 @@ class PathPublisher:
 
     def begin(self) -> None:
         """Another run begins."""
-        self._stamps_ns, self._poses = array("q"), array("d")  # numbers alone: what a pose is part of is not kept
+        self._known = array("q"), array("d")  # stamps and poses, replaced together: other threads read both
 
     def publish(self, estimate: PoseEstimate) -> None:
         """The newest poses, with one more."""
-        self._stamps_ns.append(estimate.stamp_ns)
-        self._poses.extend(estimate.pose.tolist())
-        newest = self._stamps_ns[-NEWEST:].tolist()
-        self._outlet.send(serialize(path_view(newest, _rows(self._poses[-NEWEST * SIZE :]))))
+        stamps_ns, poses = self._known
+        stamps_ns.append(estimate.stamp_ns)
+        poses.extend(estimate.pose.tolist())
+        self._outlet.send(serialize(path_view(stamps_ns[-NEWEST:].tolist(), _rows(poses[-NEWEST * SIZE :]))))
 
     def wait_for_acknowledgement(self) -> None:
         self._outlet.wait_for_acknowledgement()
 
     def _answer(self, _: Any, response: Any) -> Any:
         kind = ros_type("geometry_msgs/msg/PoseStamped")
-        poses = _rows(self._poses[: SIZE * len(self._stamps_ns)])  # the worker may be adding one
-        known = zip(self._stamps_ns[: len(poses)].tolist(), poses, strict=True)
+        stamps_ns, numbers = self._known
+        poses = _rows(numbers[: SIZE * len(stamps_ns)])  # the worker may be adding one
+        known = zip(stamps_ns[: len(poses)].tolist(), poses, strict=True)
         response.poses = [_filled(kind(), *own) for own in known]
         return response
 

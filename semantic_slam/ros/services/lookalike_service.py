@@ -3,26 +3,26 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rclpy.node import Node
 from semantic_slam_msgs.srv import FindLookalike
 
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.ros.services.answering import answering, newest
+from semantic_slam.ros.services.in_background import InBackground
 
 if TYPE_CHECKING:
     from semantic_slam.pipeline.lookalike_query import LookalikeQuery
 
 
 class LookalikeService:
-    """Answers from the newest belief that it was told of."""
+    """Answers from the newest belief that it was told of; a network that looks at a picture takes its time."""
 
-    def __init__(self, node: Node, settings: SemanticModelConfiguration) -> None:
+    def __init__(self, background: InBackground, settings: SemanticModelConfiguration) -> None:
         self.belief: HybridBelief | None = None
         self._settings = settings
         self._query: LookalikeQuery | None = None
-        self._service = node.create_service(FindLookalike, "~/find_lookalike", answering(self._fill))
+        self._service = background.create_service(FindLookalike, "~/find_lookalike", answering(self._fill))
 
     @property
     def _questions(self) -> "LookalikeQuery":

@@ -1,7 +1,7 @@
 """Services ``~/reset``, ``~/pause`` and ``~/load_map`` of the hypothesis manager.
 
-They answer at once, and what they ask for is done by the worker, after all that was received before: a handler that
-waited for the worker would keep from it the answers of backends that the worker waits for.
+They answer at once, a map once it is read and checked. What they ask for is done by the worker, after all that was
+received before: a handler that waited for it would keep from it the answers of backends that the worker waits for.
 """
 
 from collections.abc import Callable
@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.ros.node.pipeline_node import PipelineNode
 from semantic_slam.ros.services.answering import answering
+from semantic_slam.ros.services.in_background import InBackground
 
 
 class Sessions(Protocol):
@@ -35,12 +36,14 @@ class Sessions(Protocol):
 class SessionServices:
     """The three services; ``read`` reads the map of a file."""
 
-    def __init__(self, node: PipelineNode, sessions: Sessions, read: Callable[[Path], MapPrior]) -> None:
+    def __init__(
+        self, node: PipelineNode, background: InBackground, sessions: Sessions, read: Callable[[Path], MapPrior]
+    ) -> None:
         self._worker, self._sessions, self._read = node.worker, sessions, read
         self._services = [
             node.create_service(Trigger, "~/reset", self._reset),
             node.create_service(SetBool, "~/pause", self._pause),
-            node.create_service(LoadMap, "~/load_map", answering(self._load)),
+            background.create_service(LoadMap, "~/load_map", answering(self._load)),
         ]
 
     def _reset(self, _: Any, response: Any) -> Any:

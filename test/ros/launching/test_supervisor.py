@@ -97,3 +97,11 @@ def test_bad_input_of_a_supervised_node_ends_the_run_at_once(tmp_path: Path) -> 
         nodes.start(spec, [sys.executable, "-c", "print('what is wrong'); raise SystemExit(2)"])
         with pytest.raises(SemanticSlamError, match=r"wrong ended with exit code 2:\n  what is wrong"):
             nodes.wait("wrong", 60.0)
+
+
+def test_a_follower_that_was_down_already_is_not_taken_for_killed_when_it_ends_later() -> None:
+    watch = supervisor()
+    assert watch.ended("player", FAULT, 0.0).again is not None
+    assert watch.ended("classifier", KILLED, 0.1).kill == ("player",)
+    watch.is_down("player")
+    assert watch.ended("player", 0, 9.0).ends_run
