@@ -279,12 +279,3 @@ def _with_broken_cdr(bag, entries, path):
             writer.write_raw(topic, type_name, cdr[: len(cdr) // 2] if is_spoiled else cdr, stamp)
     (path / "objects.json").write_bytes((bag / "objects.json").read_bytes())
     return path
-
-
-def test_a_message_that_contradicts_itself_is_counted_as_it_is_live_and_ends_no_run(command):
-    entries = input_entries(NUM_FRAMES)
-    spoiled = of_topic(entries, topics.DETECTIONS)[1].message
-    spoiled.scores = spoiled.scores[:-1]
-    code, _, report = command(entries)
-    assert code == 0 and stamps(report) == all_but(1)
-    assert sum(number for reason, number in report["dropped"].items() if topics.DETECTIONS in reason) >= 1

@@ -35,7 +35,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.images import decode_image
 from semantic_slam.messages.standard import PoseEstimate
-from semantic_slam.messages.typestore import message_class, typestore
+from semantic_slam.messages.typestore import message_class, serialize, typestore
 from semantic_slam.pipeline.offline import run_bag
 
 NUM_FRAMES = 4
@@ -123,6 +123,21 @@ def test_recorded_measurements_need_no_images(bag, tmp_path, configuration):
     summary = run_bag(recorded, tmp_path / "again", configuration, map_prior())
     assert summary.num_keyframes == NUM_FRAMES
     assert raw(tmp_path / "again", topics.BELIEF) == raw(tmp_path / "belief", topics.BELIEF)
+
+
+def test_recorded_measurements_that_contradict_themselves_are_counted_as_they_are_live(bag, tmp_path, configuration):
+    run_bag(bag, tmp_path / "belief", configuration)
+    recorded, number = tmp_path / "recorded", 0
+    with BagReader(tmp_path / "belief") as reader, BagWriter(recorded) as writer:
+        for topic, type_name, stamp, cdr in reader.messages([topics.MEASUREMENTS, topics.ODOMETRY]):
+            content = reader.decode(cdr, type_name)
+            number += topic == topics.MEASUREMENTS
+            if topic == topics.MEASUREMENTS and number == 2:
+                content.ranges = content.ranges[:-1]
+            writer.write_raw(topic, type_name, serialize(content), stamp)
+    summary = run_bag(recorded, tmp_path / "again", configuration, map_prior())
+    assert summary.num_keyframes == NUM_FRAMES - 1
+    assert summary.dropped == {f"{topics.MEASUREMENTS}: message cannot be used": 1}
 
 
 def test_the_run_stops_after_the_keyframes_wanted(bag, tmp_path, configuration):
