@@ -35,8 +35,8 @@ BELIEF_LAYOUT: Layout = {
 }
 
 
-def belief_to_message(value: HybridBelief) -> Any:
-    return filled(BELIEF_TYPE, BELIEF_LAYOUT, vars(value), header=header_message(value.stamp_ns, "map"))
+def belief_to_message(value: HybridBelief, frame_id: str = "map") -> Any:
+    return filled(BELIEF_TYPE, BELIEF_LAYOUT, vars(value), header=header_message(value.stamp_ns, frame_id))
 
 
 def belief_from_message(message: Any) -> HybridBelief:

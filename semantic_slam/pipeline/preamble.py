@@ -43,13 +43,13 @@ def read_preamble(reader: BagReader) -> Preamble:
     return preamble
 
 
-def checked_initial_pose(estimate: PoseEstimate) -> PoseEstimate:
-    """The initial pose, its quaternion of length 1; raises MessageError when it is not in map, or no pose.
+def checked_initial_pose(estimate: PoseEstimate, frame: str = MAP_FRAME) -> PoseEstimate:
+    """The initial pose, its quaternion of length 1; raises MessageError when it is not in the map's frame, or no pose.
 
     Its covariance over x, y and yaw has to be one: all zeros are what publishers send that do not know it.
     """
-    if plain_frame(estimate.frame_id) != MAP_FRAME:
-        raise MessageError(f"{topics.INITIAL_POSE}: it is in '{estimate.frame_id}'; publish it in '{MAP_FRAME}'")
+    if plain_frame(estimate.frame_id) != plain_frame(frame):
+        raise MessageError(f"{topics.INITIAL_POSE}: it is in '{estimate.frame_id}'; publish it in '{frame}'")
     if not is_pose(estimate.pose) or not np.isfinite(estimate.covariance).all():
         raise MessageError(f"{topics.INITIAL_POSE}: pose or covariance are not finite; publish numbers")
     planar = planar_from_covariance(estimate.covariance)

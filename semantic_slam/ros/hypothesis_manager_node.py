@@ -15,6 +15,9 @@ Services (semantic_slam_msgs/srv):
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
   backend_timeout_s  a backend silent for so long is given up (default 60)
+  map_frame          name of the frame of beliefs, pose, path, markers, TF and initialpose (default map)
+  odom_frame         name of the odometry's frame in TF (default "": as the headers of the odometry name it)
+  broadcast_odom     TF from odom_frame to the odometry's child_frame_id, too, where no driver does (default false)
   has_imu            in space, wait for topic imu, which tells roll and pitch (default false)
   map_prior          FILE.map or objects.json with the objects known before (default none)
   source_bag         bag being replayed, for the record (default none)
@@ -56,6 +59,7 @@ from semantic_slam.ros.node.parameters import declare_configuration, declare_fix
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.node.repeats import Repeats
 from semantic_slam.ros.publishing.belief_publisher import BeliefPublisher
+from semantic_slam.ros.publishing.frames import declare_frames
 from semantic_slam.ros.rounds.ros_pool import RosPool
 from semantic_slam.ros.services.explain_service import ExplainService
 from semantic_slam.ros.services.in_background import InBackground
@@ -88,6 +92,7 @@ class HypothesisManagerNode(PipelineNode):
         self._map_prior = _map_prior(declare_fixed(self, "map_prior", ""))
         source_bag = declare_fixed(self, "source_bag", "")
         journal = declare_fixed(self, "journal", "")
+        frames = declare_frames(self)
         resume = declare_fixed(self, "resume", True)
         refuse_undeclared(self)
         self._source = _source(source_bag)
@@ -103,7 +108,8 @@ class HypothesisManagerNode(PipelineNode):
         self._is_recovering = self._is_finished = False
         self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
         self._explanation = explanation_status(None)  # likewise
-        self._publisher = BeliefPublisher(self, self.lossless)
+        self._map_frame = frames.map
+        self._publisher = BeliefPublisher(self, frames, self.lossless)
         self._belief: HybridBelief | None = None  # the newest
         self._objects = ObjectServices(self)
         self._background = InBackground(self, "services")
@@ -258,7 +264,7 @@ class HypothesisManagerNode(PipelineNode):
             raise InputError(f"parameter journal: it goes on with {record.name} where no answer is due; remove it")
 
     def _set_initial_pose(self, message: Any) -> None:
-        self._session.set_initial_pose(checked_initial_pose(from_message(message)))
+        self._session.set_initial_pose(checked_initial_pose(from_message(message), self._map_frame))
 
     def _add_measurements(self, message: Any) -> None:
         measurements = self._frames.measured(from_message(message))

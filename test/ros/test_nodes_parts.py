@@ -12,11 +12,15 @@ from worlds.belief_factory import CLASSES, small_belief
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.transform import compose
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import encode
 from semantic_slam.messages.sensor import TransformTree
-from semantic_slam.messages.standard import PoseEstimate
-from semantic_slam.messages.typestore import serialize
+from semantic_slam.messages.standard import OdometryEstimate, header_stamp_ns
+from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.ros.node.health import Level, explanation_status
-from semantic_slam.ros.publishing.views import MarkersView, map_to_odom_view, pose_view
+from semantic_slam.ros.publishing.frames import Frames
+from semantic_slam.ros.publishing.transforms import Transforms
+from semantic_slam.ros.publishing.views import MarkersView, pose_view
 from semantic_slam.ros.replay.flow_control import Credit
 from semantic_slam.ros.replay.playlist import Playlist, parse_remaps
 
@@ -64,14 +68,56 @@ def test_remap_that_is_none_is_refused(entry: str) -> None:
         parse_remaps([entry])
 
 
-def test_map_to_odom_closes_the_chain_to_the_robot() -> None:
-    """T_map_odom T_odom_body = T_map_body (REP-105)."""
-    half = np.pi / 8
-    T_map_body = np.array([1.0, 2.0, 0.0, 0.0, 0.0, np.sin(half), np.cos(half)])
-    T_odom_body = np.array([-3.0, 0.5, 0.0, 0.0, 0.0, np.sin(-half / 2), np.cos(-half / 2)])
+HALF = np.pi / 8
+T_MAP_BODY = np.array([1.0, 2.0, 0.0, 0.0, 0.0, np.sin(HALF), np.cos(HALF)])
+T_ODOM_BODY = np.array([-3.0, 0.5, 0.0, 0.0, 0.0, np.sin(-HALF / 2), np.cos(-HALF / 2)])
+
+
+def odometry(stamp_ns: int, pose: np.ndarray) -> bytes:
+    return encode(OdometryEstimate(stamp_ns, "/robot1/odom", "robot1/base_link", pose, np.zeros((6, 6))))
+
+
+def heard(data: bytes) -> list[tuple[int, str, str, np.ndarray]]:
+    """Stamp, parent, child and pose of every transform of a message."""
     tree = TransformTree()
-    tree.add(map_to_odom_view(PoseEstimate(5, "map", T_map_body, np.zeros((6, 6))), T_odom_body))
-    np.testing.assert_allclose(compose(tree.lookup("map", "odom"), T_odom_body), T_map_body, atol=1e-12)
+    message = deserialize(data, topics.TYPES[topics.TF])
+    tree.add(message)
+    names = [(own.header.frame_id, own.child_frame_id) for own in message.transforms]
+    return [(header_stamp_ns(message.transforms[0]), *name, tree.lookup(*name)) for name in names]
+
+
+def test_with_every_odometry_message_map_to_odom_closes_the_chain_to_the_robot() -> None:
+    """T_map_odom T_odom_body = T_map_body (REP-105), in the frame of the odometry, from the first belief on."""
+    sent: list[bytes] = []
+    transforms = Transforms(Frames(), sent.append)
+    transforms.hear(odometry(3, T_ODOM_BODY))
+    assert sent == []
+    transforms.believe(T_MAP_BODY, T_ODOM_BODY)
+    for stamp_ns in (4, 5):
+        transforms.hear(odometry(stamp_ns, T_MAP_BODY))
+    transforms.hear(b"\x00\x01\x00\x00no odometry")
+    told = [own for data in sent for own in heard(data)]
+    assert [own[:3] for own in told] == [(4, "map", "robot1/odom"), (5, "map", "robot1/odom")]
+    for *_, T_map_odom in told:
+        np.testing.assert_allclose(compose(T_map_odom, T_ODOM_BODY), T_MAP_BODY, atol=1e-12)
+    transforms.begin()
+    transforms.hear(odometry(6, T_ODOM_BODY))
+    assert len(sent) == 2
+
+
+def test_frames_can_be_named_and_odometry_is_broadcast_where_nobody_else_does() -> None:
+    sent: list[bytes] = []
+    transforms = Transforms(Frames("robot1/map", "here", broadcasts_odom=True), sent.append)
+    transforms.hear(odometry(3, T_ODOM_BODY))
+    transforms.believe(T_MAP_BODY, T_ODOM_BODY)
+    transforms.hear(odometry(4, T_ODOM_BODY))
+    first, second = (heard(data) for data in sent)
+    assert [own[:3] for own in first] == [(3, "here", "robot1/base_link")]
+    assert [own[:3] for own in second] == [(4, "robot1/map", "here"), (4, "here", "robot1/base_link")]
+    np.testing.assert_allclose(second[1][3], T_ODOM_BODY, atol=1e-12)
+    belief = small_belief(3, [1, 2], [1, 1], [0.75, 0.25], [4, 9], [[4], [9]])
+    assert pose_view(belief, "robot1/map").frame_id == "robot1/map"
+    assert {own.header.frame_id for own in MarkersView("robot1/map").of(belief).markers} == {"robot1/map"}
 
 
 def test_views_of_a_belief_are_messages_that_rclpy_reads() -> None:

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.errors import InputError
 from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
-from semantic_slam.messages.sensor import sensor_pose
+from semantic_slam.messages.sensor import plain_frame, sensor_pose
 from semantic_slam.outputs import LEAVE_OF_NODES, check_bag_output
 from semantic_slam.pipeline.detector_labels import known_labels, labels_in
 from semantic_slam.pipeline.gravity.imu_use import unused_because
@@ -20,6 +21,7 @@ from semantic_slam.pipeline.input_topics import InputTopics, find_topics
 from semantic_slam.pipeline.preamble import map_prior_path, read_preamble
 from semantic_slam.ros.node.parameters import changed_parameters
 
+FIRST_TRANSFORMS = 100
 LOSSLESS = 0.0
 """The rate that stands for lock-step: as fast as the nodes can follow, and nothing is lost."""
 
@@ -76,6 +78,7 @@ def node_set(
         extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
         imu = _imu_parameters(reader, found, configuration, has_tf2=has_tf2)
         labels = _labels(reader, found, configuration, map_prior_path(bag))
+        is_without_body = not _places_body(reader, found, configuration.perception.base_frame)
     waiting: dict[str, Any] = {} if autostart else {"autostart": False}
     common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | waiting
     configured = common | changed_parameters(configuration)
@@ -85,6 +88,7 @@ def node_set(
         "source_bag": str(bag),
         "journal": journal,
         "resume": resume,
+        **({"broadcast_odom": True} if has_tf2 and is_without_body else {}),  # or RViz could not place the robot
         **imu,
         **labels,
     }
@@ -113,6 +117,16 @@ def _labels(
     prior = read_map_prior(map_prior) if map_prior is not None else None
     known = known_labels(configuration, labels_in(reader, found.measurements or found.detections), prior)
     return {"semantic_model.labels": list(known)} if known else {}
+
+
+def _places_body(reader: BagReader, found: InputTopics, base_frame: str) -> bool:
+    """Whether the bag's transforms say where the robot's body is, as far as its first ones show."""
+    messages = islice(reader.messages([found.transforms]), FIRST_TRANSFORMS) if found.transforms else ()
+    return any(
+        plain_frame(transform.child_frame_id) == base_frame
+        for message in messages
+        for transform in reader.decode(message.cdr, message.type_name).transforms
+    )
 
 
 def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[str, Any]:

@@ -10,30 +10,33 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.messages.typestore import serialize
+from semantic_slam.ros.publishing.frames import Frames
 from semantic_slam.ros.publishing.path_publisher import PathPublisher
-from semantic_slam.ros.publishing.views import MarkersView, map_to_odom_view, pose_view
+from semantic_slam.ros.publishing.transforms import Transforms
+from semantic_slam.ros.publishing.views import MarkersView, pose_view
 from semantic_slam.ros.wire import qos
-from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name
+from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name, receive
 
 
 class BeliefPublisher:
     """Publishes one belief per keyframe, and what follows from it."""
 
-    def __init__(self, node: Node, lossless: bool) -> None:
+    def __init__(self, node: Node, frames: Frames, lossless: bool) -> None:
+        self._map = frames.map
         self._belief = _outlet(node, topics.BELIEF, qos.result(lossless))
         self._pose = _outlet(node, topics.POSE, qos.result(lossless))
-        self._path = PathPublisher(node)
+        self._path = PathPublisher(node, frames.map)
         self._markers = _outlet(node, topics.MARKERS, qos.latched())
-        self._tf = None
-        if is_installed(topics.TYPES[topics.TF]):
-            self._tf = Outlet(node, topics.TF, topics.TYPES[topics.TF], qos.everything())
-        self._markers_view = MarkersView()
+        self._transforms = _transforms(node, frames) if is_installed(topics.TYPES[topics.TF]) else None
+        self._markers_view = MarkersView(frames.map)
         self._T_odom_body: Array | None = None
 
     def begin(self) -> None:
         """Another run begins: nothing is left of the path of the one before."""
         self._path.begin()
         self._T_odom_body = None
+        if self._transforms is not None:
+            self._transforms.begin()
 
     def publish(
         self, belief: HybridBelief, T_previous_current: Array, T_odom_start: Array | None, *, is_repeated: bool = False
@@ -42,21 +45,21 @@ class BeliefPublisher:
 
         Of a belief that ``is_repeated`` only what shows the newest state is published.
         """
-        estimate = pose_view(belief)
+        estimate = pose_view(belief, self._map)
         if not is_repeated:
-            self._belief.send(encode(belief))
+            self._belief.send(encode(belief, frame_id=self._map))
             self._pose.send(encode(estimate))
         self._path.publish(estimate)
         self._markers.send(serialize(self._markers_view.of(belief)))
         before = T_odom_start if self._T_odom_body is None else self._T_odom_body
         if before is not None:
             self._T_odom_body = compose(before, T_previous_current)
-            if self._tf is not None:
-                self._tf.send(serialize(map_to_odom_view(estimate, self._T_odom_body)))
+            if self._transforms is not None:
+                self._transforms.believe(estimate.pose, self._T_odom_body)
 
     def repeat(self, belief: HybridBelief) -> None:
         """Publish a belief whose publication may have been lost; whoever had it knows its keyframe."""
-        self._belief.send(encode(belief))
+        self._belief.send(encode(belief, frame_id=self._map))
 
     def wait_for_acknowledgement(self) -> None:
         for outlet in (self._belief, self._pose, self._markers, self._path):
@@ -65,3 +68,9 @@ class BeliefPublisher:
 
 def _outlet(node: Node, topic: str, profile: Any) -> Outlet:
     return Outlet(node, private_name(topic), topics.TYPES[topic], profile)
+
+
+def _transforms(node: Node, frames: Frames) -> Transforms:
+    transforms = Transforms(frames, Outlet(node, topics.TF, topics.TYPES[topics.TF], qos.everything()).send)
+    receive(node, topics.ODOMETRY, transforms.hear, qos.sensor_input(topics.ODOMETRY, lossless=False))
+    return transforms

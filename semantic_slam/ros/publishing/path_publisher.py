@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import NANOSECONDS, PoseEstimate
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros.publishing.views import MAP, path_view
+from semantic_slam.ros.publishing.views import path_view
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, private_name, ros_type
 
@@ -24,7 +24,8 @@ NEWEST = 1000
 class PathPublisher:
     """Remembers the pose estimates of all keyframes."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, frame: str) -> None:
+        self._frame = frame
         self._outlet = Outlet(node, private_name(topics.PATH), topics.TYPES[topics.PATH], qos.latched())
         self._service = node.create_service(GetPath, "~/get_path", self._answer)
         self.begin()
@@ -38,7 +39,8 @@ class PathPublisher:
         stamps_ns, poses = self._known
         stamps_ns.append(estimate.stamp_ns)
         poses.extend(estimate.pose.tolist())
-        self._outlet.send(serialize(path_view(stamps_ns[-NEWEST:].tolist(), _rows(poses[-NEWEST * SIZE :]))))
+        newest = _rows(poses[-NEWEST * SIZE :])
+        self._outlet.send(serialize(path_view(stamps_ns[-NEWEST:].tolist(), newest, self._frame)))
 
     def wait_for_acknowledgement(self) -> None:
         self._outlet.wait_for_acknowledgement()
@@ -48,7 +50,7 @@ class PathPublisher:
         stamps_ns, numbers = self._known
         poses = _rows(numbers[: SIZE * len(stamps_ns)])  # the worker may be adding one
         known = zip(stamps_ns[: len(poses)].tolist(), poses, strict=True)
-        response.poses = [_filled(kind(), *own) for own in known]
+        response.poses = [_filled(kind(), self._frame, *own) for own in known]
         return response
 
 
@@ -58,8 +60,8 @@ def _rows(numbers: "array[float]") -> Array:
     return np.array(numbers[: whole * SIZE]).reshape(whole, SIZE)
 
 
-def _filled(message: Any, stamp_ns: int, pose: Array) -> Any:
-    message.header.frame_id = MAP
+def _filled(message: Any, frame: str, stamp_ns: int, pose: Array) -> Any:
+    message.header.frame_id = frame
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
     point, turn = message.pose.position, message.pose.orientation
     point.x, point.y, point.z, turn.x, turn.y, turn.z, turn.w = pose.tolist()

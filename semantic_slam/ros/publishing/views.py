@@ -1,4 +1,4 @@
-"""Plain views of a hybrid belief, for subscribers that know nothing of hypotheses; all in the frame ``map``."""
+"""Plain views of a hybrid belief, for subscribers that know nothing of hypotheses; all in the map's frame."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,12 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import matched_moments
-from semantic_slam.geometry.transform import compose, inverse
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages.standard import PoseEstimate, header_message, pose_message
 from semantic_slam.messages.typestore import message_class
+from semantic_slam.ros.publishing.frames import MAP
 
-MAP, ODOM = "map", "odom"
 SPHERE, TEXT, ADD, DELETE = 2, 9, 0, 2
 OPACITY, LEAST_SHARE = 0.7, 0.1
 SIGMAS = 2.0
@@ -31,20 +30,20 @@ PALETTE = (
 UNKNOWN_COLOUR = (0.6, 0.6, 0.6)
 
 
-def pose_view(belief: HybridBelief) -> PoseEstimate:
+def pose_view(belief: HybridBelief, frame: str = MAP) -> PoseEstimate:
     """The Gaussian with the mixture's mean and covariance."""
     pose, covariance = matched_moments(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
-    return PoseEstimate(belief.stamp_ns, MAP, pose, covariance)
+    return PoseEstimate(belief.stamp_ns, frame, pose, covariance)
 
 
-def path_view(stamps_ns: Sequence[int], poses: Array) -> Any:
+def path_view(stamps_ns: Sequence[int], poses: Array, frame: str = MAP) -> Any:
     """nav_msgs/Path of (K, 7) poses."""
     stamped = message_class("geometry_msgs/msg/PoseStamped")
     known = [
-        stamped(header=header_message(stamp_ns, MAP), pose=pose_message(pose))
+        stamped(header=header_message(stamp_ns, frame), pose=pose_message(pose))
         for stamp_ns, pose in zip(stamps_ns, poses, strict=True)
     ]
-    return message_class("nav_msgs/msg/Path")(header=header_message(stamps_ns[-1], MAP), poses=known)
+    return message_class("nav_msgs/msg/Path")(header=header_message(stamps_ns[-1], frame), poses=known)
 
 
 class MarkersView:
@@ -53,7 +52,8 @@ class MarkersView:
     Both fade with the object's existence, and are deleted when it is no longer in the belief.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, frame: str = MAP) -> None:
+        self._frame = frame
         self._shown: dict[tuple[str, int], None] = {}
 
     def of(self, belief: HybridBelief) -> Any:
@@ -66,20 +66,24 @@ class MarkersView:
         shown = {(marker.ns, marker.id): None for marker in markers}
         markers += [_deletion(belief, *gone) for gone in self._shown if gone not in shown]
         self._shown = shown
+        for marker in markers:
+            marker.header.frame_id = self._frame
         return message_class("visualization_msgs/msg/MarkerArray")(markers=markers)
 
 
-def map_to_odom_view(estimate: PoseEstimate, T_odom_body: Array) -> Any:
-    """tf2_msgs/TFMessage with map -> odom (REP-105)."""
-    x, y, z, qx, qy, qz, qw = (float(v) for v in compose(estimate.pose, inverse(T_odom_body)))
+def transform_view(stamp_ns: int, transforms: Sequence[tuple[str, str, Array]]) -> Any:
+    """tf2_msgs/TFMessage with transforms of one instant: parent, child and (7,) pose of the child in the parent."""
+    return message_class("tf2_msgs/msg/TFMessage")(transforms=[_transform(stamp_ns, *own) for own in transforms])
+
+
+def _transform(stamp_ns: int, parent: str, child: str, pose: Array) -> Any:
+    x, y, z, qx, qy, qz, qw = pose.tolist()
     transform = message_class("geometry_msgs/msg/Transform")(
         translation=message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z),
         rotation=message_class("geometry_msgs/msg/Quaternion")(x=qx, y=qy, z=qz, w=qw),
     )
-    stamped = message_class("geometry_msgs/msg/TransformStamped")(
-        header=header_message(estimate.stamp_ns, MAP), child_frame_id=ODOM, transform=transform
-    )
-    return message_class("tf2_msgs/msg/TFMessage")(transforms=[stamped])
+    stamped = message_class("geometry_msgs/msg/TransformStamped")
+    return stamped(header=header_message(stamp_ns, parent), child_frame_id=child, transform=transform)
 
 
 def likeliest_class(belief: HybridBelief, row: int) -> tuple[int, str]:

@@ -121,7 +121,7 @@ def launch_file(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         "launch.events.process": {"SignalProcess": noted("SignalProcess")},
         "launch.substitutions": {"LaunchConfiguration": lambda name: SimpleNamespace(perform=lambda c: c[name])},
         "launch_ros": {},
-        "launch_ros.actions": {"Node": noted("Node")},
+        "launch_ros.actions": {"Node": lambda **options: noted("Node")(process_details={"pid": 1}, **options)},
     }
     for name, members in contents.items():
         module = ModuleType(name)
@@ -234,6 +234,17 @@ def test_the_player_is_killed_and_started_with_a_classifier_that_died(
     assert kill.event.kind == "SignalProcess" and kill.event.process_matcher is nodes["bag_player"]
     (timer,) = nodes["bag_player"].on_exit(event, context)
     assert timer.actions[0].name == "bag_player"
+
+
+def test_a_player_that_waits_to_be_started_is_not_killed_and_its_next_end_is_its_own(
+    launched: tuple[dict[str, Any], Context],
+) -> None:
+    nodes, context = launched
+    died, ended = SimpleNamespace(returncode=1), SimpleNamespace(returncode=0)
+    player = nodes["bag_player"].on_exit(died, context)[-1].actions[0]
+    player.process_details = None
+    assert [action.kind for action in nodes["classifier"].on_exit(died, context)] == ["LogInfo", "TimerAction"]
+    assert [action.kind for action in player.on_exit(ended, context)] == ["LogInfo"]
 
 
 def test_without_a_journal_the_manager_is_not_started_again(bag: Path, configuration: Path) -> None:
