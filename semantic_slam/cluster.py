@@ -1,4 +1,4 @@
-"""The Dask cluster that ``--scheduler ADDRESS`` names."""
+"""Connection to the Dask cluster given by ``--scheduler ADDRESS``."""
 
 from typing import TYPE_CHECKING
 
@@ -8,11 +8,11 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_TIMEOUT = "10s"
-"""For a scheduler to answer: one that was just started on a busy machine takes seconds."""
+"""Time a scheduler has to answer; one just started on a busy machine needs seconds."""
 
 
 def connected(address: str) -> "Client":
-    """A client of the Dask scheduler at ``address``; raises InputError."""
+    """Client of the Dask scheduler at ``address``. Raises InputError where it cannot be reached."""
     try:
         from distributed import Client
     except ImportError:

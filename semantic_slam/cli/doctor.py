@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from semantic_slam.doctor.finding import Finding
 
 ROS_ARGUMENTS = "--ros-args"
-ON_ROS = "semantic_slam.ros.looking_on.examination"
+ON_ROS = "semantic_slam.ros.observers.examination"
 """By name, as nodes are: what is on ROS imports this folder."""
 
 

@@ -8,7 +8,7 @@ from semantic_slam.cli.needs import need_ros
 from semantic_slam.messages.topics import BELIEF
 
 ROS_ARGUMENTS = "--ros-args"
-ON_ROS = "semantic_slam.ros.looking_on.view"
+ON_ROS = "semantic_slam.ros.observers.view"
 """By name, as nodes are: what is on ROS imports this folder."""
 
 

@@ -59,8 +59,8 @@ class PerceptionConfiguration:
     )
     noise_factors: tuple[float, ...] = parameter(
         (1.0,),
-        "association: open or given, iterate_updates: false, no classes: factors on the covariance of places, of which"
-        " every hypothesis has one; evidence decides",
+        "association: open or given, iterate_updates: false, semantic_model.kind: none or detector: factors on the"
+        " covariance of places, of which every hypothesis has one; evidence decides",
     )
     ranges_are: tuple[str, ...] = parameter(
         ("distance",),

@@ -1,4 +1,4 @@
-"""Backends in this process: offline use of the manager."""
+"""A pool of backends within this process, for offline use of the engine."""
 
 from collections.abc import Mapping
 
@@ -26,7 +26,7 @@ class InProcessPool:
                 backend.share(first.trunks)
 
     def tell(self, keyframe: Keyframe) -> None:
-        """Let the backends know a keyframe that they do not; nobody answers."""
+        """Record a keyframe in all backends, without expanding it."""
         for backend in self._backends:
             backend.learn(keyframe)
 
@@ -35,18 +35,18 @@ class InProcessPool:
         return [backend.expand(keyframe) for backend in self._backends]
 
     def commit(self, commit: Commit) -> list[Components]:
-        """Round two: the survivors forked, updated and reported."""
+        """Round two: fork and update the survivors, and report their marginals."""
         answers = [backend.commit(commit) for backend in self._backends]
         return [answer for answer in answers if answer is not None]
 
     def offer(self, components: Mapping[int, Component]) -> None:
-        """Components that the next commit need not rebuild."""
+        """Hand over components by hypothesis, which the next commit then need not rebuild."""
         for backend in self._backends:
             backend.offer(components)
 
     @property
     def num_steps_kept(self) -> int:
-        """Keyframes that the backends can replay."""
+        """Number of keyframes that the backends still store and can replay."""
         return max(len(backend.steps) - backend.steps.first for backend in self._backends)
 
     def component(self, number: int) -> Component:

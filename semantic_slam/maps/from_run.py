@@ -28,7 +28,7 @@ from semantic_slam.maps.checks import MOST_OBJECTS
 from semantic_slam.maps.class_priors import class_priors_of
 from semantic_slam.maps.from_belief import MOVES, mapped_rows, saved_map_of_belief
 from semantic_slam.maps.saved_map import Looks, MapHypotheses, SavedMap
-from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
+from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
 KEPT_MASS, MOST_HYPOTHESES, MOST_NUMBERS = 0.999, 50, 1 << 23
 """The heaviest hypotheses of the last belief are kept, up to this mass and number, and to so many covariances."""

@@ -4,16 +4,13 @@ from collections import Counter
 
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
-from semantic_slam.inference.building import make_run_configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
-from semantic_slam.pipeline.detector_labels import with_labels
 from semantic_slam.pipeline.preamble import Preamble
-from semantic_slam.pipeline.provenance import revision
-from semantic_slam.pipeline.start import start_of
+from semantic_slam.pipeline.start import announced_run
 
 
 class InferenceStage:
@@ -39,15 +36,8 @@ class InferenceStage:
         writer.write(topics.BELIEF, self._manager.process(keyframe), keyframe.stamp_ns)
 
     def _start(self, first: Keyframe, writer: BagWriter) -> Engine:
-        pose, covariance = start_of(self._configuration, self._estimate, first)
-        run = make_run_configuration(
-            with_labels(self._configuration, first.measurements, self._prior, self._labels),
-            self._prior,
-            pose,
-            covariance,
-            stamp_ns=first.stamp_ns,
-            source=self._source,
-            revision=revision(),
+        run = announced_run(
+            self._configuration, self._prior, self._estimate, first, labels=self._labels, source=self._source
         )
         writer.write(topics.RUN_CONFIGURATION, run, first.stamp_ns)
         return Engine.of_run(run, self._pool)

@@ -61,12 +61,11 @@ def run_bag(
     configuration: Configuration,
     map_prior: MapPrior | None = None,
     max_keyframes: int | None = None,
-    num_backends: int = 1,
     pool: BackendPool | None = None,
 ) -> RunSummary:
     """Run the pipeline on ``bag`` and write the belief bag ``out_bag`` as it goes.
 
-    ``map_prior`` None: the objects.json beside the bag, if there is one. ``pool`` None: ``num_backends`` backends of
+    ``map_prior`` None: the objects.json beside the bag, if there is one. ``pool`` None: one backend of
     its own in this process; one that is given can be asked afterwards what its backends hold. Raises InputError when
     not a single keyframe can be made; bad input after that ends the run, and is in the summary.
     """
@@ -87,7 +86,7 @@ def run_bag(
         if told := known_to_fit(configuration.semantic_model, digest):
             print(f"{bag}: {told}")
         source = source_text(bag, digest)
-        inference = InferenceStage(configuration, prior, preamble, source, pool or InProcessPool(num_backends))
+        inference = InferenceStage(configuration, prior, preamble, source, pool or InProcessPool(1))
         with BagWriter(out_bag) as writer:
             run = OfflineRun(configuration, found, preamble, inference, writer)
             fault = _run(run, reader, max_keyframes)

@@ -7,18 +7,16 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.building import make_run_configuration, problem_of
+from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool, RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
-from semantic_slam.pipeline.detector_labels import with_labels
-from semantic_slam.pipeline.first_word import FirstWord
+from semantic_slam.pipeline.first_label import FirstLabel
 from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
-from semantic_slam.pipeline.provenance import revision
-from semantic_slam.pipeline.start import start_of
+from semantic_slam.pipeline.start import announced_run
 
 SOMETHING = ("object",)
 """What detections may be labelled before any has come."""
@@ -44,11 +42,11 @@ class Session:
         self.number, self.map_prior = number, map_prior
         self.num_keyframes = 0
         self._configuration, self._source = configuration, source
-        self._first_word = FirstWord(configuration.semantic_model)
+        self._first_label = FirstLabel(configuration.semantic_model)
         self.assembler = KeyframeAssembler(
             configuration,
             has_identities=strategy_of(configuration).wants_identities,
-            passes_over=self._first_word.passes_over,
+            passes_over=self._first_label.passes_over,
             imu=imu,
         )
         self._imu = imu
@@ -84,15 +82,15 @@ class Session:
     @property
     def num_without_label(self) -> int:
         """Keyframes that wait for the first detection with a label."""
-        return self._first_word.num_waiting
+        return self._first_label.num_waiting
 
     def beliefs(self, pool: BackendPool, *, at_end: bool = False) -> Iterator[tuple[Keyframe, HybridBelief]]:
         """Keyframes that are complete by now, or ``at_end`` all that are left, each with the belief after it."""
         found = self.assembler.flush() if at_end else self.assembler.take()
-        for keyframe in self._first_word.released(found, at_end=at_end):
+        for keyframe in self._first_label.released(found, at_end=at_end):
             if self._engine is None:
                 self._first = keyframe
-                self._engine = Engine.of_run(self._run(keyframe, self.map_prior, self._first_word.labels), pool)
+                self._engine = Engine.of_run(self._run(keyframe, self.map_prior, self._first_label.labels), pool)
             belief = self._engine.process(keyframe)
             self.num_keyframes += 1
             yield keyframe, belief
@@ -107,20 +105,18 @@ class Session:
 
         Before the first keyframe nobody knows what these name; something, it is supposed.
         """
-        first, labels = self._first, self._first_word.labels
+        first, labels = self._first, self._first_label.labels
         if first is None:
             first, labels = Keyframe.planar(0), frozenset(self._configuration.perception.labels or SOMETHING)
         problem_of(self._run(first, map_prior, labels))
 
     def _run(self, first: Keyframe, map_prior: MapPrior | None, labels: Iterable[str]) -> RunConfiguration:
-        pose, covariance = start_of(self._configuration, self._initial_pose, first)
-        return make_run_configuration(
-            with_labels(self._configuration, first.measurements, map_prior, labels),
+        return announced_run(
+            self._configuration,
             map_prior,
-            pose,
-            covariance,
-            stamp_ns=first.stamp_ns,
+            self._initial_pose,
+            first,
+            labels=labels,
             source=self._source,
-            revision=revision(),
             session=self.number,
         )

@@ -1,19 +1,53 @@
-"""Where a run begins: as topic initialpose says, or the configuration, and roll and pitch as an IMU feels them."""
+"""Start of a run: the configuration that is announced, and the pose at which it begins."""
+
+from collections.abc import Iterable
 
 import numpy as np
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.building import initial_pose_of
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.pipeline.detector_labels import with_labels
 from semantic_slam.pipeline.gravity.imu_use import unused_because
+from semantic_slam.pipeline.provenance import revision
 
 ANY_TILT_RAD = 0.5
 """Standard deviation of roll and pitch before the look that tells them."""
 TILT = [3, 4]
 """Rows of roll and pitch, about the axes of map."""
+
+
+def announced_run(
+    configuration: Configuration,
+    map_prior: MapPrior | None,
+    initial_pose: PoseEstimate | None,
+    first: Keyframe,
+    *,
+    labels: Iterable[str],
+    source: str,
+    session: int = 0,
+) -> RunConfiguration:
+    """The run that begins with the keyframe ``first``, whose stamp is the run's. Raises InputError.
+
+    ``labels`` are the detector's known labels, ``source`` the JSON of what is replayed, ``session`` the number of the
+    run among those of one process.
+    """
+    pose, covariance = start_of(configuration, initial_pose, first)
+    return make_run_configuration(
+        with_labels(configuration, first.measurements, map_prior, labels),
+        map_prior,
+        pose,
+        covariance,
+        stamp_ns=first.stamp_ns,
+        source=source,
+        revision=revision(),
+        session=session,
+    )
 
 
 def start_of(configuration: Configuration, told: PoseEstimate | None, first: Keyframe) -> tuple[Array, Array]:

@@ -36,7 +36,7 @@ from semantic_slam.ros.node.health import dropped_status
 from semantic_slam.ros.node.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.node.pipeline_node import PASSED, PipelineNode, main_of
 from semantic_slam.ros.node.repeats import Repeats
-from semantic_slam.ros.replay.recent_inputs import RecentInputs
+from semantic_slam.ros.recording.recent_inputs import RecentInputs
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import is_installed
 

@@ -23,8 +23,8 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.inertial import imu_message
 from semantic_slam.messages.standard import PoseEstimate
-from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
 from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
 DRIFT_RAD = 0.015
 """Of roll and of pitch from keyframe to keyframe, of odometry that feels no gravity."""

@@ -29,6 +29,7 @@ from semantic_slam.cli import bag_to_report
 from semantic_slam.configuration import load_configuration
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference import expander
+from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
@@ -110,7 +111,7 @@ def test_what_a_report_needs_is_in_the_belief_bag(bag, tmp_path, configuration):
 @pytest.mark.parametrize("num_backends", [1, 3])
 def test_a_run_repeats_bit_by_bit_with_any_number_of_backends(bag, tmp_path, configuration, num_backends):
     run_bag(bag, tmp_path / "first", configuration)
-    run_bag(bag, tmp_path / "second", configuration, num_backends=num_backends)
+    run_bag(bag, tmp_path / "second", configuration, pool=InProcessPool(num_backends))
     assert raw(tmp_path / "first", topics.BELIEF) == raw(tmp_path / "second", topics.BELIEF)
 
 

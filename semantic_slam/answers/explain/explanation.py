@@ -17,7 +17,7 @@ from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
+from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,6 @@ def read_image_folder(folder: Path) -> ImageFolder:
         if is_laid_out_so(folder):
             return read(folder)
     raise InputError(
-        f"{folder}: neither frame-NNNNNN.color.jpg with .depth.png, nor raw_imgs with depth_imgs; docs/own_bag.md shows"
-        " the layouts"
+        f"{folder}: neither frame-NNNNNN.color.jpg with .depth.png, nor raw_imgs with depth_imgs; docs/datasets.md"
+        " shows the layouts"
     )

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 STOP = object()
+PATIENCE_S = 1.0
+"""For which whoever stops a worker waits for what it is at."""
 
 
 class Worker:
@@ -36,12 +38,12 @@ class Worker:
         """Whether something else waits to be done."""
         return not self._items.empty()
 
-    def stop(self, timeout_s: float = 1.0) -> None:
-        """Let what was submitted before be done, for at most ``timeout_s``."""
+    def stop(self) -> None:
+        """Let what was submitted before be done, for at most ``PATIENCE_S``."""
         self._may_work.set()
         self._items.put(STOP)
         if self._thread.is_alive():
-            self._thread.join(timeout_s)
+            self._thread.join(PATIENCE_S)
 
     def _run(self) -> None:
         try:

@@ -4,7 +4,7 @@ import queue
 from collections import Counter
 from collections.abc import Collection
 
-from semantic_slam.errors import MessageError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.inference.protocol import MissedKeyframes
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
@@ -30,16 +30,21 @@ class MissedQuestions:
         self._asked.put(data)
 
     def answer(self, run_id: str, kept: KeptRun, end: int, outlet: Outlet) -> bool:
-        """Tell the keyframes before ``end`` that are missed; whether those who have asked know all of them then.
+        """Send the keyframes before ``end`` that are missed; whether those who asked know all of them then.
 
-        Of more than :data:`MOST_TOLD` the oldest ones are told, and the newest, at which they ask again. Raises
-        InputError where the disk on which keyframes are kept fails.
+        Of more than :data:`MOST_TOLD` only the oldest ones are sent, and the newest, at which the backend asks again.
+        A question that the disk prevents from being answered is counted, and asked again by the next keyframe.
         """
         first = [question.keyframe for question in self._questions(run_id, kept.num_keyframes)]
         if not first:
             return False
         middle = min(min(first) + MOST_TOLD, end)
-        for keyframe in kept.keyframes(min(first), middle) + kept.keyframes(max(middle, end - 1), end):
+        try:
+            missed = kept.keyframes(min(first), middle) + kept.keyframes(max(middle, end - 1), end)
+        except (InputError, OSError):
+            self._refused[f"{topics.MISSED}: the keyframes that were kept cannot be read"] += 1
+            return False
+        for keyframe in missed:
             outlet.send(encode(keyframe, run_id=run_id, again=True))
         return middle == end
 

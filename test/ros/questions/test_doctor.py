@@ -31,7 +31,7 @@ from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.input_topics import offered
 from semantic_slam.pipeline.preamble import Preamble
 from semantic_slam.ros.launching.node_set import NodeSpec
-from semantic_slam.ros.looking_on import examination, observation
+from semantic_slam.ros.observers import examination, observation
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import ros_type
 

@@ -21,8 +21,8 @@ from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.journal.kept_run import KeptRun
-from semantic_slam.pipeline.journal.recorded_keyframes import recorded_keyframes
 from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 from semantic_slam.ros.services.explain_service import ExplainService
 
 pytestmark = pytest.mark.ros

@@ -30,8 +30,8 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.gravity.imu_use import unused_because
 from semantic_slam.pipeline.input_topics import offered
 from semantic_slam.pipeline.preamble import Preamble, checked_initial_pose
-from semantic_slam.ros.looking_on.observation import MOST_BYTES, READ_HERE, Observer, observer
 from semantic_slam.ros.node.parameters import configuration_of, leaves
+from semantic_slam.ros.observers.observation import MOST_BYTES, READ_HERE, Observer, observer
 from semantic_slam.ros.wire.transport import is_installed
 
 ANSWER_S = 2.0

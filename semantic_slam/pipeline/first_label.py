@@ -12,7 +12,7 @@ MOST_WAITING = 1000
 """Keyframes that wait at most; what comes after them and names nothing either is passed over."""
 
 
-class FirstWord:
+class FirstLabel:
     """Holds keyframes without a detection back until one names labels, where these are the classes of the run.
 
     So the run begins with the keyframe that it began with if the labels had been known. With

@@ -10,9 +10,9 @@ from worlds.scenes.planar_world import make_world
 from semantic_slam.configuration import SemanticModelConfiguration, from_dict
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages import topics
-from semantic_slam.pipeline import first_word
+from semantic_slam.pipeline import first_label
 from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
-from semantic_slam.pipeline.first_word import FirstWord
+from semantic_slam.pipeline.first_label import FirstLabel
 
 DETECTOR = SemanticModelConfiguration(kind="detector")
 
@@ -31,7 +31,7 @@ def drive() -> list[Keyframe]:
 
 
 def test_keyframes_that_name_nothing_wait_for_the_one_that_does(drive: list[Keyframe]) -> None:
-    word = FirstWord(DETECTOR)
+    word = FirstLabel(DETECTOR)
     silent, telling = [said(keyframe) for keyframe in drive[:2]], said(drive[2], "cup", "chair")
     assert word.released(silent[:1]) == word.released(silent[1:]) == []
     assert word.num_waiting == 2
@@ -42,17 +42,17 @@ def test_keyframes_that_name_nothing_wait_for_the_one_that_does(drive: list[Keyf
 
 
 def test_classes_that_a_detector_scores_are_named_without_a_detection(drive: list[Keyframe]) -> None:
-    word = FirstWord(DETECTOR)
+    word = FirstLabel(DETECTOR)
     assert word.released([said(drive[0], class_names=("chair", "tv"))])
     assert word.labels == {"chair", "tv"}
 
 
 def test_at_the_end_and_without_a_label_nothing_waits(drive: list[Keyframe]) -> None:
     """Who reads the first detection says what is missing."""
-    word = FirstWord(DETECTOR)
+    word = FirstLabel(DETECTOR)
     assert word.released([said(drive[0])]) == []
     assert len(word.released([said(drive[1], "")])) == 2
-    ended = FirstWord(DETECTOR)
+    ended = FirstLabel(DETECTOR)
     assert ended.released([said(drive[0])]) == [] and len(ended.released([], at_end=True)) == 1
 
 
@@ -60,14 +60,14 @@ def test_at_the_end_and_without_a_label_nothing_waits(drive: list[Keyframe]) -> 
     "settings", [SemanticModelConfiguration(kind="gp_independent"), replace(DETECTOR, labels=("chair",))]
 )
 def test_where_the_classes_are_known_nothing_waits(settings: SemanticModelConfiguration, drive: list[Keyframe]) -> None:
-    word = FirstWord(settings)
+    word = FirstLabel(settings)
     assert len(word.released([said(drive[0])])) == 1
 
 
 def test_of_keyframes_too_many_the_motion_is_kept(drive: list[Keyframe], monkeypatch: pytest.MonkeyPatch) -> None:
     """Of six frames two wait, two are passed over and counted; the third keyframe moves as far as three frames."""
-    monkeypatch.setattr(first_word, "MOST_WAITING", 2)
-    word = FirstWord(DETECTOR)
+    monkeypatch.setattr(first_label, "MOST_WAITING", 2)
+    word = FirstLabel(DETECTOR)
     configuration = from_dict({"association": "open", "semantic_model": {"kind": "detector"}})
     assembler = KeyframeAssembler(configuration, passes_over=word.passes_over)
     found = []
