@@ -20,6 +20,8 @@ BELIEF = "/hypothesis_manager/belief"
 POSE = "/hypothesis_manager/pose"
 PATH = "/hypothesis_manager/path"
 MARKERS = "/hypothesis_manager/markers"
+OBJECTS_3D = "/hypothesis_manager/objects"
+LABEL_INFO = "/hypothesis_manager/label_info"
 RUN_CONFIGURATION = "/hypothesis_manager/run_configuration"
 KEYFRAMES = "/hypothesis_manager/keyframes"
 COMMITS = "/hypothesis_manager/commits"
@@ -65,6 +67,8 @@ TYPES = {
     GROUND_TRUTH_OBJECTS: "semantic_slam_msgs/msg/GroundTruthObjects",
     GROUND_TRUTH_ASSOCIATIONS: "semantic_slam_msgs/msg/GroundTruthAssociations",
 }
+VISION_TYPES = {OBJECTS_3D: "vision_msgs/msg/Detection3DArray", LABEL_INFO: "vision_msgs/msg/LabelInfo"}
+"""Types of what is published only where package vision_msgs is installed; nothing here reads it."""
 GLOBAL = frozenset({TF, TF_STATIC, CLOCK, DIAGNOSTICS})
 """Topics of these names in every namespace, unless they are remapped."""
 LATCHED = frozenset({TF_STATIC, RUN_CONFIGURATION, GROUND_TRUTH_OBJECTS, INITIAL_POSE})

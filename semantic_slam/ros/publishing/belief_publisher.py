@@ -11,6 +11,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.ros.publishing.frames import Frames
+from semantic_slam.ros.publishing.object_detections import ObjectDetections
 from semantic_slam.ros.publishing.path_publisher import PathPublisher
 from semantic_slam.ros.publishing.transforms import Transforms
 from semantic_slam.ros.publishing.views import MarkersView, pose_view
@@ -28,6 +29,8 @@ class BeliefPublisher:
         self._path = PathPublisher(node, frames.map)
         self._markers = _outlet(node, topics.MARKERS, qos.latched())
         self._transforms = _transforms(node, frames) if is_installed(topics.TYPES[topics.TF]) else None
+        has_vision = all(map(is_installed, topics.VISION_TYPES.values()))
+        self._detections = ObjectDetections(node, frames.map) if has_vision else None
         self._markers_view = MarkersView(frames.map)
         self._T_odom_body: Array | None = None
 
@@ -51,6 +54,8 @@ class BeliefPublisher:
             self._pose.send(encode(estimate))
         self._path.publish(estimate)
         self._markers.send(serialize(self._markers_view.of(belief)))
+        if self._detections is not None:
+            self._detections.publish(belief)
         before = T_odom_start if self._T_odom_body is None else self._T_odom_body
         if before is not None:
             self._T_odom_body = compose(before, T_previous_current)
