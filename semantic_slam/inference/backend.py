@@ -1,4 +1,4 @@
-"""A backend: holds components, weighs their continuations, forks and updates the survivors."""
+"""A backend: holds the smoothers of some hypotheses, weighs their continuations, forks and updates the survivors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -39,9 +39,10 @@ from semantic_slam.inference.world.problem import Problem
 
 
 class Backend:
-    """Answers keyframes with candidates and commits with components; every answer is a pure function of both.
+    """Answers a keyframe with candidates (round one) and a commit with updated components (round two).
 
-    ``problem`` replaces the planar problem that a run announces. Call :meth:`start` before anything else.
+    Every answer is a pure function of the keyframes and commits received. ``problem`` replaces the problem built from
+    the configuration that a run announces. Call :meth:`start` before anything else.
     """
 
     def __init__(self, backend_id: int, problem: Problem | None = None):
@@ -49,7 +50,7 @@ class Backend:
         self._given_problem = problem
 
     def start(self, run: RunConfiguration) -> None:
-        """Begin a run: hold the hypothesis before any measurement."""
+        """Begin a run: set up its problem and hold the root hypotheses, those before any measurement."""
         self.run_id = run.run_id
         self.problem = self._given_problem or problem_of(run)
         self.registry = ObjectRegistry(self.problem.objects, self.problem.class_shares, self.problem.displaced)
@@ -62,14 +63,14 @@ class Backend:
         self._stand_before(0)
 
     def share(self, trunks: Trunks) -> None:
-        """Rebuild components from ``trunks``, which all backends of a run keep together.
+        """Rebuild components from ``trunks``, checkpoints that all backends of this process share.
 
-        Keyframes before the oldest of these are forgotten. To be told before the first one.
+        Keyframes before the oldest checkpoint are then forgotten. Call it before the first keyframe.
         """
         self.steps, self.trunks, self._forgets = KeptSteps(), trunks, True
 
     def _stand_before(self, index: int) -> None:
-        """Hold what there is before a keyframe without those before it: the roots of all hypotheses, or nothing."""
+        """Reset to the state before keyframe ``index``, without history: the root hypotheses if it is 0, else none."""
         self.held: dict[int, WeightedComponent] = {}
         if index == 0:
             self.held = {
@@ -78,15 +79,15 @@ class Backend:
             }
         self.committed = index - 1
         self._expanded: Expansion | None = None
-        self._offered: Candidates | None = None  # the newest answer to round one, as long as it holds
-        self._asked: set[int] = set()  # what the newest commit gave to this backend
-        self._answer: Components | None = None  # to the newest commit
-        self._given: Mapping[int, Component] = {}  # that the next commit need not rebuild
+        self._offered: Candidates | None = None  # the newest answer to round one, as long as it is valid
+        self._asked: set[int] = set()  # survivors that the newest commit assigned to this backend
+        self._answer: Components | None = None  # the answer to the newest commit
+        self._given: Mapping[int, Component] = {}  # components by hypothesis that the next commit need not rebuild
 
     def learn(self, keyframe: Keyframe) -> Step:
-        """Know a keyframe, the next one or one before: lineages that go through it can be rebuilt.
+        """Record a keyframe, the next one or a repeated one, so that lineages through it can be replayed.
 
-        Raises SemanticSlamError on a gap.
+        Raises SemanticSlamError if a keyframe is missing before it.
         """
         step = self.problem.reader.step(keyframe)
         if step.index > len(self.steps):
@@ -99,9 +100,10 @@ class Backend:
         return step
 
     def expand(self, keyframe: Keyframe) -> Candidates:
-        """Round one for a keyframe: the next one, or one that is asked for again. Raises SemanticSlamError on a gap.
+        """Round one: the candidates of the next keyframe, or of one asked for again. Raises SemanticSlamError on a gap.
 
-        A backend that has not taken part in the keyframe before holds nothing that it could continue.
+        A backend that did not commit the previous keyframe holds no component that it could continue, and answers with
+        no candidates.
         """
         step = self.learn(keyframe)
         if step.index != self.committed + 1:
@@ -111,7 +113,7 @@ class Backend:
         return self._offered
 
     def _offer(self, step: Step) -> Candidates:
-        """The candidates that continue what is held."""
+        """Expand all components that are held and return their candidates."""
         if not self.held:
             return self._no_candidates(step)
         parents = sorted(self.held)
@@ -123,9 +125,10 @@ class Backend:
         return self._candidates(step, expansion, parents)
 
     def commit(self, commit: Commit) -> Components | None:
-        """Round two; None for a commit older than the newest one (stale). A repeated commit changes weights at most.
+        """Round two: make the survivors assigned to this backend; None for a stale commit, older than the newest one.
 
-        Survivors that can neither be continued nor rebuilt, for want of a lineage, are left out of the answer.
+        Repeating the newest commit changes at most the weights. Survivors that can neither be grown nor rebuilt,
+        because no lineage was sent, are left out of the answer; the manager then sends their lineages.
         """
         mine = {int(n) for n in commit.ids[commit.owners == self.backend_id]}
         if commit.keyframe < self.committed:
@@ -146,11 +149,11 @@ class Backend:
         return self._answer
 
     def offer(self, components: Mapping[int, Component]) -> None:
-        """Components by hypothesis that the next commit need not rebuild: the same, to the bit."""
+        """Hand over components by hypothesis, bit-identical to what the next commit would otherwise have to rebuild."""
         self._given = components
 
     def _survivors(self, commit: Commit, rows: NDArray[np.int_]) -> dict[int, Outcome]:
-        """Components of the survivors: as held already, grown from what was expanded, or rebuilt from lineages."""
+        """Components of the survivors: already held, grown from the expansion, offered, or rebuilt from lineages."""
         survivors: dict[int, Outcome] = {}
         growing = {}
         at = self._places_expanded(commit.keyframe)
@@ -174,13 +177,16 @@ class Backend:
         return survivors
 
     def _places_expanded(self, keyframe: int) -> dict[int, int]:
-        """Where the continuations by this keyframe are among those expanded."""
+        """Hypothesis id -> row in the expansion of this keyframe; {} if that is not the newest one."""
         if self._expanded is None or self.committed != keyframe - 1:
             return {}
         return {number: at for at, number in enumerate(self._expanded.ids)}
 
     def _rebuild(self, lineage: Sequence[LineageStep], length: int) -> Component:
-        """A component from its lineage alone, or from where it was last like one that is kept."""
+        """Rebuild a component by replaying its lineage, from the root or from the latest checkpoint along it.
+
+        Raises LostComponentError where the lineage is missing, is impossible, or parted before the oldest checkpoint.
+        """
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
         lineage, beginning = as_followed(lineage), self.problem.beginning(lineage)
@@ -207,7 +213,7 @@ class Backend:
         return component
 
     def _keep_trunk(self) -> None:
-        """Keep the heaviest component for histories that are revised later, or rebuilt elsewhere, now and then."""
+        """Checkpoint the heaviest component when one is due, for later replays (revision, rebuilding elsewhere)."""
         revision, count = self.problem.revision, self.committed + 1
         is_revised = revision.is_on and count <= revision.horizon
         if not (is_revised or self.problem.history.is_on):
@@ -245,7 +251,7 @@ class Backend:
         )
 
     def _of_all_detections(self, step: Step, expansion: Expansion) -> tuple[Array, Array]:
-        """(K, D, s) states and (K, D, l, l) covariances of the detections' objects, NaN for detections not used."""
+        """(K, D, s) states and (K, D, l, l) covariances of the detected objects, NaN for detections not used."""
         landmark, shape = self.problem.spaces.landmark, (len(expansion.ids), len(step.names))
         states = np.full((*shape, landmark.storage_size), np.nan)
         covariances = np.full((*shape, landmark.tangent_size, landmark.tangent_size), np.nan)
@@ -254,7 +260,7 @@ class Backend:
         return states, covariances
 
     def _no_candidates(self, step: Step, expanded: Sequence[int] = ()) -> Candidates:
-        """Candidates of no hypothesis, or of some that nothing continues."""
+        """An answer without candidates: no parent is held, or the ``expanded`` ones have no possible continuation."""
         detections = len(step.names)
         none, parents = np.zeros(0), np.zeros(0, dtype=np.uint64)
         return Candidates(
@@ -279,7 +285,11 @@ class Backend:
         )
 
     def _report(self, keyframe: int, lost: dict[int, str]) -> Components:
-        """``lost``: why hypotheses could not be grown, to which those are added whose moments are not to be had."""
+        """The answer to a commit: marginals of all components that are held.
+
+        ``lost`` maps hypotheses that could not be grown to the reason; those whose marginals cannot be computed are
+        added to it, and are no longer held.
+        """
         marginals: dict[int, ComponentMarginals] = {}
         reported = self._present()
         for number in sorted(self.held):
@@ -319,17 +329,17 @@ class Backend:
         )
 
     def _noise(self, components: Sequence[Component]) -> Array:
-        """(S, N, 2) what components infer of the noise."""
+        """(S, N, 2) means and standard deviations of the noise parameters that components infer."""
         moments = [self.problem.inferred_noise.moments(component) for component in components]
         return np.array(moments) if moments else np.zeros((0, 0, 2))
 
     def _present(self) -> ReportedObjects:
-        """The objects that are reported."""
+        """The objects that are reported, given the components that are held."""
         alive = frozenset[int]().union(*(held.component.every_id for held in self.held.values()))
         return self.association.reported(self.registry, alive)
 
     def _in_map(self, marginals: Sequence[ComponentMarginals], num_objects: int) -> tuple[Array, Array, Array]:
-        """(H, 1 + O, 7) poses, (H, 1 + O, 6, 6) covariances and (H, O) existence, NaN for what is absent."""
+        """(H, 1 + O, 7) poses, (H, 1 + O, 6, 6) covariances in map and (H, O) existence, NaN for absent objects."""
         states, spread, existence = aligned_marginals(marginals, num_objects, self.problem.spaces)
         poses, covariances = self.problem.spaces.in_map(states, spread)
         absent = np.isnan(states).any(axis=-1)
@@ -338,7 +348,7 @@ class Backend:
 
 
 def _of_outliers(step: Step, expansion: Expansion) -> Array:
-    """(K, D) probabilities that detections are outliers in their place; 0 for those that are not used."""
+    """(K, D) probabilities that detections are geometric outliers of their objects; 0 for those that are not used."""
     found = np.zeros((len(expansion.ids), len(step.names)))
     if expansion.assignments.outlier_probability is not None:
         found[:, expansion.used] = expansion.assignments.outlier_probability
@@ -346,7 +356,7 @@ def _of_outliers(step: Step, expansion: Expansion) -> Array:
 
 
 def _stacked(rows: list[Array], num_objects: int) -> Array:
-    """(S, O, L) from (O, L); L is 0 without rows."""
+    """Stack S tables (O, L) to (S, O, L); L is 0 if there is none."""
     return np.array(rows) if rows else np.zeros((0, num_objects, 0))
 
 

@@ -1,4 +1,4 @@
-"""The hybrid belief as it leaves the engine: Eq. 4.4 after one keyframe."""
+"""The hybrid belief that the engine outputs after each keyframe (Eq. 4.4)."""
 
 from dataclasses import dataclass, field
 
@@ -13,10 +13,11 @@ from semantic_slam.inference.object_table import OPTIONAL, QUANTITIES, ObjectTab
 
 @dataclass(frozen=True, kw_only=True)
 class HybridBelief(ObjectTable):
-    """H hypotheses, D detections, O objects, C classes, L descriptor dimensions. Field by field HybridBelief.msg.
+    """The hybrid belief of one keyframe, field by field HybridBelief.msg.
 
-    The fields of :class:`ObjectTable` are marginals over the hypotheses, (O, ...). Where the configured model does not
-    fill a field it is NaN, or empty where its length is its own.
+    H hypotheses, D detections, O objects, C classes, L descriptor dimensions. The fields of :class:`ObjectTable` are
+    marginals over the hypotheses, (O, ...). A field that the configured model does not fill is NaN, or empty where its
+    length is its own (C, L, N).
     """
 
     stamp_ns: int
@@ -39,20 +40,20 @@ class HybridBelief(ObjectTable):
     component_entropy: float  # nats
     discarded_mass: float
     dropped: int
-    num_merged: int = 0  # near copies that gave their weight to a heavier hypothesis in this keyframe
-    reproducible: bool = True  # no clock had a say
+    num_merged: int = 0  # near-duplicate candidates merged into a heavier hypothesis in this keyframe
+    reproducible: bool = True  # False where a time budget, and thus the wall clock, limits the hypotheses
     log_evidence: float = np.nan  # nats, log P(Z_k | Z_1:k-1) under the hypotheses kept
-    innovation_nees: float = np.nan  # of this keyframe's detections under the belief before, per degree of freedom
-    unexplained: float = np.nan  # posterior of the reference model that explains nothing
+    innovation_nees: float = np.nan  # of this keyframe's detections under the predicted belief, per degree of freedom
+    unexplained: float = np.nan  # posterior probability of the null model, see ``Reference``
     discarded_mass_window: float = np.nan  # discarded_mass over the last keyframes alone
     association_probabilities: Array = field(
         default_factory=left_out
-    )  # (D, O + 1) marginal, in an open world over all that was weighed; the last column: clutter, or a new object
+    )  # (D, O + 1) association marginal, in an open world over pruned candidates, too; last: clutter, or a new object
     outlier_probability: Array = field(
         default_factory=left_out
-    )  # (D,) that a detection is of no object that is known, or an outlier in its place; without outliers NaN in an
-    # open world, where it may be a new one
-    noise_names: tuple[str, ...] = ()  # (N,) what was inferred of the noise, as the configuration names it
+    )  # (D,) that a detection is of no known object, or a geometric outlier of one; in an open world without an outlier
+    # model NaN, as the detection may be of a new object
+    noise_names: tuple[str, ...] = ()  # (N,) the inferred noise parameters, as the configuration names them
     noise_values: Array = field(default_factory=left_out)  # (N,)
     noise_sigmas: Array = field(default_factory=left_out)  # (N,)
     state_space: str = "planar"  # or "spatial"
@@ -63,7 +64,7 @@ class HybridBelief(ObjectTable):
 
     @property
     def objects(self) -> tuple[ObjectEstimate, ...]:
-        """(O,) what is known of every object, over all hypotheses."""
+        """(O,) marginal estimate of every object over all hypotheses."""
         return tuple(
             ObjectEstimate(
                 object_id=int(self.object_ids[row]),
@@ -78,7 +79,7 @@ class HybridBelief(ObjectTable):
 
     @property
     def hypotheses(self) -> tuple[HypothesisEstimate, ...]:
-        """(H,) heaviest first."""
+        """(H,) the hypotheses, in descending order of weight."""
         object_ids = np.append(self.object_ids.astype(np.int64), -1)  # the last one is that of column -1
         return tuple(
             HypothesisEstimate(
@@ -93,7 +94,7 @@ class HybridBelief(ObjectTable):
         )
 
     def table(self) -> list[dict[str, object]]:
-        """A row per object, as ``pandas.DataFrame`` takes it."""
+        """One row per object, in a form that ``pandas.DataFrame`` accepts."""
         return [known.row() for known in self.objects]
 
     def __post_init__(self) -> None:

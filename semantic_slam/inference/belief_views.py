@@ -1,4 +1,4 @@
-"""A belief object by object and hypothesis by hypothesis, by name instead of by array."""
+"""Views of a belief as one record per object and per hypothesis, instead of as arrays."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 
 @dataclass(frozen=True, kw_only=True)
 class HypothesisEstimate:
-    """One history of associations: its weight, and where the robot is if it holds."""
+    """One association hypothesis: its weight, and the robot's pose under it."""
 
     hypothesis_id: int
-    parent_id: int  # of the belief before
-    weight: float  # those of all hypotheses kept sum to 1
+    parent_id: int  # hypothesis of the previous belief
+    weight: float  # normalised: the weights of all hypotheses kept sum to 1
     pose: Array  # (7,) robot in map: x y z qx qy qz qw
     covariance: Array  # (6, 6) x y z rx ry rz along the axes of map
     associations: tuple[int, ...]  # object id of each detection of this keyframe, -1 clutter
@@ -32,7 +32,7 @@ class HypothesisEstimate:
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectEstimate:
-    """One object, over all hypotheses."""
+    """Estimate of one object, marginalised over all hypotheses."""
 
     object_id: int
     name: str
@@ -57,7 +57,7 @@ class ObjectEstimate:
         return max(self.class_probabilities, key=lambda name: self.class_probabilities[name], default="")
 
     def row(self) -> dict[str, object]:
-        """As a row of a table: metres, radians, standard deviations, and a column ``p_<class>`` for each class."""
+        """The object as a table row: metres, radians, standard deviations, and a column ``p_<class>`` per class."""
         x, y, z = self.position.tolist()
         sigmas = np.sqrt(np.diagonal(self.covariance))
         return {

@@ -1,4 +1,4 @@
-"""The candidates of all backends in one table, before they are merged and pruned."""
+"""One table of the candidates of all backends, before near-duplicates are merged and the rest is pruned."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,24 +13,24 @@ from semantic_slam.inference.states.lineage import LineageStep
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateTable:
-    """K candidates of P parents in the order of their ids, whoever answered; D detections."""
+    """K candidates of P parents, sorted by id and thus independent of which backend answered; D detections."""
 
     ids: NDArray[np.uint64]  # (K,)
     parent_ids: NDArray[np.uint64]  # (K,)
     associations: NDArray[np.int32]  # (K, D) object ids
     classes: NDArray[np.int32]  # (K, D)
     modes: NDArray[np.uint16]  # (K,)
-    changes: NDArray[np.object_]  # (K,) to the lineage before this keyframe
+    changes: NDArray[np.object_]  # (K,) reassociations of earlier detections, tuples of ``Reassigned``
     log_weights: Array  # (K,) w psi over all parents, not normalised
     innovation_nees: Array  # (K,) per degree of freedom, NaN without a detection of a known object
-    outlier_probability: Array  # (K, D) of places, given the objects
+    outlier_probability: Array  # (K, D) that a detection is a geometric outlier of its object
     poses: Array  # (K, 7)
     object_poses: Array  # (K, D, 7)
     log_missing: Array  # (P,) mass that was not enumerated, in the same units
 
     @classmethod
     def of(cls, answers: Sequence[Candidates]) -> "CandidateTable":
-        """A table from the answers of all backends; the same hypothesis counts once."""
+        """Build the table from the answers of all backends; a hypothesis that several expanded counts once."""
         filled = [answer for answer in answers if len(answer.ids)] or answers[:1]  # without a row D is unknown
         ids, order = np.unique(np.concatenate([answer.ids for answer in filled]), return_index=True)
         parents = np.concatenate([answer.expanded_parent_ids for answer in answers])
@@ -51,26 +51,26 @@ class CandidateTable:
         )
 
     def take(self, rows: Index, log_weights: Array) -> "CandidateTable":
-        """The chosen candidates, with new log weights."""
+        """The table of the chosen candidates, with new log weights."""
         others = [name for name in vars(self) if name not in ("log_weights", "log_missing")]
         return replace(self, **{name: getattr(self, name)[rows] for name in others}, log_weights=log_weights)
 
     @property
     def log_found(self) -> float:
-        """Log ratio of the mass of all candidates to that of those whose histories are as they were."""
+        """Log ratio of the mass of all candidates to that of the unrevised ones; 0 if none or all are revised."""
         same = np.array([not own for own in self.changes], dtype=bool)
         if same.all() or not same.any():
             return 0.0
         return float(np.logaddexp.reduce(self.log_weights) - np.logaddexp.reduce(self.log_weights[same]))
 
     def step(self, row: int) -> LineageStep:
-        """What the keyframe adds to the lineage of one candidate."""
+        """The lineage step of one candidate."""
         association, classes = self.associations[row].tolist(), self.classes[row].tolist()
         return LineageStep.of(association, classes, int(self.modes[row]), self.changes[row])
 
 
 def _objects(values: Sequence[object]) -> NDArray[np.object_]:
-    """(n,) values that are tuples, one each."""
+    """(n,) array of objects: one tuple per entry, which numpy would otherwise unpack."""
     found = np.empty(len(values), dtype=object)
     for row, value in enumerate(values):
         found[row] = value

@@ -1,7 +1,11 @@
-"""Algorithm 4.1: the hybrid belief over poses, classes and data association, one keyframe after the other.
+"""The engine: recursive inference of the hybrid belief over poses, classes and data association (Algorithm 4.1).
+
+A hypothesis is one history of data associations (and classes); its component is the factor graph (iSAM2) conditioned
+on that history, and the belief is the weighted mixture of all components. Per keyframe the engine expands all
+hypotheses, prunes over all of them and commits the survivors to the backends that hold the components.
 
 The printed algorithm normalises inside the loop over components, which loses each parent's weight and evidence; here
-w psi is collected over all parents and normalised once.
+the unnormalised weights w psi are collected over all parents and normalised once.
 """
 
 from collections import Counter
@@ -46,7 +50,7 @@ from semantic_slam.inference.world.problem import Problem
 
 
 class Engine:
-    """Drives backends through the two rounds of each keyframe."""
+    """Runs the hybrid inference of one run: drives the backends through the two rounds of each keyframe."""
 
     def __init__(
         self,
@@ -57,10 +61,11 @@ class Engine:
         initial_covariance: ArrayLike | None = None,
         backends: int = 1,
     ) -> None:
-        """A run in this process, from the robot's pose before the first keyframe: (3,) x, y, yaw or a (7,) pose vector.
+        """Start a run with ``backends`` in this process.
 
-        The covariance is (3, 3) or (6, 6), along the axes of map; what is not given is the configuration's
-        ``initial_pose``. Raises InputError.
+        ``initial_pose`` is the robot's pose in map before the first keyframe: (3,) x, y, yaw or a (7,) pose vector.
+        ``initial_covariance`` is (3, 3) or (6, 6), along the axes of map. Whichever of the two is None is taken from
+        the configuration's ``initial_pose``. Raises InputError.
         """
         pose, covariance = start_of_run(configuration, initial_pose, initial_covariance)
         run = make_run_configuration(configuration, map_prior, pose, covariance, stamp_ns=0)
@@ -68,9 +73,10 @@ class Engine:
 
     @classmethod
     def of_run(cls, run: RunConfiguration, pool: BackendPool, problem: Problem | None = None) -> Self:
-        """With the backends of ``pool``; ``problem`` replaces the problem that the run announces.
+        """Start an announced run with the backends of ``pool``.
 
-        Where detections of such a problem may lie nobody has said: ``unexplained`` is then NaN.
+        ``problem`` replaces the problem built from the run's configuration. There is no null model for such a problem
+        (its detection region is unknown), so that the belief's ``unexplained`` is NaN.
         """
         engine = cls.__new__(cls)
         engine._start(run, pool, problem)
@@ -92,7 +98,7 @@ class Engine:
             self.problem.open_world, self.problem.detection_errors, counts_misses=self.association.counts_misses
         )
         association = self.association(self.problem, self.registry)
-        self.steps: list[Step] = []  # so far, where histories are replayed
+        self.steps: list[Step] = []  # of all keyframes so far; filled only if histories may be replayed (see `revise`)
         dissolves = self.problem.spaces.name == "spatial" or self.problem.revision.second_boxes_every_keyframes > 0
         anew = self.registry if dissolves else None
         replay = Replay(self.problem, association, self.steps, anew)
@@ -102,19 +108,23 @@ class Engine:
         )
         self.recovery = Recovery(Replay(self.problem, association, self.steps), self.registry)
         self.explanation = Explanation()
-        self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept
+        self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept, in nats
 
     def _copies_of_known_objects(self) -> Distinct | SummarisedCopies:
         return SummarisedCopies(self.problem) if self.problem.history.is_on else Distinct()
 
     @property
     def live(self) -> dict[int, Hypothesis]:
-        """Hypothesis id -> hypothesis, heaviest first."""
+        """The live hypotheses by id, in descending order of weight."""
         return self.hypotheses.live
 
     @property
     def carried(self) -> float:
-        """Probability that the robot was carried elsewhere in the last keyframes, or once and has not been found."""
+        """Probability that the robot was kidnapped (carried elsewhere) recently, or earlier and is still unlocalised.
+
+        The weight of the hypotheses whose lineage has a kidnapping in the last ``SOON`` keyframes, or has the robot in
+        a separate frame ("new ground") since an earlier one. 0 where kidnapping is not modelled.
+        """
         if not self.recovery.is_on:
             return 0.0
         lately = slice(max(self.hypotheses.num_keyframes - SOON, 1), None)
@@ -127,17 +137,17 @@ class Engine:
 
     @property
     def lost(self) -> Counter[str]:
-        """Hypotheses that backends had to give up, by reason."""
+        """Number of hypotheses that backends had to give up, by reason."""
         return self.rounds.lost
 
     def process(self, keyframe: Keyframe) -> HybridBelief:
-        """Algorithm 4.1 for one keyframe; raises SemanticSlamError when no hypothesis survives it."""
+        """Update the belief with one keyframe (Algorithm 4.1). Raises SemanticSlamError when no hypothesis survives."""
         self.budget.begin()
         step = self.introduce(keyframe)
-        weighed = self.propagate_weights(keyframe, step)  # for every component with w > 0
+        weighed = self.propagate_weights(keyframe, step)  # of all continuations of every component with w > 0
         candidates = self.copies.merged(weighed)
         kept = self.prune_and_normalise(candidates)
-        components, reported = self.add_observation_factors(step, candidates, kept)  # those with w > 0 alone
+        components, reported = self.add_observation_factors(step, candidates, kept)  # only for survivors, w > 0
         self.alternatives.follow(weighed, self.live, components)
         components, reported = self.revise(step, components, reported)
         self.budget.end(len(self.hypotheses))
@@ -145,9 +155,10 @@ class Engine:
         return self.judged(step, belief, candidates, kept)
 
     def introduce(self, keyframe: Keyframe) -> Step:
-        """Actions and measurements u_k-1, Z_k in the order of detections; objects that they may start get ids.
+        """Convert a keyframe to the engine's input: action u_k-1 and measurements Z_k, in the order of the detections.
 
-        Raises InputError.
+        The association strategy registers the objects that the detections may introduce, so that these have ids.
+        Raises InputError, also for a keyframe out of sequence.
         """
         step = self.problem.reader.step(keyframe)
         if step.index != self.hypotheses.num_keyframes:
@@ -158,14 +169,17 @@ class Engine:
         return step
 
     def propagate_weights(self, keyframe: Keyframe, step: Step) -> CandidateTable:
-        """PropWeights: w psi of every assignment beta_k of every component, moved by the motion model: Eqs. 4.18-4.21.
+        """PropWeights: predict every component and weigh each association beta_k of Z_k, w psi (Eqs. 4.18-4.21).
 
-        Components are moved and weighed where they are held, see ``Expander.expand``.
+        This happens in the backends that hold the components, see ``Expander.expand``.
         """
         return self.rounds.expand(keyframe, step.index)
 
     def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
-        """PruneAndNormalize, over all parents at once, less while data are not explained; what goes is counted."""
+        """PruneAndNormalize over the candidates of all parents at once; the discarded mass is accounted for.
+
+        Pruning is relaxed while the data are poorly explained (``unexplained``, see ``widened``).
+        """
         limits = affordable(self.budget.limits(), self.hypotheses.num_keyframes + 1)
         limits = widened(limits, self.explanation.unexplained)
         kinds = Kinds(positions=candidates.poses[:, :3], beginnings=self.hypotheses.beginnings(candidates))
@@ -176,9 +190,9 @@ class Engine:
     def add_observation_factors(
         self, step: Step, candidates: CandidateTable, kept: Pruned
     ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
-        """The components of what was kept, with the factors of Z_k: Eqs. 4.9 and 4.10; and the objects they are over.
+        """Add the factors of Z_k to the survivors' components (Eqs. 4.9 and 4.10); return them and their objects.
 
-        A component whose system turns out to be indeterminate goes, with its hypothesis.
+        A component whose linear system is indeterminate is dropped together with its hypothesis.
         """
         children = self.hypotheses.children(candidates, kept, self.pool.backend_ids)
         children, answers = self.rounds.commit(step.index, children)
@@ -192,7 +206,12 @@ class Engine:
     def revise(
         self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects
     ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
-        """Histories enter with what they weigh: with objects that are one, or that place a robot, lost or carried."""
+        """Let revised association histories enter the mixture with their own weights, if any were found.
+
+        These correct past associations in hindsight (``revision``: duplicate objects, wrong loop closures), localise a
+        lost robot in the map (``relocation``: global localisation), or explain the data by a kidnapped robot
+        (``recovery``). Returns the components and their objects.
+        """
         if self.revision.is_on or self.relocation.is_on or self.recovery.is_on:
             self.steps.append(step)
         ratio = self.problem.pruning.ratio
@@ -218,7 +237,7 @@ class Engine:
         return components, reported
 
     def _reported(self, answers: list[Components]) -> ReportedObjects:
-        """The objects of the components that backends hold."""
+        """The objects to report, given the components that backends hold."""
         return self.association.reported(self.registry, {n for answer in answers for n in answer.object_ids.tolist()})
 
     def weighted_components(
@@ -229,7 +248,7 @@ class Engine:
         candidates: CandidateTable,
         kept: Pruned,
     ) -> HybridBelief:
-        """The belief {(b[X_k], w)} of Eq. 4.5, with its marginals: Eqs. 4.6-4.8."""
+        """State the belief {(b[X_k], w)} of Eq. 4.5, with its marginals (Eqs. 4.6-4.8)."""
         discarded = self.hypotheses.discarded
         self.genuine.note(step)
         belief = state_belief(
@@ -252,12 +271,15 @@ class Engine:
         )
 
     def judged(self, step: Step, belief: HybridBelief, candidates: CandidateTable, kept: Pruned) -> HybridBelief:
-        """The belief with what tells whether it explains its data."""
+        """Add diagnostics of model fit to the belief: evidence, innovation NEES, outlier probabilities, `unexplained`.
+
+        ``unexplained`` compares the belief's evidence with that of the null model, see ``Reference``.
+        """
         log_reference = self.reference.log_density(step, belief) if self.reference is not None else np.nan
-        log_evidence = kept.log_mass - candidates.log_found  # of the keyframe alone
+        log_evidence = kept.log_mass - candidates.log_found  # of this keyframe alone, without the mass found again
         self.recovery.note(log_reference - log_evidence)
         weights, outliers = np.exp(kept.log_weights), belief.outlier_probability
-        if self.problem.detection_errors.outlier_share > 0.0:  # of no known object, or far from where it is
+        if self.problem.detection_errors.outlier_share > 0.0:  # clutter, or of a known object but far from it
             outliers = np.nan_to_num(outliers) + weights @ candidates.outlier_probability[kept.kept]
         return replace(
             belief,
@@ -268,7 +290,10 @@ class Engine:
         )
 
     def _in_map(self, held: HeldComponent, lineage: Lineage, reported: ReportedObjects) -> HeldComponent:
-        """A component with the uncertainty of the map, where its robot is not placed and has a frame of its own."""
+        """Express a component in map, adding the frame's uncertainty where its robot is not localised in the map.
+
+        A robot that is lost or was kidnapped maps in a local frame, whose pose in map is known only by its prior.
+        """
         starts, grounds = self.problem.starts, new_grounds(lineage) if self.recovery.is_on else ()
         if grounds:
             frame, first = self.recovery.frame(grounds), self.registry.first_new_id(grounds[0])
@@ -279,7 +304,11 @@ class Engine:
         return in_map(held, starts, np.array([n in known for n in reported.ids], dtype=bool))
 
     def _as_believed(self, components: dict[int, HeldComponent]) -> dict[int, Hypothesis]:
-        """The live hypotheses, heaviest first, with weights that count what their evidence is worth between places."""
+        """The live hypotheses by descending weight, their weights averaged over resampled evidence (``Bagging``).
+
+        The resampling moderates the evidence between clusters of hypotheses whose robots are at different places;
+        without it (``weights.bagged_sets`` or ``pruning.place_m`` is 0) the hypotheses are returned unchanged.
+        """
         every, limits = list(self.live.items()), self.problem.pruning
         bagging = self.problem.bagging
         if bagging.num_replicates == 0 or limits.place_m <= 0.0:
@@ -299,7 +328,7 @@ class Engine:
         }
 
     def _as_scored(self, live: dict[int, Hypothesis], ids: Sequence[int], objects: ObjectTable) -> ObjectTable:
-        """(H, O) objects, with what detectors' scores tell of whether they are things."""
+        """(H, O) objects, their existence times the probability that they are genuine, by the detector's scores."""
         gone = objects.missing if objects.missing.size else np.zeros(objects.existence.shape)
         shares = self.genuine.shares(live, ids, np.minimum(objects.existence + np.nan_to_num(gone), 1.0))
         if shares is None:
@@ -308,7 +337,7 @@ class Engine:
         return replace(objects, existence=objects.existence * shares, missing=missing)
 
     def _mixture(self, components: dict[int, HeldComponent], reported: ReportedObjects) -> Mixture:
-        """The live hypotheses, heaviest first."""
+        """The mixture over the live hypotheses, in descending order of weight."""
         live = self._as_believed(components)
         rows = [self._in_map(components[n], own.lineage, reported) for n, own in live.items()]
         objects = stack_rows([own.objects for own in rows])

@@ -14,7 +14,7 @@ def component_entropy(weights: NDArray[np.float64]) -> float:
 
 
 def association_entropy(weights: NDArray[np.float64], association_keys: Sequence[Hashable]) -> float:
-    """Entropy over distinct association histories: components that share a key (classes, modes) are summed first.
+    """Entropy in nats over distinct association histories; components that differ only in classes or modes are summed.
 
     ``association_keys`` holds one key per weight, equal exactly when the association histories are.
     """

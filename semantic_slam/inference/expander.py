@@ -1,4 +1,4 @@
-"""Round one of a keyframe: predict → associate → weigh → semantics, for all parents of a backend at once."""
+"""Hypothesis expansion, round one of a keyframe: predict → associate → weigh → semantics, all parents at once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,20 +26,20 @@ from semantic_slam.inference.world.problem import Problem
 from semantic_slam.inference.world.slips import Slips, is_slipped, with_slip, without_slip
 
 LEAST_SHARE = 0.2
-"""Weight of the hypotheses that are weighed with a slip, too: of the few that matter."""
+"""Least weight of a hypothesis for which a wheel slip is weighed as an alternative motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Expansion:
-    """The K candidates of a keyframe with their weights, and what those that survive grow from."""
+    """The K candidates of a keyframe with their weights, and all that is needed to grow those that survive."""
 
-    step: Step  # with the motion that the candidates take the robot to have made
-    parents: Parents  # P, of whom revised ones have the id of the one that they revise
+    step: Step  # its motion is the one that the candidates assume: odometry, or a kidnapping
+    parents: Parents  # P; a revised variant of a parent has the id of the parent that it revises
     keyframe: PredictedKeyframe
     candidates: Candidates
     ids: list[int]  # K
     steps: list[LineageStep]  # K
-    log_psi: Array  # (K,) Eq. 4.18 without the parent's weight
+    log_psi: Array  # (K,) likelihood factor of Eq. 4.18, without the parent's weight
     log_left_out: Array  # (P,) estimate of the mass not weighed, relative to the parent's weight
     effective_sample_sizes: Array  # (K,) NaN where nothing was sampled
     semantics: SemanticEvidence
@@ -47,16 +47,16 @@ class Expansion:
 
     @property
     def assignments(self) -> Assignments:
-        """The table of the candidates' assignments."""
+        """Assignments of detections to objects, one row per candidate."""
         return self.candidates.assignments
 
     @property
     def used(self) -> Index:
-        """(n,) detections that take part; the others are clutter in every candidate."""
+        """(n,) indices of the detections that are associated; the others are clutter in every candidate."""
         return self.keyframe.used
 
     def updates(self, rows: Sequence[int]) -> list[ComponentUpdate]:
-        """What some candidates add to the components of their parents."""
+        """The factors and records that some candidates add to the components of their parents."""
         added = self.keyframe.updates(self.candidates, rows, self.existence)
         records = self.semantics.records(rows)
         corrections = [self.semantics.robot[row] for row in rows]
@@ -67,7 +67,7 @@ class Expansion:
 
 
 class Expander:
-    """Weighs candidates and grows those that survive; a pure function of the problem and of what it is given."""
+    """Weighs candidates and grows those that survive; stateless: results depend on the problem and arguments alone."""
 
     def __init__(self, problem: Problem, association: AssociationStrategy):
         self.problem, self.association = problem, association
@@ -81,9 +81,10 @@ class Expander:
         path: LineageStep | None = None,
         carried: int = NOWHERE,
     ) -> Expansion:
-        """PropWeights of Algorithm 4.1 for every parent, or along ``path``. Raises LostComponentError, InputError.
+        """PropWeights of Algorithm 4.1 for every parent, or along ``path`` only. Raises LostComponentError, InputError.
 
-        ``carried``: the point to which the robot was carried; along a path, it tells that.
+        ``path`` is the one continuation wanted when a lineage is replayed. ``carried`` is the lattice point to which a
+        kidnapped robot was moved, NOWHERE for none; with a ``path``, its step states that.
         """
         if path is not None and step.index > 0 and carried_to(path):
             path, carried = with_carried(path, NOWHERE), carried_to(path)
@@ -142,7 +143,7 @@ class Expander:
         )
 
     def _carried(self, expansion: Expansion, point: int) -> Expansion:
-        """The candidates with what it costs that the robot was carried to a point."""
+        """The candidates, with the prior weight of a kidnapping to that lattice point."""
         assert self.problem.carried is not None
         weights = [
             self.problem.carried.log_weight(point, own.settings.odometry_factor if own.settings is not None else 1.0)
@@ -158,9 +159,9 @@ class Expander:
         )
 
     def grow(self, expansion: Expansion, rows: Sequence[int], *, in_place: bool) -> list[Outcome]:
-        """The components of some candidates.
+        """Fork and update the parents' components for some candidates; past poses beyond the horizon are marginalised.
 
-        ``in_place``: nobody needs the parents again, and a child may consume its own.
+        ``in_place``: the parents are not needed any more, so that a child may reuse its parent's smoother.
         """
         parents = [expansion.parents.components[parent] for parent in expansion.assignments.parents[list(rows)]]
         max_fresh = self.problem.open_world.max_joint_objects
@@ -171,9 +172,10 @@ class Expander:
     def _with_revised(
         self, step: Step, parents: Parents, path: LineageStep | None
     ) -> tuple[Parents, list[RevisedComponent]]:
-        """The parents, and those that are likelier with detections of long ago taken for other objects.
+        """The parents, plus variants with past detections reassociated to other objects, where that is likelier.
 
-        Along a ``path`` the one that it names, in place of its parent.
+        This is loop-closure association in hindsight. With a ``path`` only the variant that it names, in place of its
+        parent.
         """
         plain = [RevisedComponent(component) for component in parents.components]
         if not self.reassociation.is_on:
@@ -198,7 +200,7 @@ class Expander:
 
 
 def _told(step: LineageStep, revised: RevisedComponent, parent: Component) -> LineageStep:
-    """A candidate's step with what its parent was changed by before, and whether its motion slipped."""
+    """A candidate's lineage step, with the reassociations of its parent, and whether its motion slipped."""
     if revised.changes:
         step = replace(step, changes=revised.changes)
     return with_slip(step) if parent.slip is not None else step
@@ -207,7 +209,7 @@ def _told(step: LineageStep, revised: RevisedComponent, parent: Component) -> Li
 def _with_slipping(
     slips: Slips, parents: Parents, revisions: list[RevisedComponent], path: LineageStep | None
 ) -> tuple[Parents, list[RevisedComponent]]:
-    """The parents, and the likely ones with a motion that slips; along a ``path`` as it has it."""
+    """The parents, plus the likely ones with a wheel slip in this motion; with a ``path``, as it states."""
     if path is not None:
         if not is_slipped(path):
             return parents, revisions
@@ -230,7 +232,7 @@ def _without_past(outcome: Outcome, oldest: int) -> Outcome:
 
 
 def _log_psi(rows: Assignments, semantics: SemanticEvidence, factors: Array) -> Array:
-    """(K,) Eq. 4.18: geometry and semantic factors, classes, views without factors, births and misses."""
+    """(K,) log psi of Eq. 4.18: geometry, semantic factors, class priors, views without factors, births and misses."""
     return rows.column("log_evidence") + rows.column("log_class_prior") + semantics.log_weights + factors
 
 

@@ -18,31 +18,31 @@ from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep, revised
 
 RECENT_KEYFRAMES = 10
-"""Keyframes of ``discarded_mass_window``: what was discarded longer ago has shown, or it never will."""
+"""Number of keyframes in ``discarded_mass_window``: mass discarded before that has shown its effect, or never will."""
 
 MOST_DISCARDED = 1.0 - 1e-12
-"""Share of a keyframe's mass that counts as discarded at most: what is found again later has to count for something."""
+"""Upper limit of a keyframe's discarded share, so that mass that is found again later can be counted back."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
-    """One history of associations, classes and modes."""
+    """One component of the mixture: a history of associations, classes and modes (its lineage), and its weight."""
 
     owner: int  # backend that holds its component
     log_weight: float
     parent_id: int
     lineage: tuple[LineageStep, ...]  # one step for every keyframe
-    revises: "Hypothesis | None" = None  # the live one of whose history it is a revision, when it enters as one
-    replayed: Component | None = field(default=None, compare=False, repr=False)  # when it enters after a replay
+    revises: "Hypothesis | None" = None  # when it enters as a revision: the live hypothesis whose history it revises
+    replayed: Component | None = field(default=None, compare=False, repr=False)  # its component, if made by a replay
     replicates: Array = field(default_factory=lambda: np.zeros(0), compare=False, repr=False)  # (B,) see ``Bagging``
 
     @property
     def told_parent_id(self) -> int:
-        """The hypothesis of the keyframe before that beliefs name: a revised history's own parent was not live."""
+        """Parent id to report: a revision's own parent was not live, so it reports that of what it revises."""
         return self.parent_id if self.revises is None else self.revises.parent_id
 
     def changes(self) -> list[tuple[int, int, int]]:
-        """(keyframe, detection, object or -1) wherever a revision differs from what it revises."""
+        """(keyframe, detection, object or -1) wherever a revision differs from the history that it revises."""
         if self.revises is None:
             return []
         pairs = zip(self.revises.lineage, self.lineage, strict=True)
@@ -56,7 +56,7 @@ class Hypothesis:
 
 @dataclass
 class DiscardedMass:
-    """What pruning, gates and lost components cost so far; d_k is the share that keyframe k discarded."""
+    """Probability mass lost to pruning, gating and lost components; d_k is the share that keyframe k discarded."""
 
     log_kept: float = 0.0  # log prod_k (1 - d_k)
     lately: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT_KEYFRAMES))  # log (1 - d_k)
@@ -67,7 +67,7 @@ class DiscardedMass:
         self.lately.append(log_kept)
 
     def find(self, log_found: float) -> None:
-        """Count mass that was discarded and has been found again, relative to what was kept: no more than there was."""
+        """Take back discarded mass that was found again, given as its log ratio to the kept mass; total stays >= 0."""
         self.log_kept = min(0.0, self.log_kept + log_found)
         if self.lately:
             self.lately[-1] = min(0.0, self.lately[-1] + log_found)
@@ -84,10 +84,10 @@ class DiscardedMass:
 
 
 class Hypotheses:
-    """The live set; ids are digests of content, so that every process names a hypothesis alike."""
+    """The set of live hypotheses; ids are digests of content, so that every process names a hypothesis alike."""
 
     def __init__(self, log_root_weights: Sequence[float], owner: int, bagging: Bagging) -> None:
-        """Before any keyframe there is one for each noise that odometry may have."""
+        """Start with one root hypothesis for each noise setting that is to be decided by the evidence."""
         self.bagging = bagging
         self.live = {
             ROOT_ID + number: Hypothesis(
@@ -106,16 +106,16 @@ class Hypotheses:
 
     @property
     def num_keyframes(self) -> int:
-        """Keyframes that are in their lineages."""
+        """Number of keyframes so far, the length of every live lineage."""
         return len(next(iter(self.live.values())).lineage)
 
     def beginnings(self, candidates: CandidateTable) -> NDArray[np.int_]:
-        """(K,) the number under which the history of each candidate began."""
+        """(K,) root of each candidate's history: the index of its noise setting and start, see `Problem.beginning`."""
         began = {n: own.lineage[0].mode if own.lineage else n - ROOT_ID for n, own in self.live.items()}
         return np.array([began[n] for n in candidates.parent_ids.tolist()], dtype=int)
 
     def children(self, candidates: CandidateTable, pruned: Pruned, backend_ids: Sequence[int]) -> dict[int, Hypothesis]:
-        """The candidates that survive, heaviest first, each with its parent's owner while that one has room."""
+        """The surviving candidates, heaviest first; each stays with its parent's owner while that backend has room."""
         parents = [self.live[int(candidates.parent_ids[row])] for row in pruned.kept]
         length = 1 + max((len(parent.lineage) for parent in parents), default=0)
         owners = assign_owners([parent.owner for parent in parents], backend_ids, length)
@@ -131,14 +131,20 @@ class Hypotheses:
         }
 
     def accept(self, children: dict[int, Hypothesis], held: Collection[int], discarded: float) -> None:
-        """Keep the children whose components are ``held``; the others are discarded mass like what was pruned."""
+        """Make those children live whose components are ``held``; the others add to the discarded mass.
+
+        ``discarded`` is the share of the mass that pruning discarded at this keyframe.
+        """
         kept = {n: child for n, child in children.items() if n in held}
         log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
         self.discarded.add(float(np.log1p(-min(discarded, MOST_DISCARDED))) + min(log_total, 0.0))
         self.live = {n: replace(child, log_weight=child.log_weight - log_total) for n, child in kept.items()}
 
     def enter(self, children: dict[int, Hypothesis], held: Collection[int], log_found: float) -> None:
-        """Keep ``children`` whose components are ``held``, and take off what was discarded the mass that was found."""
+        """Make those ``children`` live whose components are ``held``, among them revisions and replays.
+
+        The mass that these found again (``log_found``, relative to the kept mass) is taken off the discarded mass.
+        """
         kept = {n: child for n, child in children.items() if n in held}
         log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
         self.discarded.find(log_found)
@@ -149,7 +155,7 @@ class Hypotheses:
     def commit(
         self, run_id: str, keyframe: int, children: dict[int, Hypothesis], *, always_lineage: bool = False
     ) -> Commit:
-        """What backends are told of the survivors; a lineage only goes to an owner that does not hold the parent."""
+        """The commit message of the survivors; lineages are sent only to owners that do not hold the parent."""
         holds = {n: live.owner for n, live in self.live.items()}
         moved = [always_lineage or holds.get(child.parent_id) != child.owner for child in children.values()]
         return Commit(
@@ -167,7 +173,7 @@ class Hypotheses:
 
 
 def _child(parent: Hypothesis, owner: int, log_weight: float, parent_id: int, step: LineageStep) -> Hypothesis:
-    """A continuation; one that changes what its parent took for granted revises the one that does not."""
+    """The continuation of a hypothesis; one whose step changes past associations is a revision of the plain one."""
     plain = Hypothesis(owner=owner, log_weight=log_weight, parent_id=parent_id, lineage=(*parent.lineage, step))
     if not step.changes:
         return plain
@@ -175,7 +181,7 @@ def _child(parent: Hypothesis, owner: int, log_weight: float, parent_id: int, st
 
 
 def redistributed(hypotheses: dict[int, Hypothesis], backend_ids: Sequence[int]) -> dict[int, Hypothesis]:
-    """The hypotheses with owners that are still there."""
+    """The hypotheses, reassigned to the backends that are still available."""
     length = max((len(live.lineage) for live in hypotheses.values()), default=0)
     owners = assign_owners([live.owner for live in hypotheses.values()], backend_ids, length)
     return {n: replace(live, owner=owner) for (n, live), owner in zip(hypotheses.items(), owners, strict=True)}

@@ -1,4 +1,4 @@
-"""The keyframes of a run that a backend may have to replay: all, or those since its oldest checkpoint."""
+"""Storage of the keyframes that a backend may have to replay: all, or those since its oldest checkpoint."""
 
 import pickle
 from array import array
@@ -10,29 +10,29 @@ from semantic_slam.nameless_file import NamelessFile
 
 
 class KeptSteps:
-    """Steps by keyframe, and the stamps of all: those are in the names of hypotheses."""
+    """Steps by keyframe, and the stamps of all keyframes, which enter the ids of hypotheses."""
 
     def __init__(self, in_memory: int | None = None) -> None:
-        """``in_memory``: so many stay there, older ones go to disk, but where that is full; None: all stay."""
+        """``in_memory``: number of steps kept in memory; older ones go to disk unless it is full. None: all stay."""
         self.stamps_ns = array("q")
-        self.disk_fault = ""  # why no more go to disk, in the system's words; "" where they do
+        self.disk_fault = ""  # system's error message if steps can no longer be written to disk, else ""
         self._in_memory = in_memory
         self._kept: deque[Step] = deque()
         self._disk = NamelessFile()
-        self._ends = array("q", [0])  # on disk, of each step there
+        self._ends = array("q", [0])  # byte offset on disk where each step ends
 
     def __len__(self) -> int:
-        """Keyframes so far, with those that are forgotten."""
+        """Number of keyframes so far, including those that are forgotten."""
         return len(self.stamps_ns)
 
     @property
     def num_on_disk(self) -> int:
-        """Keyframes that lie on disk, the oldest ones."""
+        """Number of keyframes on disk; these are the oldest ones."""
         return len(self._ends) - 1
 
     @property
     def first(self) -> int:
-        """The oldest keyframe that is kept; the next one where none is."""
+        """Index of the oldest keyframe that is kept; of the next one if none is."""
         return 0 if self.num_on_disk else self._first_in_memory
 
     @property
@@ -40,14 +40,14 @@ class KeptSteps:
         return len(self) - len(self._kept)
 
     def append(self, step: Step) -> None:
-        """The next keyframe."""
+        """Add the step of the next keyframe."""
         self.stamps_ns.append(step.stamp_ns)
         self._kept.append(step)
         if self._in_memory is not None and len(self._kept) > self._in_memory:
             self._put_on_disk()
 
     def _put_on_disk(self) -> None:
-        """Move the oldest step there; on a disk that takes no more all stay in memory from now on."""
+        """Move the oldest step to disk; if writing fails, all steps stay in memory from now on."""
         try:
             self._disk.append(pickle.dumps(self._kept[0], protocol=pickle.HIGHEST_PROTOCOL))
         except OSError as fault:
@@ -57,7 +57,7 @@ class KeptSteps:
             self._ends.append(self._disk.length)
 
     def __getitem__(self, keyframe: int) -> Step:
-        """Raises LostComponentError where the disk fails."""
+        """The step of a keyframe. Raises IndexError if it is forgotten, LostComponentError if the disk fails."""
         if keyframe < self.first:
             raise IndexError(f"keyframe {keyframe} is forgotten; the oldest that is kept is {self.first}")
         at = keyframe - self._first_in_memory
@@ -69,10 +69,10 @@ class KeptSteps:
             data = self._disk.read(end - begin, begin)
         except OSError as fault:
             raise LostComponentError(f"keyframe {keyframe} cannot be read from disk again ({fault.strerror})") from None
-        step: Step = pickle.loads(data)  # which nobody else can have written
+        step: Step = pickle.loads(data)  # safe: only this process can have written the file
         return step
 
     def forget_before(self, keyframe: int) -> None:
-        """Keep the steps from a keyframe on, and those that lie on disk."""
+        """Drop steps in memory before a keyframe; those on disk stay."""
         while self._kept and self._first_in_memory < keyframe:
             self._kept.popleft()

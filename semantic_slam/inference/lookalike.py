@@ -1,4 +1,4 @@
-"""Which mapped object looks like a crop? From where it was taken is unknown, and so is whether it is mapped at all."""
+"""Retrieval of the mapped object that an image crop shows, from an unknown viewpoint; it may show none of them."""
 
 from dataclasses import dataclass
 
@@ -14,20 +14,20 @@ from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 
 ELEVATION_RAD = 0.25
-"""Camera over the object where nothing tells: that of a robot 2 m away."""
+"""Default elevation of the camera above the object, when it is unknown: that of a robot 2 m away."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lookalikes:
-    """O objects in the order of the belief."""
+    """Result of a query over the O objects of a belief, in its order."""
 
-    probabilities: Array  # (O,) that the crop shows it; they sum to 1 - unknown
-    unknown: float  # that it shows none of them
-    azimuth_rad: Array  # (O,) direction that the crop would then have been taken from, in the object's frame
-    log_likelihood: Array  # (O,)
+    probabilities: Array  # (O,) that the crop shows this object; they sum to 1 - unknown
+    unknown: float  # probability that it shows none of them
+    azimuth_rad: Array  # (O,) likeliest viewing direction if it shows this object, in the object's frame
+    log_likelihood: Array  # (O,) of the crop's feature, marginalised over viewing directions
 
     def ranking(self) -> NDArray[np.int_]:
-        """Rows, the likeliest first."""
+        """Rows in descending order of probability."""
         return np.argsort(-self.probabilities, kind="stable")
 
 
@@ -39,9 +39,10 @@ def lookalikes(
     existence: Array,
     elevation_rad: float = ELEVATION_RAD,
 ) -> Lookalikes:
-    """P(object | crop) from its (F,) feature and the belief's (O, L) descriptors; (O,) existence.
+    """P(object | crop) from its (F,) feature, and the belief's (O, L) descriptors, variances and (O,) existence.
 
-    Directions count alike, objects as much as they exist, and an object off the map as much as one that surely exists.
+    The prior is uniform over viewing directions, proportional to existence over objects, and for an unmapped object
+    that of one that surely exists.
     """
     observation = LatentObservation(model)
     size = len(feature)

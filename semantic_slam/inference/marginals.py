@@ -1,4 +1,4 @@
-"""Marginals of the hybrid belief: Eqs. 4.6-4.8 from weighted hypotheses."""
+"""Marginals of the hybrid belief over the weighted hypotheses (Eqs. 4.6-4.8)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,20 +21,20 @@ from semantic_slam.inference.world.objects import ReportedObjects
 
 @dataclass(frozen=True, kw_only=True)
 class Mixture:
-    """H hypotheses with their components; O objects."""
+    """The mixture: H hypotheses with their weights and the marginals of their components; O objects."""
 
     ids: list[int]
     parent_ids: list[int]
     log_weights: Array  # (H,) normalised
-    changes: list[tuple[int, int, int, int]]  # R hypothesis id, keyframe, detection, object, of revised histories
+    changes: list[tuple[int, int, int, int]]  # R x (hypothesis id, keyframe, detection, object) of revised histories
     lineages: list[tuple[LineageStep, ...]]
-    poses: Array  # (H, 7)
+    poses: Array  # (H, 7) robot in map
     pose_covariances: Array  # (H, 6, 6)
     objects: ObjectTable  # (H, O, ...)
     noise: Array  # (H, N, 2) means and standard deviations
 
     def association_histories(self) -> list[tuple[tuple[int, ...], ...]]:
-        """beta of every hypothesis since they were last one; before that they agree."""
+        """Association history beta of every hypothesis since their last common step; before it all are equal."""
         newest = len(self.lineages[0])
         while newest > 0 and any(lineage[newest - 1] is not self.lineages[0][newest - 1] for lineage in self.lineages):
             newest -= 1
@@ -47,9 +47,9 @@ class Mixture:
 
 @dataclass(frozen=True, kw_only=True)
 class PassedOver:
-    """R continuations of a keyframe with D detections that were weighed, and that no hypothesis follows."""
+    """R candidates of a keyframe with D detections that were weighed and then pruned."""
 
-    weights: Array  # (R,) relative to all that are followed
+    weights: Array  # (R,) relative to the total weight of the survivors
     associations: NDArray[np.int64]  # (R, D) object ids, -1 clutter
 
     @classmethod
@@ -61,7 +61,7 @@ class PassedOver:
 
 
 def _revisions(changes: list[tuple[int, int, int, int]]) -> dict[str, Any]:
-    """What a belief says of revised histories."""
+    """The belief's fields ``revised_*``: where histories were revised after the fact."""
     kinds = {"ids": np.uint64, "keyframes": np.uint32, "detections": np.uint32, "objects": np.int32}
     columns = zip(*changes, strict=True) if changes else ((),) * len(kinds)
     return {
@@ -70,7 +70,7 @@ def _revisions(changes: list[tuple[int, int, int, int]]) -> dict[str, Any]:
 
 
 def association_probabilities(weights: Array, columns: NDArray[np.int32], num_objects: int) -> Array:
-    """(D, O + 1) weight of the hypotheses that associate each detection with each object, from (H, D) ``columns``.
+    """(D, O + 1) probability that each detection is of each object, from (H,) weights and (H, D) ``columns``.
 
     The last column is that of -1: clutter or a new object.
     """
@@ -93,9 +93,10 @@ def state_belief(
     first_new_id: int | None = None,
     passed_over: PassedOver | None = None,
 ) -> HybridBelief:
-    """The belief after one keyframe, whose detections started the objects from ``first_new_id`` on; None: none.
+    """The belief after one keyframe, from the mixture over its hypotheses.
 
-    ``passed_over`` count in what detections are associated with, and in nothing else.
+    Objects with ids from ``first_new_id`` on were born from this keyframe's detections; None: there are no births.
+    The pruned candidates ``passed_over`` count only in ``association_probabilities``.
     """
     weights = np.exp(mixture.log_weights)
     object_ids = mixture.associations()

@@ -1,6 +1,6 @@
-"""How a quantity that H hypotheses know of O objects becomes one of their mixture: Eqs. 4.6-4.8, object by object.
+"""Rules that marginalise a per-object quantity over the hypotheses of a mixture (Eqs. 4.6-4.8).
 
-Every rule takes (H,) weights that add up to one and (H, O, ...) values, and gives (O, ...).
+Every rule takes (H,) weights that sum to one and (H, O, ...) values, and returns (O, ...).
 """
 
 from typing import Any
@@ -12,17 +12,17 @@ from semantic_slam.geometry.arrays import Array
 
 
 def mean(weights: Array, values: Array) -> Array:
-    """Average of (H, O, C) over all hypotheses."""
+    """Weighted mean of (H, O, C) over all hypotheses."""
     return np.asarray(np.einsum("h,hoc->oc", weights, values))
 
 
 def probability(weights: Array, values: Array) -> Array:
-    """Average of a probability that is 0 where a hypothesis has no such object (NaN)."""
+    """Weighted mean of a probability; NaN (a hypothesis has no such object) counts as 0."""
     return np.minimum(weights @ np.nan_to_num(values), 1.0)
 
 
 def mean_where_known(weights: Array, values: Array) -> Array:
-    """Average over the hypotheses whose value is not NaN; NaN where there is none."""
+    """Weighted mean over the hypotheses whose value is not NaN; NaN where there is none."""
     share = weights.reshape(-1, *(1,) * (values.ndim - 1)) * np.isfinite(values)
     total = share.sum(axis=0)
     summed = (share * np.nan_to_num(values)).sum(axis=0)
@@ -30,17 +30,20 @@ def mean_where_known(weights: Array, values: Array) -> Array:
 
 
 def of_most(weights: Array, values: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """What hypotheses of at least half the weight say."""
+    """Majority vote: True where hypotheses of at least half the weight say so."""
     return np.asarray(weights @ values >= 0.5)
 
 
 def of_the_best(weights: Array, values: NDArray[Any]) -> NDArray[Any]:
-    """What the heaviest hypothesis says."""
+    """Value of the heaviest hypothesis."""
     return np.asarray(values[int(np.argmax(weights))])
 
 
 def diagonal_moments(weights: Array, means: Array, variances: Array) -> tuple[Array, Array]:
-    """(O, L) means and variances of mixtures of Gaussians (H, O, L), NaN where a hypothesis has none; or all have."""
+    """(O, L) means and variances of mixtures of diagonal Gaussians (H, O, L); hypotheses with NaN are left out.
+
+    NaN where no hypothesis has a value. L = 0 is passed through.
+    """
     if not means.shape[-1]:
         return means[0], variances[0]
     share = weights[:, None, None] * np.isfinite(means)

@@ -1,8 +1,8 @@
-"""What is known of every object, quantity by quantity: the one declaration of all that a run tells per object.
+"""The per-object quantities of a belief: the single declaration from which tables, messages and mixtures derive.
 
-A new quantity is a field of :class:`ObjectTable`, the line of the module that finds its values (a backend's
-``_report`` or what fills the table there), and a line in Components.msg and HybridBelief.msg. The rows of a backend's
-answer, their alignment over other objects, the layouts of both messages, the mixture and the belief derive from it.
+To add a quantity, add a field to :class:`ObjectTable`, compute its values (in a backend's ``_report`` or in what fills
+the table there), and add a line to Components.msg and HybridBelief.msg. The rows of a backend's answer, their alignment
+to a larger set of objects, the layouts of both messages, the mixture and the belief are derived from the declaration.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,55 +18,55 @@ from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.inference import mixture_rules
 
 CLASS_PRIOR = "class prior"
-"""What stands where a hypothesis has no such object, for a quantity that is a distribution over classes."""
+"""Value of ``Quantity.absent`` for a distribution over classes: an absent object has its prior."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """How one per-object quantity is laid out, filled where an object is absent, and stated for a mixture."""
+    """Declaration of one per-object quantity: its shape, its fill value, and how it is mixed over hypotheses."""
 
     shape: tuple[str | int, ...]  # of one object; C classes, L descriptor dimensions
     absent: float | str  # value where a hypothesis has no such object, or CLASS_PRIOR
     dtype: Any = np.float64
-    rule: Callable[..., Any] | None = None  # of mixture_rules; None: another quantity's rule gives it as its spread
-    spread: str = ""  # quantity that ``rule`` takes as a second one and gives back as a second one
-    may_be_left_out: bool = False
+    rule: Callable[..., Any] | None = None  # from mixture_rules; None: computed by another quantity's rule (``spread``)
+    spread: str = ""  # name of the quantity that ``rule`` takes and returns beside this one: its covariance
+    may_be_left_out: bool = False  # it has no values (size 0) unless the configured model fills it
 
 
 def quantity(*shape: str | int, absent: float | str = np.nan, **declared: Any) -> dict[str, Quantity]:
-    """Metadata of a field of :class:`ObjectTable`; the arguments are those of :class:`Quantity`."""
+    """Metadata of a field of :class:`ObjectTable`, from the arguments of :class:`Quantity`."""
     return {"quantity": Quantity(shape=shape, absent=absent, **declared)}
 
 
 def optional_quantity(*shape: int) -> dict[str, Quantity]:
-    """Metadata of a field that has no values (size 0) unless the configured model finds them."""
+    """Metadata of a field that has no values (size 0) unless the configured model provides them."""
     return quantity(*shape, rule=mixture_rules.mean_where_known, may_be_left_out=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectTable:
-    """Quantities of O objects under S hypotheses, (S, O, ...), under one of them, or of their mixture, (O, ...)."""
+    """Quantities of O objects: (S, O, ...) under S hypotheses, or (O, ...) under one of them or for the mixture."""
 
     object_poses: Array = field(metadata=quantity(7, rule=matched_moments_of_many, spread="object_covariances"))  # map
-    object_covariances: Array = field(metadata=quantity(6, 6))
-    class_probabilities: Array = field(  # one-hot where the class is enumerated, the prior where nothing was seen
+    object_covariances: Array = field(metadata=quantity(6, 6))  # along the axes of map
+    class_probabilities: Array = field(  # one-hot where classes are enumerated, the prior where nothing was seen
         metadata=quantity("C", absent=CLASS_PRIOR, rule=mixture_rules.mean)
     )
     mutual_information: Array = field(metadata=quantity(rule=mixture_rules.mean_where_known))  # nats, NaN: not seen
-    in_coverage: NDArray[np.bool_] = field(  # no more views outside the class models' coverage than by chance
+    in_coverage: NDArray[np.bool_] = field(  # False: more views out of the class models' coverage than by chance
         metadata=quantity(absent=True, dtype=np.bool_, rule=mixture_rules.of_most)
     )
-    forgotten_views: NDArray[np.uint32] = field(  # views that a new one is no longer correlated with
+    forgotten_views: NDArray[np.uint32] = field(  # number of old views whose correlation with new ones is dropped
         metadata=quantity(absent=0, dtype=np.uint32, rule=mixture_rules.of_the_best)
     )
-    existence: Array = field(metadata=quantity(rule=mixture_rules.probability))
-    descriptors: Array = field(  # of a learned latent space, what is known before the first view until then
+    existence: Array = field(metadata=quantity(rule=mixture_rules.probability))  # probability of existence
+    descriptors: Array = field(  # mean in a learned latent space; the prior until the first view
         metadata=quantity("L", rule=mixture_rules.diagonal_moments, spread="descriptor_covariances")
     )
     descriptor_covariances: Array = field(metadata=quantity("L"))  # diagonal
     moving: Array = field(default_factory=left_out, metadata=optional_quantity())  # probability that it moves
-    moved: Array = field(default_factory=left_out, metadata=optional_quantity())  # that it stood elsewhere before
-    missing: Array = field(default_factory=left_out, metadata=optional_quantity())  # that it is gone
+    moved: Array = field(default_factory=left_out, metadata=optional_quantity())  # that it was moved since mapping
+    missing: Array = field(default_factory=left_out, metadata=optional_quantity())  # that it has left for good
     object_velocities: Array = field(default_factory=left_out, metadata=optional_quantity(6))  # in map, m/s and rad/s
 
 
@@ -75,12 +75,15 @@ OPTIONAL = tuple(name for name, item in QUANTITIES.items() if item.may_be_left_o
 
 
 def columns(table: ObjectTable) -> dict[str, NDArray[Any]]:
-    """The quantities of a table, or of what has them among its fields, by name."""
+    """The quantities of a table by name; also of a subclass such as ``HybridBelief``."""
     return {name: getattr(table, name) for name in QUANTITIES}
 
 
 def without_views(count: int, class_prior: Array, **known: NDArray[Any]) -> ObjectTable:
-    """Table of ``count`` hypotheses as if nothing was seen of O objects, from their (O, C) prior, and what is known."""
+    """A table of ``count`` hypotheses over O objects without any view: the (O, C) class prior and fill values.
+
+    Quantities given in ``known`` are taken as they are.
+    """
     shape = (count, len(class_prior))
     blank = {
         name: _full(shape, item, class_prior)
@@ -91,25 +94,25 @@ def without_views(count: int, class_prior: Array, **known: NDArray[Any]) -> Obje
 
 
 def table_row(table: ObjectTable, index: int) -> ObjectTable:
-    """One hypothesis of a table."""
+    """The table (O, ...) of one hypothesis."""
     return ObjectTable(
         **{name: values if _is_left_out(name, values) else values[index] for name, values in columns(table).items()}
     )
 
 
 def stack_rows(rows: Sequence[ObjectTable]) -> ObjectTable:
-    """Hypotheses over the same objects as one table."""
+    """Stack the tables of single hypotheses over the same objects into one."""
     return ObjectTable(**{name: _stacked([getattr(one, name) for one in rows], name) for name in QUANTITIES})
 
 
 def over(table: ObjectTable, places: Index, class_prior: Array) -> ObjectTable:
-    """A table over more objects, of which those of ``table`` are the ``places``; the others are absent from it."""
+    """Extend a table to more objects: its own take the rows ``places``, the others get the values of absent ones."""
 
     def spread(name: str, values: NDArray[Any]) -> NDArray[Any]:
         if _is_left_out(name, values):
             return values
         full = _full((len(values), len(class_prior)), QUANTITIES[name], class_prior, values.shape[2:])
-        if values.size:  # a message that holds no component does not say how many classes there are
+        if values.size:  # a message without components does not state the number of classes
             full[:, places] = values
         return full
 
@@ -117,7 +120,7 @@ def over(table: ObjectTable, places: Index, class_prior: Array) -> ObjectTable:
 
 
 def marginals(weights: Array, table: ObjectTable) -> dict[str, Any]:
-    """The quantities of the mixture of H hypotheses, (O, ...) each, from their (H,) weights."""
+    """The quantities (O, ...) of the mixture of H hypotheses with (H,) weights, by the rule of each."""
     mixture: dict[str, Any] = {}
     for name, item in QUANTITIES.items():
         values = getattr(table, name)
@@ -133,7 +136,7 @@ def marginals(weights: Array, table: ObjectTable) -> dict[str, Any]:
 def _full(
     shape: tuple[int, int], item: Quantity, class_prior: Array, trailing: tuple[int, ...] | None = None
 ) -> NDArray[Any]:
-    """(S, O, ...) as it is where objects are absent; ``trailing``: sizes of the letters other than C."""
+    """(S, O, ...) fill values of absent objects; ``trailing``: the sizes of the dimensions after O, None: declared."""
     if item.absent == CLASS_PRIOR:
         return np.repeat(class_prior[None], shape[0], axis=0)
     sizes = tuple(size for size in item.shape if isinstance(size, int)) if trailing is None else trailing
@@ -145,7 +148,7 @@ def _is_left_out(name: str, values: NDArray[Any]) -> bool:
 
 
 def _stacked(values: list[NDArray[Any]], name: str) -> NDArray[Any]:
-    """Rows as one array; a backend that could not tell of any object leaves the other backends' values alone."""
+    """Stack rows into one array; left-out ones become NaN where another backend has values, size 0 if none has."""
     shape = next((one.shape for one in values if not _is_left_out(name, one)), None)
     if shape is None:
         return np.zeros(0)

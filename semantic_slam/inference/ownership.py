@@ -1,18 +1,20 @@
-"""Which backend holds which survivor."""
+"""Load balancing: which backend holds which surviving hypothesis."""
 
 from collections import Counter
 from collections.abc import Sequence
 
 SHORT, EARLY_SLACK, SLACK = 3, 1.1, 1.75
-"""A backend may hold so many times its fair share before children move: a move replays a lineage, which pays while
-lineages are at most this long, and later hardly ever.
+"""A backend may hold this many times its fair share before children move to another one.
+
+A move replays a lineage, which is cheap only while lineages are at most ``SHORT`` keyframes long: up to then the slack
+is ``EARLY_SLACK``, afterwards ``SLACK``.
 """
 
 
 def assign_owners(parents_owners: Sequence[int], backend_ids: Sequence[int], length: int) -> list[int]:
-    """Owner of each survivor, heaviest first: its parent's while that one has room, else the least loaded.
+    """Owner of each survivor, heaviest first: its parent's owner while that has room, else the least loaded backend.
 
-    ``length`` of the lineages, in keyframes.
+    ``length`` is that of the lineages, in keyframes.
     """
     slack = EARLY_SLACK if length <= SHORT else SLACK
     share = max(1, int(slack * len(parents_owners) / len(backend_ids)))

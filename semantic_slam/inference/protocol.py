@@ -1,6 +1,6 @@
-"""What a manager and its backends say to each other; field by field the messages of the same names.
+"""Protocol between manager and backends: dataclasses that match the ROS messages of the same names field by field.
 
-A keyframe is two rounds. Keyframe -> Candidates: every backend weighs the continuations of its hypotheses.
+A keyframe takes two rounds. Keyframe -> Candidates: every backend weighs the continuations of its hypotheses.
 Commit -> Components: the survivors are forked, updated and reported. Whether backends live in this process
 or behind topics, a manager sees only :class:`BackendPool`.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # the smoothers and GTSAM, which nodes that only read and wri
     from semantic_slam.inference.smoothing.component import Component
 
 LOST = "hypothesis lost"
-"""How reasons begin for which a hypothesis was given up, where they are counted with what else was dropped."""
+"""Prefix of the reasons for lost hypotheses, where these are counted together with other dropped data."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,12 +41,12 @@ class RunConfiguration:
 
     @property
     def source_sha256(self) -> str:
-        """Digest of the bag that the run is of, "" where that is not told."""
+        """SHA-256 of the bag that the run processes, "" where that is not stated."""
         return told_of(self.source, "sha256")
 
 
 def told_of(source: str, name: str) -> str:
-    """What the JSON of a run's source tells under a name, "" where it tells nothing."""
+    """Value of an entry in the JSON text ``source`` of a run, "" where it is missing or the text is invalid."""
     try:
         told = json.loads(source or "{}")
     except ValueError:
@@ -66,22 +66,22 @@ class Candidates:
     associations: NDArray[np.int32]  # (K, D)
     class_assignments: NDArray[np.int32]  # (K, D)
     modes: NDArray[np.uint16]  # (K,)
-    changes: tuple[tuple[Reassigned, ...], ...] = ()  # (K,) to the lineage before this keyframe; (): none has any
+    changes: tuple[tuple[Reassigned, ...], ...] = ()  # (K,) reassociations of earlier detections; (): none has any
     log_weights: Array  # (K,) parent's log weight + log psi
     effective_sample_sizes: Array  # (K,)
     innovation_nees: Array  # (K,) per degree of freedom, NaN without a detection of a known object
-    outlier_probability: Array  # (K, D) that a detection's place is an outlier, of the object that it is taken to be of
+    outlier_probability: Array  # (K, D) that a detection is a geometric outlier of the object that it is associated to
     poses: Array  # (K, 7)
     pose_covariances: Array  # (K, 6, 6)
     object_poses: Array  # (K, D, 7)
     object_covariances: Array  # (K, D, 6, 6)
-    expanded_parent_ids: NDArray[np.uint64]  # (P,)
-    log_mass_not_enumerated: Array  # (P,)
+    expanded_parent_ids: NDArray[np.uint64]  # (P,) hypotheses that were expanded, also those without candidates
+    log_mass_not_enumerated: Array  # (P,) in the units of log_weights
 
 
 @dataclass(frozen=True, kw_only=True)
 class Commit:
-    """S survivors and their owners. ``lineages`` holds () for a survivor whose parent its owner holds."""
+    """S survivors of pruning and their owners. A lineage is () where the survivor's owner holds its parent."""
 
     run_id: str
     keyframe: int
@@ -95,7 +95,7 @@ class Commit:
 
 @dataclass(frozen=True, kw_only=True)
 class Components:
-    """S smoothed components that a backend now holds; O objects."""
+    """Marginals of the S smoothed components that a backend now holds; O objects; X lost hypotheses."""
 
     run_id: str
     keyframe: int
@@ -104,15 +104,15 @@ class Components:
     poses: Array  # (S, 7)
     pose_covariances: Array  # (S, 6, 6)
     object_ids: NDArray[np.uint32]  # (O,)
-    objects: ObjectTable  # (S, O, ...) what each component knows of them
+    objects: ObjectTable  # (S, O, ...) marginals of the objects in each component
     lost_ids: NDArray[np.uint64]  # (X,)
     lost_reasons: tuple[str, ...]  # (X,)
-    noise: Array  # (S, N, 2) mean and standard deviation of what each infers of the noise
+    noise: Array  # (S, N, 2) mean and standard deviation of each inferred noise parameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class MissedKeyframes:
-    """A backend that was started late, or again, asks to be told the keyframes from ``keyframe`` on."""
+    """Request of a backend that was started late, or restarted, to be sent the keyframes from ``keyframe`` on."""
 
     run_id: str
     backend_id: int
@@ -120,7 +120,7 @@ class MissedKeyframes:
 
 
 class BackendPool(Protocol):
-    """The one interface through which a manager reaches its backends."""
+    """Interface through which the manager reaches its backends, in this process or over topics."""
 
     backend_ids: tuple[int, ...]
 
@@ -134,7 +134,7 @@ class BackendPool(Protocol):
         """Round two: the components of every backend."""
 
     def offer(self, components: Mapping[int, "Component"]) -> None:
-        """Components by hypothesis that the manager has made, for the next commit: to make them again is no use.
+        """Hand over components by hypothesis that the manager has replayed, so that the next commit can use them.
 
-        Backends of other processes make them again.
+        Backends in other processes do not receive them and rebuild them from lineages.
         """

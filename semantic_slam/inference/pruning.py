@@ -1,4 +1,4 @@
-"""Normalising and pruning over all candidates, with an account of what is discarded."""
+"""Normalisation and pruning over all candidates, with an account of the discarded probability mass."""
 
 from dataclasses import dataclass, replace
 
@@ -10,14 +10,14 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array
 
 LEAST_TRUSTED = 1e-3
-"""Power that weights count by at least, before the next limit."""
+"""Least exponent by which weights are tempered in ``widened``; ``LARGEST_LOG_RATIO`` applies after it."""
 LARGEST_LOG_RATIO = 700.0
-"""Nats between hypotheses that are kept, at most: beyond any ratio that can be configured."""
+"""Largest pruning ratio after tempering, in nats: beyond any ratio that can be configured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pruned:
-    """Survivors, heaviest first."""
+    """Result of pruning: the survivors in descending order of weight."""
 
     kept: NDArray[np.int_]  # (S,) rows
     log_weights: Array  # (S,) normalised over the survivors
@@ -26,17 +26,18 @@ class Pruned:
 
 
 def widened(limits: PruningConfiguration, unexplained: float) -> PruningConfiguration:
-    """The limits where data that nothing explains have decided between hypotheses with a certainty that they lack.
+    """The limits with a wider pruning ratio while the data are poorly explained, when weights are overconfident.
 
-    ``unexplained`` 0..1 is the probability that they say nothing; weights count by their powers 1 - ``unexplained``
-    then: the fractional posterior of a model that is wrong (Bissiri, Holmes and Walker 2016). NaN: as they are.
+    ``unexplained`` 0..1 is the posterior probability of the null model. Weights are pruned as if raised to the power
+    1 - ``unexplained``: the fractional posterior of a misspecified model (Bissiri, Holmes and Walker 2016). NaN: the
+    limits are unchanged.
     """
     trusted = 1.0 if np.isnan(unexplained) else max(1.0 - unexplained, LEAST_TRUSTED)
     return replace(limits, ratio=float(np.exp(min(np.log(limits.ratio) / trusted, LARGEST_LOG_RATIO))))
 
 
 def affordable(limits: PruningConfiguration, num_keyframes: int) -> PruningConfiguration:
-    """The limits after so many keyframes: fewer hypotheses where each has many poses."""
+    """The limits with fewer hypotheses on long runs, so that all trajectories together have ``max_poses`` at most."""
     if limits.max_poses == 0:
         return limits
     most = max(1, limits.max_poses // num_keyframes)
@@ -45,13 +46,16 @@ def affordable(limits: PruningConfiguration, num_keyframes: int) -> PruningConfi
 
 @dataclass(frozen=True, kw_only=True)
 class Kinds:
-    """What K candidates differ in at large."""
+    """Coarse attributes of K candidates, by which they are clustered into kinds to keep the survivors diverse."""
 
     positions: Array  # (K, 3) of the robot, metres
-    beginnings: NDArray[np.int_]  # (K,) under which noises, and from which start, each began
+    beginnings: NDArray[np.int_]  # (K,) root of each history: the index of its noise setting and start
 
     def of(self, order: NDArray[np.int_], place_m: float) -> NDArray[np.int_]:
-        """(K,) the kind of each in an ``order``: that of the first one that began alike and is within ``place_m``."""
+        """(K,) cluster number of each candidate, taken in ``order``.
+
+        A candidate joins the cluster of the first one of the same root within ``place_m`` metres.
+        """
         kinds, left = np.zeros(len(order), dtype=int), np.arange(len(order))
         positions, beginnings, number = self.positions[order], self.beginnings[order], 0
         while len(left):
@@ -69,11 +73,12 @@ def prune(
     limits: PruningConfiguration,
     kinds: Kinds | None = None,
 ) -> Pruned:
-    """Keep what weighs at least max / ratio, at most ``max_hypotheses`` of them; ties break by id.
+    """Keep candidates that weigh at least max / ratio, at most ``max_hypotheses`` of them; ties break by id.
 
-    ``log_weights`` (K,) are w psi over all parents, not normalised; ``log_missing`` is mass that was never
-    enumerated, in the same units. With ``kinds``, and a ``place_m``, what is of a kind is held against the heaviest of
-    that kind, and these against each other by ``kind_ratio``. Raises SemanticSlamError when nothing has any weight.
+    ``log_weights`` (K,) are w psi over all parents, not normalised; ``log_missing`` is the mass that was never
+    enumerated, in the same units. With ``kinds`` and a positive ``place_m``, a candidate is compared to the heaviest of
+    its kind by ``ratio``, and the heaviest of the kinds to each other by ``kind_ratio``. Raises SemanticSlamError when
+    no candidate has a finite weight.
     """
     if len(log_weights) == 0 or not np.isfinite(log_weights.max()):
         raise SemanticSlamError("no candidate explains the measurements; check priors, noise and visibility parameters")
@@ -91,7 +96,7 @@ def prune(
 
 
 def _chosen(log_weights: Array, kinds: NDArray[np.int_], limits: PruningConfiguration) -> NDArray[np.int_]:
-    """(S,) rows that are kept, of weights (K,) in descending order."""
+    """(S,) rows that are kept, from weights and kinds (K,) in descending order of weight."""
     heaviest = log_weights[np.unique(kinds, return_index=True)[1]]
     admitted = heaviest[kinds] >= log_weights[0] - np.log(max(limits.kind_ratio, limits.ratio))
     admitted &= log_weights >= heaviest[kinds] - np.log(limits.ratio)
@@ -100,7 +105,10 @@ def _chosen(log_weights: Array, kinds: NDArray[np.int_], limits: PruningConfigur
 
 
 def shared_out(kinds: NDArray[np.int_], limit: int) -> NDArray[np.int_]:
-    """(S,) rows, at most ``limit`` of K in descending order of weight; half of the room goes in turn to each kind."""
+    """(S,) rows to keep, at most ``limit``, from ``kinds`` (K,) in descending order of weight.
+
+    Half of the limit is filled round-robin over the kinds, the rest by weight.
+    """
     rows = np.arange(len(kinds))
     if len(rows) <= limit:
         return rows

@@ -1,15 +1,17 @@
-"""A model that explains nothing: every detection lies anywhere in the sensor's region, and has the scores of no class.
+"""The null (reference) model, which explains nothing: uniform detections with class-independent scores.
 
-Its log density of a keyframe is in the units of the belief's log evidence, so that the two compare: places by metre and
-radian, as false alarms'; class scores by one Gaussian with the moments of all classes seen from all around, tempered as
-theirs are. What a belief counts besides densities, the reference counts alike:
+Every detection lies anywhere in the sensor's region with equal density. The model's log density of a keyframe is in the
+units of the belief's log evidence, so that both are comparable: positions per metre and radian, like false alarms
+(clutter); class scores under one Gaussian with the moments of all classes seen from all sides, tempered like the class
+models. Whatever a belief counts besides densities, the null model counts in the same way:
 
-- objects that come and go: the number of detections is geometric, with the mean that the configuration expects where
-  nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture. The region is the
-  learned one where the belief learns it, and like there it holds the detections that it is learned from.
-- a known map: Eq. 4.18 weighs each assignment of the detections to visible objects with P(beta | x, O) = 1, so that the
-  reference counts once for each of them.
-- given identities: an object named for the first time has the broad prior that the belief gives it, which says nothing.
+- open world (births, misses, clutter): the number of detections is geometric, with the mean that the configuration
+  expects where nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture. The region
+  is the learned one where the belief learns it, and like there it contains the detections that it is learned from.
+- known map: Eq. 4.18 weighs each assignment of the detections to visible objects with P(beta | x, O) = 1, so that the
+  null model counts once for each of them.
+- given identities: an object named for the first time has the broad prior that the belief gives it, which carries no
+  information.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,53 +37,53 @@ from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
 
 NUM_AZIMUTHS = 36
-"""Directions around an object, evenly spread, over which class models are averaged."""
+"""Number of evenly spaced azimuths around an object over which class models are averaged."""
 NUM_DESCRIPTORS = 64
-"""Draws of descriptors from their prior over which a learned likelihood is averaged."""
+"""Number of descriptors drawn from their prior over which a learned likelihood is averaged."""
 
 
 class KeyframeScores(Protocol):
-    """What the reference says of the semantics of detections."""
+    """The null model's density of the semantic measurements."""
 
     def log_density(self, detections: Sequence[PlanarDetection]) -> float:
-        """Log density of those of all detections, in nats."""
+        """Log density of the semantic measurements of all detections, in nats."""
 
 
 @dataclass(frozen=True)
 class EvenWords:
-    """A detector's words, of which every one is as likely."""
+    """A uniform distribution over the words of a detector: its labels, and one word for any other label."""
 
     num_words: int
 
     def log_density(self, detections: Sequence[PlanarDetection]) -> float:
-        """Log probability of the words of all detections, whatever they are, in nats."""
+        """Log probability of the words of all detections, in nats; it depends on their number alone."""
         return -len(detections) * float(np.log(self.num_words))
 
 
 @dataclass(frozen=True)
 class ScoreDensity:
-    """A Gaussian over semantic features of F components that knows no class; of no components: none are compared."""
+    """A class-independent Gaussian over semantic features of F components; F = 0: features are not compared."""
 
     mean: Array  # (F,)
     covariance: Array  # (F, F)
-    tempering: float = 1.0  # densities count with its inverse as their power
+    tempering: float = 1.0  # densities are raised to the power of its inverse
 
     @classmethod
     def matched(cls, means: Array, covariances: Array, tempering: float) -> Self:
-        """With the moments of the even mixture of B Gaussians (B, F), (B, F, F)."""
+        """Moment match the equally weighted mixture of B Gaussians, means (B, F) and covariances (B, F, F)."""
         spread = np.cov(means, rowvar=False, bias=True).reshape(covariances.shape[1:])
         return cls(means.mean(axis=0), covariances.mean(axis=0) + spread, tempering)
 
     @classmethod
     def of_classes(cls, model: ViewpointModel, tempering: float) -> Self:
-        """All classes, seen from all around at one metre."""
+        """Match the mixture of all classes, seen from all azimuths at one metre."""
         classes = np.repeat(np.arange(len(model.class_names)), NUM_AZIMUTHS)
         prediction = model.predict(classes, _all_around(len(model.class_names)))
         return cls.matched(prediction.mean, prediction.covariance, tempering)
 
     @classmethod
     def of_descriptors(cls, latent: LatentObservation) -> Self:
-        """Descriptors drawn from their prior, seen from all around."""
+        """Match the mixture of descriptors drawn from their prior, seen from all azimuths at one metre."""
         normals = np.random.default_rng(0).standard_normal((NUM_DESCRIPTORS, latent.num_dimensions))
         draws = latent.prior.mean + latent.prior.sigma * normals
         prediction = latent.model.predict(_all_around(len(draws)), np.repeat(draws, NUM_AZIMUTHS, axis=0))
@@ -102,7 +104,7 @@ NO_SCORES = ScoreDensity(np.zeros(0), np.zeros((0, 0)))
 
 
 class Reference:
-    """The reference model of one run; it is told every keyframe once, in turn."""
+    """The null model of one run. It is stateful: give it every keyframe once, in order."""
 
     def __init__(self, configuration: Configuration, objects: Iterable[ObjectEntry], scores: KeyframeScores) -> None:
         """``objects`` are those of the map prior."""
@@ -113,9 +115,9 @@ class Reference:
         self._named = {name for entry in objects for name in (entry.name, str(entry.object_id))}
 
     def log_density(self, step: Step, belief: HybridBelief) -> float:
-        """Log density of the step's detections, in nats; ``belief`` is that after them.
+        """Log density of the step's detections, in nats; ``belief`` is the posterior after them.
 
-        NaN for detections that are not range and bearing in the plane: what region they fill is not known.
+        NaN for detections that are not range and bearing in the plane, for which no region is defined.
         """
         if not all(isinstance(detection, PlanarDetection) for detection in step.detections):
             return np.nan
@@ -127,7 +129,7 @@ class Reference:
         return self._evenly(step.detections, region) + self._log_count(len(step.detections), region)
 
     def _given(self, step: Step) -> float:
-        """Detections of known objects lie anywhere; what is named for the first time is where its prior has it."""
+        """Given identities: uniform for known objects; under its broad prior for one named for the first time."""
         known, new = list[PlanarDetection](), list[PlanarDetection]()
         seen: set[str] = set()
         for detection, name in zip(step.detections, step.names, strict=True):
@@ -138,7 +140,7 @@ class Reference:
         return self._evenly(known, self._region) + self._scores.log_density(new) + sum(map(self._under_prior, new))
 
     def _mapped(self, step: Step, belief: HybridBelief) -> float:
-        """The detections that take part, once for each of their assignments to objects in sight."""
+        """Known map: the used detections, uniform, counted once for each assignment of them to visible objects."""
         distinct, count = self._configuration.distinct_assignment, len(belief.object_ids)
         used = np.argsort(-step.scores, kind="stable")[: count if distinct else None]
         visible = max(self._num_visible(belief), float(len(used)))
@@ -148,7 +150,7 @@ class Reference:
         return self._evenly([step.detections[i] for i in used], self._region) + float(assignments)
 
     def _num_visible(self, belief: HybridBelief) -> float:
-        """Expected number of the map's objects in sight of the heaviest hypothesis."""
+        """Number of the map's objects that are visible from the pose of the heaviest hypothesis."""
         limits = self._configuration.visibility
         if limits.max_range_m <= 0.0 and limits.field_of_view_rad <= 0.0:
             return float(len(belief.object_ids))
@@ -158,7 +160,10 @@ class Reference:
         return float(self._region.contains(relative, np.zeros((len(relative), 2, 2))).sum())
 
     def _evenly(self, detections: Sequence[PlanarDetection], region: SensorRegion) -> float:
-        """Places even over the region's area: a range of r has the density r / area; and the scores of no class."""
+        """Log density of detections uniform over the region's area, with class-independent scores.
+
+        A range r has the density r / area; a bearing without range is uniform over the field of view.
+        """
         ranges = [detection.range_m for detection in detections if detection.has_range]
         bearings = len(detections) - len(ranges)
         places = float(np.log(ranges).sum()) - len(ranges) * np.log(region.area_m2)
@@ -174,9 +179,9 @@ class Reference:
         return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
 
     def _log_count(self, count: int, region: SensorRegion) -> float:
-        """Log of n! P(n), which a density of sets counts besides that of each detection.
+        """Log of n! P(n), the cardinality term of a set density, beside the density of each detection.
 
-        Averaged over the settings of the sensor between which evidence is to decide, where nothing was seen before.
+        P(n) is geometric, averaged over the sensor settings that evidence is to decide between; nothing was seen yet.
         """
         nothing = np.zeros((0, 3)), np.zeros(3), np.zeros((0, 2))
         births, _ = first_detections(region, self._rates, *nothing, 1.0)
@@ -186,7 +191,10 @@ class Reference:
 
 
 def _region(configuration: Configuration, *, is_open: bool) -> SensorRegion:
-    """The region where an open world expects detections; in a closed one all that is visible, or has a depth."""
+    """Sensor region of the null model: where an open world expects detections; in a closed one all that is visible.
+
+    Where a closed world limits no range, the region ends at the largest depth of perception, if that is limited.
+    """
     region, limits = sensor_region(configuration.open_world), configuration.visibility
     if is_open:
         return region
@@ -198,6 +206,6 @@ def _region(configuration: Configuration, *, is_open: bool) -> SensorRegion:
 
 
 def _all_around(count: int) -> Viewpoints:
-    """Viewpoints (count x azimuths) around ``count`` objects, each from everywhere at one metre."""
+    """Viewpoints (count x azimuths) around each of ``count`` objects, at one metre and at the object's height."""
     azimuth = np.tile(np.linspace(-np.pi, np.pi, NUM_AZIMUTHS, endpoint=False), count)
     return Viewpoints(azimuth, np.zeros(len(azimuth)), np.ones(len(azimuth)))

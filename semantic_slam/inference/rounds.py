@@ -1,7 +1,7 @@
-"""The two rounds of a keyframe with the backends, and what happens when a backend does not answer.
+"""The two rounds of a keyframe between manager and backends, with recovery when a backend does not answer.
 
-A backend that is gone takes its components along, but no hypothesis: the lineage tells all that a component was made
-of, so that another backend rebuilds it, to the bit. See docs/architecture.md.
+A backend that dies takes its components with it, but no hypothesis is lost: a component is determined by its lineage,
+so that another backend can rebuild it bit by bit. See docs/architecture.md.
 """
 
 from collections import Counter
@@ -19,21 +19,21 @@ from semantic_slam.inference.protocol import LOST, BackendPool, Candidates, Comp
 from semantic_slam.inference.world.objects import ReportedObjects
 
 MOST_REPEATS = 3
-"""A round is repeated so often: each time backends died in it, or were started again and hold nothing yet."""
+"""How often a round is repeated: each time because backends died in it, or were restarted and hold nothing yet."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeldComponent:
-    """What a backend reports of one component that it holds."""
+    """A backend's report of one component that it holds: marginals of robot, objects and noise."""
 
-    pose: Array  # (7,)
+    pose: Array  # (7,) robot in map
     covariance: Array  # (6, 6)
     objects: ObjectTable  # (O, ...)
     noise: Array  # (N, 2)
 
 
 class Rounds:
-    """Asks the backends of ``pool``; hypotheses that one of them lost are rebuilt by the others."""
+    """Runs both rounds with the backends of ``pool``; hypotheses that a backend lost are rebuilt by the others."""
 
     def __init__(self, pool: BackendPool, run_id: str, hypotheses: Hypotheses) -> None:
         self._pool, self._run_id, self._hypotheses = pool, run_id, hypotheses
@@ -52,7 +52,7 @@ class Rounds:
         return CandidateTable.of(answers)
 
     def commit(self, index: int, children: dict[int, Hypothesis]) -> tuple[dict[int, Hypothesis], list[Components]]:
-        """Round two: the components of the survivors (Eqs. 4.9, 4.10); and the survivors with their owners now."""
+        """Round two: update the survivors (Eqs. 4.9, 4.10); return them with their present owners, and all answers."""
         answers = self._pool.commit(self._hypotheses.commit(self._run_id, index, children))
         for _ in range(MOST_REPEATS):
             if not (_unanswered(children, answers) and self._pool.backend_ids):
@@ -64,11 +64,11 @@ class Rounds:
         return children, answers
 
     def _missing(self, answers: list[Candidates]) -> set[int]:
-        """Live hypotheses that no backend has expanded."""
+        """Ids of live hypotheses that no backend has expanded."""
         return set(self._hypotheses.live) - {int(n) for answer in answers for n in answer.expanded_parent_ids}
 
     def _rebuild_elsewhere(self, index: int) -> None:
-        """Have the backends that are left, or are there again, rebuild what is missing from its lineage."""
+        """Redistribute the live hypotheses over the available backends, which rebuild missing ones from lineages."""
         if not self._pool.backend_ids:
             raise SemanticSlamError("no backend is left; start the backends and run again")
         if index == 0:  # every backend has the roots
@@ -78,7 +78,7 @@ class Rounds:
         self._pool.commit(commit)
 
     def _count_lost(self, children: dict[int, Hypothesis], answers: list[Components]) -> None:
-        """Count the components that were lost, by reason; raises SemanticSlamError when none is left."""
+        """Count the lost components by reason. Raises SemanticSlamError when no component is left."""
         lost = Counter(reason for answer in answers for reason in answer.lost_reasons)
         lost += Counter({"no backend answered": len(_unanswered(children, answers))})
         self.lost.update({f"{LOST}: {reason}": count for reason, count in lost.items()})
@@ -88,7 +88,7 @@ class Rounds:
 
 
 def held_components(answers: list[Components], reported: ReportedObjects) -> dict[int, HeldComponent]:
-    """Hypothesis id -> its component, over the objects that are ``reported``."""
+    """Hypothesis id -> report of its component, with rows for all ``reported`` objects."""
     return {
         int(number): HeldComponent(
             pose=answer.poses[row],
@@ -102,7 +102,7 @@ def held_components(answers: list[Components], reported: ReportedObjects) -> dic
 
 
 def _aligned(answer: Components, reported: ReportedObjects) -> Components:
-    """An answer over the reported objects, of which its backend may hold some alone."""
+    """An answer extended to all reported objects, of which its backend may know only some."""
     ids = np.array(reported.ids, dtype=np.uint32)
     if np.array_equal(ids, answer.object_ids):
         return answer
@@ -111,5 +111,5 @@ def _aligned(answer: Components, reported: ReportedObjects) -> Components:
 
 
 def _unanswered(children: dict[int, Hypothesis], answers: list[Components]) -> set[int]:
-    """Survivors that are neither held nor given up by any backend."""
+    """Ids of survivors that no backend reports as held or as lost."""
     return set(children) - {int(n) for answer in answers for n in (*answer.ids, *answer.lost_ids)}

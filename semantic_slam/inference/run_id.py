@@ -1,4 +1,4 @@
-"""Ids of runs: digests of what determines them."""
+"""Ids of runs: digests of all inputs that determine them."""
 
 import json
 from collections.abc import Sequence
@@ -14,6 +14,6 @@ def run_id_of(settings: str, prior: str, pose: Array, covariance: Array, class_n
 
 
 def is_id_of_its_contents(run: RunConfiguration) -> bool:
-    """Whether the id that a run is announced by, its session apart, is that of what it says."""
+    """Whether an announced run's id, without the session suffix, matches the digest of its contents."""
     told = (run.configuration, run.map_prior, run.initial_pose, run.initial_covariance, run.class_names)
     return run.run_id.partition(".")[0] == run_id_of(*told)

@@ -1,7 +1,7 @@
-"""Hypotheses of a closed world that differ in nothing but what is summarised, and no measurement will ever tell apart.
+"""Merging of closed-world hypotheses that differ only in their marginalised past (fixed-lag smoothing).
 
-Such a question of long ago has left two histories that go on alike for ever, and every new one doubles them: the
-heavier takes the other's weight.
+An association that was ambiguous before the horizon leaves two histories that no later measurement can distinguish, and
+every further ambiguity doubles their number. They are merged: the heavier one takes over the other's weight.
 """
 
 from collections.abc import Mapping
@@ -19,11 +19,11 @@ from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObject
 from semantic_slam.inference.world.problem import Problem
 
 CLASS_APART = 0.1
-"""Difference of a class's probability from which on an object is not the same."""
+"""Difference of a class probability above which two hypotheses are taken to disagree on an object."""
 
 
 class SummarisedCopies:
-    """Finds them among the candidates of a keyframe; ``num_merged`` counts those of the newest one."""
+    """Finds and merges such duplicates among a keyframe's candidates; ``num_merged`` counts those of the newest."""
 
     def __init__(self, problem: Problem) -> None:
         self._settings = replace(problem.open_world, merge_ghosts=False)
@@ -33,7 +33,7 @@ class SummarisedCopies:
         self.num_merged = 0
 
     def merged(self, candidates: CandidateTable) -> CandidateTable:
-        """Candidates without copies."""
+        """The candidates without duplicates; unchanged while histories are not longer than the horizon."""
         self.num_merged = 0
         parents, numbers = np.unique(candidates.parent_ids, return_inverse=True)
         if len(parents) < 2 or not all(int(number) in self._recent for number in parents):
@@ -58,19 +58,22 @@ class SummarisedCopies:
         reported: ReportedObjects,
         registry: ObjectRegistry,
     ) -> None:
-        """The recent past of those that go on, where it does not begin at the start, and their objects."""
+        """Store what candidates are compared by: the live hypotheses' lineages within the horizon, and their objects.
+
+        A lineage that is not longer than the horizon is left out, as nothing of it is marginalised.
+        """
         lineages = {number: own.lineage for number, own in live.items()}
         self._recent = {n: own[1 - self._horizon :] for n, own in lineages.items() if len(own) > self._horizon}
         self._objects = dict(objects)
 
     def _histories(self, candidates: CandidateTable) -> Index:
-        """(K, 1) numbers of different recent pasts."""
+        """(K, 1) index of each candidate's lineage within the horizon: equal where the lineages are."""
         pasts = [(self._recent[int(parent)], candidates.step(row)) for row, parent in enumerate(candidates.parent_ids)]
         known = {past: number for number, past in enumerate(dict.fromkeys(pasts))}
         return np.array([[known[past]] for past in pasts])
 
     def _alike(self, parents: list[int]) -> Flags:
-        """(P, P) whether two hypotheses have the same objects."""
+        """(P, P) whether two hypotheses agree on all objects: present, position and class probabilities."""
         tables = [self._objects[number] for number in parents]
         return np.array([[self._same(one, other) for other in tables] for one in tables])
 

@@ -1,8 +1,9 @@
-"""Histories as beliefs tell them: some hypotheses tell alternatives, so that weights of what is told are posteriors.
+"""Reporting of association ambiguity that pruning removed: some hypotheses report alternative past associations.
 
-A belief names few histories, heaviest first, and whoever asks whether two detections are of one object adds up weights.
-Without this all histories would soon give one answer to every local question of long ago, whatever was known of it.
-What a hypothesis tells of the past is changed as revisions are told; what it holds is never touched.
+A belief lists few histories; a client that asks whether two detections are of the same object sums their weights. After
+pruning and merging, all remaining histories soon agree on every local association of the past, however uncertain it
+was. So some hypotheses report an alternative in place of what they hold, such that the summed weights are again the
+posterior probabilities. Only what is reported changes, in the form of revisions; the hypotheses themselves do not.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,11 +20,11 @@ from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.hypotheses import Hypothesis
 
 MOST_GIVEN_UP = 300
-"""Histories that are given up in one keyframe and count, the heaviest ones."""
+"""Largest number of pruned histories, heaviest first, that are considered in one keyframe."""
 
 
 class Held(Protocol):
-    """What is asked of a component."""
+    """The part of a component's report that is used here."""
 
     @property
     def covariance(self) -> Array:
@@ -31,32 +32,32 @@ class Held(Protocol):
 
 
 class NoAlternatives:
-    """Histories told as they are: of known objects there are few local questions."""
+    """Reports histories as they are; for closed worlds, where few local ambiguities arise."""
 
     def follow(self, weighed: CandidateTable, live: Mapping[int, Hypothesis], held: Mapping[int, Held]) -> None:
-        """Forget what is not followed."""
+        """Do nothing: pruned histories are not remembered."""
 
     def enter(self, live: Mapping[int, Hypothesis]) -> None:
-        """Nothing is known of those that are revised, either."""
+        """Do nothing: revised histories have no alternatives, either."""
 
     def told(self, live: Mapping[int, Hypothesis]) -> list[tuple[int, int, int, int]]:
-        """(hypothesis, keyframe, detection, object or -1) where a history differs from its told parent's: revisions."""
+        """(hypothesis, keyframe, detection, object or -1) wherever a revised history differs from what it revises."""
         return [(number, *change) for number, own in live.items() for change in own.changes()]
 
 
 class Alternatives:
-    """Remembers what histories of an open world leave out; follows the engine keyframe by keyframe."""
+    """Remembers the associations that pruned open-world histories had; updated by the engine at every keyframe."""
 
     def __init__(self, root_ids: Sequence[int]) -> None:
-        self._lineages: dict[int, Lineage] = {number: () for number in root_ids}  # of the hypotheses that are followed
+        self._lineages: dict[int, Lineage] = {number: () for number in root_ids}  # of the live hypotheses
         self._shares = Shares(values=np.zeros((0, len(root_ids))))
-        self._known = 0  # alternatives that are older than the newest keyframe
-        self._told = Told.nothing(root_ids)  # as the newest belief has it
-        self._tells: Flags = np.zeros((0, len(root_ids)), dtype=bool)  # of the hypotheses that are followed
-        self._renamed: dict[int, dict[int, int]] = {}
+        self._known = 0  # number of alternatives that are older than the newest keyframe
+        self._told = Told.nothing(root_ids)  # what the newest belief reports
+        self._tells: Flags = np.zeros((0, len(root_ids)), dtype=bool)  # (R, H) alternatives that live ones report
+        self._renamed: dict[int, dict[int, int]] = {}  # per live hypothesis, see `_renamed`
 
     def follow(self, weighed: CandidateTable, live: Mapping[int, Hypothesis], held: Mapping[int, Held]) -> None:
-        """The ``live`` ones of the candidates of a keyframe go on; the others go up in those that they are like."""
+        """Update after pruning: each pruned candidate becomes an alternative to a similar ``live`` one, its heir."""
         columns = {number: column for column, number in enumerate(self._lineages)}
         parents = np.array([columns[own.parent_id] for own in live.values()], dtype=int)
         before, self._known = self._shares, len(self._shares.changes)
@@ -79,7 +80,7 @@ class Alternatives:
         self._lineages = {number: own.lineage for number, own in live.items()}
 
     def enter(self, live: Mapping[int, Hypothesis]) -> None:
-        """Some of the ``live`` ones are revised: what was likely of the one that each revises is of it, too."""
+        """Update after revisions entered: each inherits the alternatives of the hypothesis that it revises."""
         columns = {number: column for column, number in enumerate(self._lineages)}
         by_lineage = {id(lineage): number for number, lineage in self._lineages.items()}
         sources = {
@@ -91,7 +92,7 @@ class Alternatives:
         self._lineages = {number: own.lineage for number, own in live.items()}
 
     def told(self, live: Mapping[int, Hypothesis]) -> list[tuple[int, int, int, int]]:
-        """(hypothesis, keyframe, detection, object or -1) where a history as told differs from its told parent's."""
+        """(hypothesis, keyframe, detection, object or -1) where a history, as reported, differs from its parent's."""
         weights = np.exp([own.log_weight for own in live.values()])
         known = self._shares.take(np.arange(self._known))
         tells = balanced(self._tells, known, weights)
@@ -104,20 +105,20 @@ class Alternatives:
         return changes
 
     def _given_up(self, weights: Array, rows: Array) -> list[int]:
-        """Rows of the candidates that are not followed and weigh something, heaviest first."""
+        """Rows of the pruned candidates whose weight is not negligible, heaviest first."""
         others = np.setdiff1d(np.arange(len(weights)), rows)
         others = others[np.argsort(-weights[others], kind="stable")][:MOST_GIVEN_UP]
         return [int(row) for row in others if weights[row] >= LEAST_SHARE * weights[rows].min()]
 
     def _forget(self) -> None:
-        """Alternatives that nobody tells, and that are likely in no history."""
+        """Drop alternatives that no hypothesis reports and that are likely in none."""
         kept = np.flatnonzero(self._shares.likely() | self._tells.any(axis=1) | self._told.tells_any(len(self._tells)))
         self._shares, self._tells = self._shares.take(kept), self._tells[kept]
         self._told = self._told.take(kept)
 
 
 def _renamed(own: Hypothesis, before: Mapping[int, int]) -> dict[int, int]:
-    """Object ids as a hypothesis has them, by what they were before its revisions."""
+    """Object ids in a hypothesis, by their ids before its revisions merged objects."""
     if own.revises is None:
         return dict(before)
     news: dict[int, set[int]] = {}

@@ -1,17 +1,17 @@
-"""In what two histories differ, told in objects."""
+"""The differences between two association histories, as changed object ids."""
 
 from collections.abc import Sequence
 
 from semantic_slam.inference.states.lineage import LineageStep
 
 Change = tuple[int, int, int]
-"""Keyframe, detection, and the object id that it is of, or -1."""
+"""Keyframe, detection, and the object id with which it is associated, or -1."""
 
 
 def differences(told: Sequence[LineageStep], other: Sequence[LineageStep]) -> tuple[Change, ...]:
-    """Where ``other`` associates detections with other objects than ``told``; both are of the same keyframes.
+    """Where ``other`` associates detections with different objects than ``told``; both cover the same keyframes.
 
-    Histories that grew from one share its steps: from the newest of these back they are taken to agree.
+    Histories with a common ancestor share its step objects: from the newest shared step back they are taken to agree.
     """
     found: list[Change] = []
     for keyframe in range(len(told) - 1, -1, -1):

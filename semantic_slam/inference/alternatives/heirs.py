@@ -1,4 +1,4 @@
-"""Which hypothesis that is followed a history goes up in that is not."""
+"""Which surviving hypothesis is the heir of a pruned one: near in pose, and with the fewest different associations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,23 +15,24 @@ from semantic_slam.inference.states.lineage import LineageStep
 Lineage = tuple[LineageStep, ...]
 
 FARTHEST = 3.0
-"""Squared Mahalanobis distance of two robots, by the pose of the one that is followed: what it errs by on average."""
+"""Largest squared Mahalanobis distance of both robot poses, by the survivor's covariance: chi-square's mean, 3 dof."""
 
 
 @dataclass
 class Heirs:
-    """K candidates of a keyframe, of which the H in ``rows`` are followed; P parents by their ids."""
+    """K candidates of a keyframe, of which the H in ``rows`` survive; P parents by their ids."""
 
     weighed: CandidateTable
-    rows: Index  # (H,)
+    rows: Index  # (H,) of the survivors
     covariances: Array  # (H, 6, 6) of the robot's pose
-    parents: Mapping[int, Lineage]
+    parents: Mapping[int, Lineage]  # lineage of each parent
     _apart: dict[tuple[int, int], tuple[Change, ...]] = field(default_factory=dict)
 
     def of(self, row: int) -> tuple[int, tuple[Change, ...]] | None:
-        """Place among the H, and what changes that history into the candidate in ``row``; None: none goes on like it.
+        """The heir of the candidate in ``row``: its index among the H, and the changes from the heir to the candidate.
 
-        The one that differs in the fewest detections, and of those the heaviest.
+        The heir is the survivor that differs in the fewest detections, and of those the heaviest. None: no survivor is
+        near enough.
         """
         found = [(self._changes(row, int(at)), -self.weighed.log_weights[self.rows[at]], at) for at in self._near(row)]
         if not found:
@@ -40,7 +41,7 @@ class Heirs:
         return int(heir), changes
 
     def _near(self, row: int) -> Index:
-        """Places of those that stand where it does, under the same noise."""
+        """Indices of survivors whose robot is at about the same pose, with the same root (noise setting and start)."""
         offset = planar_from_pose_vector(self.weighed.poses[self.rows]) - self._planar(row)
         offset[:, 2] = wrap_angle(offset[:, 2])
         axes = np.array(PLANAR_AXES, dtype=int)

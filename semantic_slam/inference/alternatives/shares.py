@@ -1,10 +1,10 @@
-"""What the histories that are followed leave out, as shares of them: alternatives to stretches of a history.
+"""Probabilities ("shares") of alternative past associations that pruning removed from the live histories.
 
-Local questions, which of two twins was that, are answered by pruning and merging long before anything tells, and the
-histories that are left all give the same answer. Where a history is given up and one is followed whose robot stands
-where its own does, the two would have gone on alike: in what they differ is an alternative to the one that stays, and
-its share is that of their weights. Alternatives count as independent of each other, and later evidence leaves shares
-alone.
+Pruning and merging resolve local ambiguities (which of two twins was it?) long before any evidence does, and all
+histories that are left give the same answer. If a pruned history has its robot where that of a survivor is, both would
+have continued alike: their differences are an alternative to the survivor's history, with a probability given by the
+ratio of their weights. Alternatives are treated as independent of each other, and later evidence does not change their
+probabilities.
 """
 
 from dataclasses import dataclass, field
@@ -15,27 +15,28 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.alternatives.differences import Change
 
 LEAST_SHARE = 0.01
-"""Alternatives of a smaller share, in every history, are forgotten."""
+"""Alternatives whose probability is smaller in every history are forgotten."""
 
 
 @dataclass
 class Shares:
-    """R alternatives and the H hypotheses that are followed."""
+    """Probabilities of R alternatives in the H live hypotheses."""
 
-    changes: list[tuple[Change, ...]] = field(default_factory=list)  # R, each to the history that has it
-    values: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (R, H) probability that it was so instead
+    changes: list[tuple[Change, ...]] = field(default_factory=list)  # R, what each changes in a hypothesis's history
+    values: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (R, H) probability that it is true instead
 
     def __post_init__(self) -> None:
         self._rows = {changes: row for row, changes in enumerate(self.changes)}
 
     def of_children(self, parents: Index) -> "Shares":
-        """Alternatives of hypotheses that grew from these: (H',) of which each did."""
+        """The alternatives inherited by H' children, from the indices ``parents`` (H',) of their parents."""
         return Shares(list(self.changes), self.values[:, parents])
 
     def give_up(self, share: float, changes: tuple[Change, ...], its: Array, heir: int) -> None:
-        """A history goes up in the hypothesis at ``heir``, as a ``share`` of both; ``changes`` to that one make it.
+        """Record a pruned history as an alternative to the hypothesis at ``heir``.
 
-        ``its`` (R',) are its own shares of the R' alternatives that were known first.
+        ``share`` is its part of the weight of both; ``changes`` turn the heir's history into it. ``its`` (R',) are its
+        own probabilities of the first R' alternatives.
         """
         own = self.values[:, heir]
         own *= 1.0 - share
@@ -45,7 +46,7 @@ class Shares:
             self.values[row, heir] += share
 
     def likely(self) -> Flags:
-        """(R,) which alternatives are likely enough in some history."""
+        """(R,) which alternatives are likely enough in some history to be remembered."""
         return np.asarray(self.values.max(axis=1, initial=0.0) >= LEAST_SHARE)
 
     def take(self, rows: Index) -> "Shares":

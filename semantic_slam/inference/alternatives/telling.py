@@ -1,4 +1,4 @@
-"""Which hypotheses tell an alternative in place of what they follow, so that their weights are its share."""
+"""Choice of the hypotheses that report an alternative, so that their summed weight is its probability."""
 
 from zlib import crc32
 
@@ -10,10 +10,11 @@ from semantic_slam.inference.alternatives.shares import LEAST_SHARE, Shares
 
 
 def balanced(told: Flags, shares: Shares, weights: Array) -> Flags:
-    """(R, H) from those that tell it so far, with as few changes as come nearest; the heaviest tells what it follows.
+    """(R, H) which hypotheses report each alternative, changed from ``told`` only as far as its probability demands.
 
-    In which order the (H,) hypotheses of these ``weights`` are asked is drawn for each alternative: two of them are
-    told together as often as independent ones are.
+    The heaviest hypothesis always reports its own history. The order in which the (H,) hypotheses of these ``weights``
+    are considered is drawn for each alternative, so that two alternatives are reported together as often as independent
+    ones would be.
     """
     may = shares.values >= LEAST_SHARE
     may[:, int(np.argmax(weights))] = False
@@ -30,7 +31,7 @@ def balanced(told: Flags, shares: Shares, weights: Array) -> Flags:
 
 
 def _orders(changes: list[tuple[Change, ...]], count: int) -> Index:
-    """(R, H) orders of hypotheses, drawn by what each alternative is."""
+    """(R, H) orders of the hypotheses, drawn pseudo-randomly by a hash of each alternative's changes."""
     seeds = np.array([crc32(np.array(own, dtype=np.int64).tobytes()) for own in changes], dtype=np.uint64)
     drawn = seeds[:, None] * np.uint64(0x9E3779B97F4A7C15) + np.arange(1, count + 1, dtype=np.uint64)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):  # Steele et al. 2014, SplitMix

@@ -1,4 +1,4 @@
-"""What hypotheses tell of their past, and where that is not what was told before."""
+"""The past associations that hypotheses report, and where they differ from what was reported before."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,16 +18,16 @@ Place = tuple[int, int]
 
 @dataclass(frozen=True)
 class Told:
-    """What H hypotheses tell, by their ids, of R alternatives."""
+    """What H hypotheses report of their past, given R alternatives."""
 
-    lineages: Mapping[int, Lineage]  # H, as they are followed
-    changes: Sequence[tuple[Change, ...]]  # R
-    tells: Flags  # (R, H) whether a hypothesis tells an alternative
-    renamed: Mapping[int, Mapping[int, int]]  # objects that are one with another in a hypothesis -> that one
+    lineages: Mapping[int, Lineage]  # H, by hypothesis id, as they are held
+    changes: Sequence[tuple[Change, ...]]  # R alternatives
+    tells: Flags  # (R, H) whether a hypothesis reports an alternative
+    renamed: Mapping[int, Mapping[int, int]]  # by hypothesis: id of a merged object -> id of the object it is now
 
     @classmethod
     def nothing(cls, root_ids: Sequence[int]) -> Self:
-        """Before any keyframe."""
+        """The report before any keyframe."""
         return cls({number: () for number in root_ids}, (), np.zeros((0, len(root_ids)), dtype=bool), {})
 
     @classmethod
@@ -38,28 +38,28 @@ class Told:
         tells: Flags,
         renamed: Mapping[int, Mapping[int, int]],
     ) -> Self:
-        """Copies: what is told stays."""
+        """A report from copies of its arguments, which may change later."""
         return cls(dict(lineages), tuple(changes), tells.copy(), dict(renamed))
 
     def take(self, rows: Index) -> Self:
-        """Some of the alternatives; those that are newer than what was told count as not told."""
+        """The report with some of the alternatives; ``rows`` of alternatives newer than it are ignored."""
         known = rows[rows < len(self.changes)]
         return replace(self, changes=tuple(self.changes[row] for row in known), tells=self.tells[known])
 
     def tells_any(self, count: int) -> Flags:
-        """(R',) of so many alternatives, which somebody tells."""
+        """(R',) which of ``count`` alternatives some hypothesis reports."""
         found = np.zeros(count, dtype=bool)
         found[: len(self.tells)] = self.tells.any(axis=1)
         return found
 
     @cached_property
     def columns(self) -> dict[int, int]:
-        """Hypothesis -> its column."""
+        """Hypothesis id -> its column."""
         return {number: column for column, number in enumerate(self.lineages)}
 
     @cached_property
     def rows_at(self) -> dict[Place, list[int]]:
-        """Alternatives that have a detection of another object, by the detection; ascending."""
+        """Rows of the alternatives that change a detection, by keyframe and detection; ascending."""
         found: dict[Place, list[int]] = {}
         for row, changes in enumerate(self.changes):
             for keyframe, detection, _ in changes:
@@ -67,7 +67,7 @@ class Told:
         return found
 
     def object_at(self, number: int, place: Place) -> int:
-        """What a hypothesis tells: by the newest alternative that it tells of this detection, else what it follows."""
+        """Object id that a hypothesis reports for a detection: of the newest alternative reported, else its own."""
         told = self.tells[:, self.columns[number]]
         for row in reversed(self.rows_at.get(place, ())):
             if told[row]:
@@ -76,12 +76,12 @@ class Told:
         return self.lineages[number][place[0]].association[place[1]]
 
     def places(self, rows: Index) -> set[Place]:
-        """The detections that some alternatives have of other objects."""
+        """The detections that some alternatives associate with other objects."""
         return {(keyframe, detection) for row in rows for keyframe, detection, _ in self.changes[row]}
 
 
 def told_changes(before: Told, now: Told, live: Mapping[int, Hypothesis]) -> list[tuple[int, int, int, int]]:
-    """(hypothesis, keyframe, detection, object or -1) where the live ones differ from what their parents told."""
+    """(hypothesis, keyframe, detection, object or -1) where live hypotheses report otherwise than their parents did."""
     found = []
     for number, own in live.items():
         for place in sorted(_touched(before, now, number, own)):
@@ -92,12 +92,16 @@ def told_changes(before: Told, now: Told, live: Mapping[int, Hypothesis]) -> lis
 
 
 def _touched(before: Told, now: Told, number: int, own: Hypothesis) -> set[Place]:
-    """Where that may be: at what it tells anew or no longer, and at all that it tells where it was revised."""
+    """Detections where a hypothesis's report may differ from its parent's.
+
+    These are detections of alternatives that it reports newly or no longer; for a revision, of all that either reports,
+    and those that the revision changes.
+    """
     told = now.tells[:, now.columns[number]]
     parent = np.zeros(len(told), dtype=bool)
     parent[: len(before.tells)] = before.tells[:, before.columns[own.told_parent_id]]
     if own.revises is None:
         return now.places(np.flatnonzero(told != parent))
-    newest = len(own.lineage) - 1  # of that no parent told
+    newest = len(own.lineage) - 1  # the newest keyframe, of which no parent reported anything
     revised = {(keyframe, detection) for keyframe, detection, _ in own.changes() if keyframe < newest}
     return revised | now.places(np.flatnonzero(told | parent))

@@ -1,4 +1,4 @@
-"""A keyframe in a world of known objects: every parent has them all, and their joint Gaussian is predicted whole."""
+"""Expansion of a keyframe in a closed world: every parent has all objects, predicted as one joint Gaussian."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -40,26 +40,32 @@ from semantic_slam.inference.world.problem import Problem
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedKeyframe:
-    """The keyframe of P parents; n detections are used, each of an object that is known or that it introduces."""
+    """A keyframe predicted for P parents in a closed world; implements ``PredictedKeyframe``.
+
+    Each of the n used detections is of a known object, of one that this keyframe introduces by name, or clutter.
+    """
 
     problem: Problem
     registry: ObjectRegistry
     step: Step
     parents: Parents
-    path: LineageStep | None  # the one continuation that is wanted
-    used: Index  # (n,)
-    known: Sequence[int]  # ids of the objects on the map that detections may be of
-    identities: Sequence[int] | None = None  # n ids, where they are given
-    log_clutter: Array | None = None  # (n,) log odds times density of a detection of no object; None: each is of one
-    new: Sequence[dict[int, GaussianPrior]] = field(default_factory=tuple)  # P: objects that this keyframe introduces
+    path: LineageStep | None  # the one continuation wanted, when a lineage is replayed
+    used: Index  # (n,) indices of the detections that are associated
+    known: Sequence[int]  # ids of the known objects that detections may be of
+    identities: Sequence[int] | None = None  # n object ids, where detections carry identities
+    log_clutter: Array | None = None  # (n,) log of odds x density as clutter; None: every detection is of an object
+    new: Sequence[dict[int, GaussianPrior]] = field(default_factory=tuple)  # P: priors of newly introduced objects
 
     @property
     def expected_births(self) -> Array:
-        """(P,) none: what is not on the map is not expected."""
+        """(P,) zeros: a closed world expects no births."""
         return np.zeros(len(self.parents))
 
     def associate(self) -> Candidates:
-        """Objects of a large map that no detection can be of are not looked at, unless the result says they must be."""
+        """Enumerate the associations, on a large map within a gate that is widened until the result justifies it.
+
+        The gate leaves out objects that no detection can be of, see ``MapGate``.
+        """
         gate = self._map_gate()
         while True:
             near = self.known if gate is None else [self.known[i] for i in gate.columns()]
@@ -74,13 +80,13 @@ class ClosedKeyframe:
             gate = wider
 
     def weigh(self, candidates: Candidates) -> Candidates:
-        """Classes, then modes, then evidence by the configured method; candidates of several modes are split."""
+        """Enumerate classes, find modes and compute the evidence; multimodal candidates are split into their modes."""
         if self.problem.model.num_classes > 0 and len(self.used):
             candidates = self._with_classes(candidates)
         return replace(self._with_evidence(candidates), num_new=len(self._new[0])).at_modes()
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
-        """Semantic input of the candidates, with the priors over classes that the map states."""
+        """The semantics' input: the candidates, with the class priors that the map states."""
         return SemanticInput(
             step=self.step,
             parents=self.parents.components,
@@ -91,10 +97,10 @@ class ClosedKeyframe:
         )
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """Factors of the scores of clutter, and updates: a closed world misses no object; detections introduce them.
+        """Log factors and existence updates: misses do not count in a closed world, and named objects surely exist.
 
-        What the map may lack, or have elsewhere, exists once it is detected, and its first detection counts the
-        probability that it does.
+        The factors hold the scores of clutter. A placeholder for an unmapped object, or a displaced twin, exists once
+        it is detected; the factor of its first detection is its prior probability of existence.
         """
         factors = np.zeros(len(candidates.assignments))
         if self.log_clutter is not None and self.problem.clutter is not None:
@@ -121,7 +127,7 @@ class ClosedKeyframe:
     def updates(
         self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
     ) -> list[ComponentUpdate]:
-        """One for each row, without what semantics say."""
+        """One component update for each candidate in ``rows``, without the records of the semantics."""
         some = candidates.assignments.take(np.array(rows, dtype=int))
         parents = [self.parents.components[parent] for parent in some.parents]
         robots = np.array([parent.newest_robot() for parent in parents])
@@ -154,7 +160,7 @@ class ClosedKeyframe:
 
     @cached_property
     def _uncertain(self) -> Index:
-        """Ids of what the map may lack, or have elsewhere."""
+        """Ids of objects of uncertain existence: placeholders of unmapped ones, displaced twins and their partners."""
         return np.array(sorted(self.problem.unmapped_ids | self.problem.displaced.partner.keys()), dtype=int)
 
     @property
@@ -162,7 +168,7 @@ class ClosedKeyframe:
         return self.new or [{}] * len(self.parents)
 
     def _map_gate(self) -> MapGate | None:
-        """What of a large map is looked at; None: all of it."""
+        """The gate on a large map; None: all objects are considered."""
         gate, prior = self.problem.weights.gate, {entry.object_id: entry.prior for entry in self.problem.objects}
         everything = self.identities is not None or self.path is not None or len(self.known) <= FEW_OBJECTS
         if everything or not len(self.used) or not np.isfinite(gate):
@@ -212,7 +218,7 @@ class ClosedKeyframe:
         )
 
     def _admitted(self, object_ids: Index, gate: MapGate | None) -> Flags | None:
-        """(P, n, O) pairs that are near enough, of objects that a history has where it looks for them; None: all."""
+        """(P, n, O) admitted pairs: within the gate, of objects that the history does not rule out; None: all."""
         near = gate.admitted[:, :, gate.columns()] if gate is not None else None
         if not self.problem.displaced.elsewhere:
             return near
@@ -220,7 +226,7 @@ class ClosedKeyframe:
         return np.repeat(possible, len(self.used), axis=1) if near is None else near & possible
 
     def _path(self, object_ids: list[int]) -> tuple[Index, Index] | None:
-        """(n,) objects and (n,) classes of the continuation that is wanted."""
+        """(n,) object columns (-1 clutter) and (n,) classes of the one continuation wanted; None: all are."""
         if self.path is None:
             return None
         wanted = [self.path.association[i] for i in self.used]
@@ -232,7 +238,7 @@ class ClosedKeyframe:
         return self.registry.log_class_prior_of(object_ids.tolist())
 
     def _with_classes(self, candidates: Candidates) -> Candidates:
-        """Candidates times the classes of the objects that they observe, at their modes."""
+        """Expand the candidates by the classes of the objects that they observe, and find their modes."""
         setting, log_outlier = self._enumeration(candidates.object_ids, None), self._log_outlier
         found = enumerate_classes(setting, candidates, log_outlier)
         assert found.problem is not None and found.start is not None
@@ -244,7 +250,7 @@ class ClosedKeyframe:
         return found.gaining(log_class_prior=prior)
 
     def _with_evidence(self, candidates: Candidates) -> Candidates:
-        """Candidates with evidence by samples and mode splitting, by Laplace's approximation, or by prior samples."""
+        """Add the evidence, as configured: by importance sampling and mode splitting, Laplace, or prior samples."""
         weights, (problem, mode) = self.problem.weights, candidates.solved()
         method = "laplace" if weights.method == "importance" and self._has_named_rivals else weights.method
         if method == "importance":
@@ -267,9 +273,9 @@ class ClosedKeyframe:
 
     @property
     def _has_named_rivals(self) -> bool:
-        """Whether candidates differ in what they make of identities, or of a view of an object that is named first.
+        """Whether candidates compete over given identities: a wrong one, or a first view of a new object as an outlier.
 
-        A named object that was seen once is too broad to be sampled; its mode is weighed by Laplace's approximation.
+        A named object that was seen once has too broad a prior to be sampled; Laplace's approximation is used instead.
         """
         if self.identities is None:
             return False
@@ -283,7 +289,7 @@ class ClosedKeyframe:
         return model.log_outlier(seen) if isinstance(model, ModelsOutliers) else None
 
     def _generators(self, candidates: Candidates) -> list[np.random.Generator]:
-        """One for each candidate, keyed by its identity."""
+        """One random generator for each candidate, seeded by its hypothesis id and thus reproducible."""
         rows, stamp = candidates.assignments, self.step.stamp_ns
         steps = candidates.steps(self.used, len(self.step.names))
         ids = [
@@ -296,7 +302,7 @@ class ClosedKeyframe:
 def predict(
     components: Sequence[Component], motion: Motion, known: Sequence[int], new: Sequence[dict[int, GaussianPrior]]
 ) -> PredictedBelief:
-    """b^-[x_k, O] (Eqs. 4.11, 4.21) of every parent of one keyframe, the new objects after the known ones."""
+    """Predict b^-[x_k, O] (Eqs. 4.11, 4.21) for every parent; new objects come after the known ones."""
     spaces = components[0].spaces
     keys = [robot_key(components[0].keyframe), *(object_key(n) for n in known)]
     mean = np.array([component.states(keys) for component in components])

@@ -1,4 +1,4 @@
-"""What associations have in common that know of every object, or are told of it, and of none that may not exist."""
+"""Base of the closed-world association strategies, where all objects are on a map or named by detections."""
 
 from collections.abc import Collection
 from typing import Any
@@ -14,7 +14,7 @@ from semantic_slam.inference.world.problem import Problem
 
 
 class ClosedWorld:
-    """An association strategy but for what it needs, introduces and predicts."""
+    """The part of an association strategy that closed worlds share; subclasses say what they need, and predict."""
 
     carries_views = tracks_objects = counts_misses = merges_copies = False
 
@@ -24,7 +24,7 @@ class ClosedWorld:
 
     @classmethod
     def suited_to(cls, configuration: Configuration) -> type[Any]:
-        """Itself."""
+        """The class itself, for every configuration."""
         return cls
 
     @staticmethod
@@ -33,7 +33,7 @@ class ClosedWorld:
 
     @staticmethod
     def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
-        """All objects of the map and all that were named, seen or not."""
+        """All objects of the map and all that detections named, seen or not."""
         return registry.stated
 
     def root(self, number: int) -> Component:
@@ -42,9 +42,9 @@ class ClosedWorld:
 
 
 def expected_along(path: LineageStep | None, known: list[int]) -> list[int]:
-    """The objects that a keyframe may be about: along a ``path`` through many, those of the path alone.
+    """The objects to predict: ``known`` ones; when replaying a ``path`` among many, only those that it names.
 
-    At least one, for whose sake arrays of objects are not empty, where all detections are of none.
+    If all detections of the path are clutter, one object is returned, so that arrays of objects are not empty.
     """
     if path is None or len(known) <= FEW_OBJECTS:
         return known
@@ -52,7 +52,7 @@ def expected_along(path: LineageStep | None, known: list[int]) -> list[int]:
 
 
 def warm_up(problem: Problem) -> None:
-    """Do what would make the first keyframe take longer than the others."""
+    """Do imports and allocations in advance that would delay the first keyframe."""
     if problem.weights.method == "importance":
-        normal_points(1, 1)  # what it imports takes longer than a keyframe may
+        normal_points(1, 1)  # its import takes longer than a keyframe may
         keep_freed_memory()

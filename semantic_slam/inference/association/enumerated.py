@@ -1,4 +1,4 @@
-"""Association with a known map: every assignment of the detections to its objects that the gates admit."""
+"""Association with a known map: enumerates all assignments of detections to its objects that the gates admit."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,16 +15,16 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 
 
 class EnumeratedAssociation(ClosedWorld):
-    """A detection is of an object of the map prior, or of none: a false alarm, or an object that the map lacks."""
+    """Strategy ``enumerated``: a detection is of a mapped object, or clutter (a false alarm or an unmapped object)."""
 
     needs_map, wants_identities = True, False
 
     @staticmethod
     def introduce(registry: ObjectRegistry, step: Step) -> None:
-        """All objects are on the map."""
+        """Do nothing: all objects are on the map."""
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> ClosedKeyframe:
-        """Along a ``path`` through a large map, the objects of that path alone."""
+        """The keyframe as predicted for the parents; with a ``path`` on a large map only its objects are predicted."""
         known = [n for n in self.registry.known.ids if n in parents.components[0].object_ids]
         known, used = expected_along(path, known), self._used(step)
         return ClosedKeyframe(
@@ -39,12 +39,12 @@ class EnumeratedAssociation(ClosedWorld):
         )
 
     def _log_clutter(self, detections: Sequence[Any]) -> Array | None:
-        """(n,) log of the density of clutter at each detection; an object in sight is detected as likely as not."""
+        """(n,) log intensity of clutter at each detection, relative to a detection probability of 1/2 for objects."""
         rate, clutter = self.problem.closed_world.clutter_per_frame, self.problem.clutter
         return np.log(rate) + clutter.log_place(detections) if clutter is not None and rate > 0.0 else None
 
     def _used(self, step: Step) -> Index:
-        """All detections; the best-scored ones where there are more than objects and each is of one."""
+        """All detections with a clutter model; else the best-scored ones, as many as there are distinct objects."""
         if self.problem.clutter is not None and self.problem.closed_world.clutter_per_frame > 0.0:
             return np.arange(len(step.names))
         num_objects = len(self.registry.known.ids)

@@ -1,9 +1,9 @@
-"""Continuations of hypotheses: which object each detection is, and which class that object has.
+"""Enumeration of data associations (which object is each detection of?) and classes for all parents, with gating.
 
-Associations are grown detection by detection with the geometric evidence of the detections so far, by one linear step
-where that can be trusted, or else at its mode; classes after that with a bound of their semantic likelihood. What
-falls ``gate`` nats behind the best of its parent is not grown further; the mass left out is estimated by assuming that
-it would have continued as well as the best.
+Associations are grown detection by detection and ranked by the geometric evidence of the detections so far: from one
+linear (Kalman) step where that can be trusted, else at the mode. Classes are grown after that, ranked by a bound on
+their semantic likelihood. A partial candidate that falls ``gate`` nats behind the best of its parent is dropped; the
+mass left out is estimated by assuming that it would have continued as well as the best.
 """
 
 from collections.abc import Sequence
@@ -36,39 +36,41 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
 CLUTTER_GATE = 2.0 / 3.0
-"""Share of the gate behind which an association with clutter is not followed any more: there is one in every keyframe.
-Of 15 nats 10 are left, what the floor of a view's likelihood can make up for and what pruning forgives."""
+"""Fraction of the gate that applies to associations with clutter, of which every keyframe has some.
+
+Of 15 nats 10 are left: what the outlier floor of a view's likelihood can make up for and what pruning tolerates.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EnumerationProblem:
-    """What enumeration needs to know besides the parents' Gaussians; C classes, O objects, P parents."""
+    """Input of the enumeration besides the parents' predicted Gaussians; C classes, O objects, P parents."""
 
     spaces: Spaces
     model: ObservationModel
     detections: Sequence[Any]
     object_ids: Index  # (O,)
-    known_classes: Index  # (P, O) class, -1 while carried lazily
+    known_classes: Index  # (P, O) class in each parent's history, -1 while it is not enumerated yet
     log_class_prior: Array  # (O, C)
-    distinct: bool
+    distinct: bool  # whether the detections of a frame are of different objects
     gate: float  # nats; inf enumerates everything
     max_candidates: int  # per parent
     path: tuple[Index, Index] | None = None  # (n,) objects and (n,) classes: grow this one continuation only
     admitted: NDArray[np.bool_] | None = None  # (P, D, O) pairs that are enumerated; None: all
-    exclusive: Index | None = None  # (O,) column of the object that no frame shows beside each one, -1: any; None: any
-    log_clutter: Array | None = None  # (D,) log density of a detection of no object, -inf: it is of one; None: each is
+    exclusive: Index | None = None  # (O,) column of each object's mutually exclusive partner, -1: none; None: no pairs
+    log_clutter: Array | None = None  # (D,) log density as clutter, -inf: it is of an object; None: all are of objects
 
     def first_clutter(self, count: int) -> Array | None:
-        """What the first ``count`` detections weigh where they are of no object."""
+        """Log clutter densities of the first ``count`` detections; None without clutter."""
         return None if self.log_clutter is None else self.log_clutter[:count]
 
     @cached_property
     def collected(self) -> Any:
-        """The detections as arrays."""
+        """The detections collected into arrays."""
         return self.model.collect(self.detections)
 
     def first(self, count: int) -> Any:
-        """The first ``count`` detections as arrays."""
+        """The first ``count`` detections collected into arrays."""
         return self.collected if count == len(self.detections) else self.collected.take(slice(count))
 
 
@@ -77,7 +79,7 @@ class NoAssociationError(SemanticSlamError):
 
 
 def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBelief) -> Candidates:
-    """All associations of the detections to the objects, as far as the gate admits. Raises NoAssociationError."""
+    """Enumerate all associations of the detections to objects or clutter within the gate. Raises NoAssociationError."""
     num_parents = len(predicted.mean)
     left_out = np.full(num_parents, -np.inf)
     prefixes = PartialAssignments.of_robots(setting.spaces, predicted)
@@ -105,7 +107,7 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
 
 
 def _associated(setting: EnumerationProblem, problem: KeyframeProblem, mode: Mode, log_left_out: Array) -> Candidates:
-    """Candidates whose classes, where there are any, are still open."""
+    """The candidates before classes are enumerated."""
     rows = problem.rows.gaining(log_evidence=mode.log_evidence, log_class_prior=np.zeros(len(mode.y)))
     return Candidates(
         assignments=rows,
@@ -118,7 +120,7 @@ def _associated(setting: EnumerationProblem, problem: KeyframeProblem, mode: Mod
 
 
 def _ranking(screened: ScreenedAssignments) -> Mode:
-    """Modes that only rank: searched for where one linear step does not do."""
+    """Approximate modes, only for ranking: by search where one linear step is not accurate enough."""
     rows, mode = screened.searched, screened.mode
     if len(rows):
         part = screened.stack.select(rows)
@@ -128,7 +130,7 @@ def _ranking(screened: ScreenedAssignments) -> Mode:
 
 
 def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, objects: Index) -> Candidates:
-    """One association (D,), as given with the detections, for every parent."""
+    """The single candidate of each parent with a given association ``objects`` (D,), columns of objects."""
     parents = np.arange(len(predicted.mean))
     rows = Assignments(parents=parents, objects=np.broadcast_to(objects, (len(parents), len(objects))))
     problem = KeyframeProblem.of(setting.spaces, setting.model, predicted, setting.collected, rows)
@@ -139,11 +141,11 @@ def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, o
 def enumerate_classes(
     setting: EnumerationProblem, associated: Candidates, log_outlier: Array | None = None
 ) -> Candidates:
-    """Every class for the objects a hypothesis had not observed, the known one for the others.
+    """Expand candidates by classes: every class for objects without one in the history, the known one for the others.
 
-    ``log_outlier`` (D,): log density of each view as an outlier, its share included. Such a view leaves the class of an
-    object that has none yet open, class -1; each class stands for what it makes of the view itself. Where the class is
-    known, the likelihood holds both. None: no view is one.
+    ``log_outlier`` (D,): log density of each view as an outlier, its probability included; None: there are no outliers.
+    A first view that is an outlier leaves the object's class open (-1), as one candidate; the candidates of the classes
+    then count inlier views only, see ``first_views``. Where the class is known, the likelihood contains both.
     """
     stack, mode = associated.solved()
     bounds, turns = _semantic_profiles(setting, stack, mode.y)  # (B, D, C) each
@@ -181,14 +183,14 @@ def enumerate_classes(
 
 
 def _of_prior(count: int, size: int) -> Mode:
-    """Modes of the robot's prior alone, before any detection."""
+    """Modes of the robot's prior alone, before any detection: zero in whitened coordinates."""
     return Mode(np.zeros((count, size)), np.broadcast_to(np.eye(size), (count, size, size)), np.zeros(count))
 
 
 def _next_objects(setting: EnumerationProblem, rows: Assignments, num_objects: int) -> tuple[Index, Index]:
-    """Every row with every object that its next detection may be of: the row each one came from, and the object.
+    """Extend every row by each object that its next detection may be of: the originating rows, and the objects.
 
-    None is -1, after all objects.
+    Clutter is -1, and comes after all objects.
     """
     number = rows.objects.shape[1]
     allowed = np.ones((len(rows.parents), num_objects + 1), dtype=bool)
@@ -206,7 +208,7 @@ def _next_objects(setting: EnumerationProblem, rows: Assignments, num_objects: i
 
 
 def _gated(parents: Index, score: Array, gate: Array | float, num_parents: int, limit: int) -> tuple[Index, Array]:
-    """Rows to keep, and per parent the log of the rest relative to the parent's best."""
+    """Rows within the gate and limit of their parents, and (P,) the log mass of the rest relative to the best."""
     best = np.full(num_parents, -np.inf)
     np.maximum.at(best, parents, score)
     behind = score - best[parents]
@@ -221,10 +223,10 @@ def _gated(parents: Index, score: Array, gate: Array | float, num_parents: int, 
 
 
 def _semantic_profiles(setting: EnumerationProblem, stack: KeyframeProblem, y: Array) -> tuple[Array, Array]:
-    """For each detection under each class (B, D, C): a bound on its semantic log density, and the turn that suits it.
+    """(B, D, C) upper bounds on each detection's semantic log density under each class, and the best heading changes.
 
-    Geometry leaves an object's heading open, and the density over it may have several modes. The turn [rad] is that
-    of the best one, the prior of the heading included. Of classes that an object cannot have nothing is asked.
+    Geometry leaves an object's heading open, and the semantic density over it may have several modes. The heading
+    change [rad] leads to the best one, its prior included. Classes that an object cannot have get -inf and 0.
     """
     states, possible = stack.states(y), _possible_classes(setting, stack.rows)
     bounds, turns = np.full(possible.shape, -np.inf), np.zeros(possible.shape)
@@ -238,7 +240,7 @@ def _semantic_profiles(setting: EnumerationProblem, stack: KeyframeProblem, y: A
 
 
 def _possible_classes(setting: EnumerationProblem, rows: Assignments) -> NDArray[np.bool_]:
-    """(B, D, C) classes of each detection's object that neither its prior nor the hypothesis rules out."""
+    """(B, D, C) classes of each detection's object that neither its prior nor the history rules out."""
     objects = np.maximum(rows.objects, 0)
     known = setting.known_classes[rows.parents[:, None], objects][..., None]
     same = (known < 0) | (known == np.arange(setting.model.num_classes))
@@ -246,7 +248,7 @@ def _possible_classes(setting: EnumerationProblem, rows: Assignments) -> NDArray
 
 
 def _turned(stack: KeyframeProblem, y: Array, turns: Array) -> Array:
-    """(B, n) whitened states with the objects of the detections turned by (B, D) angles."""
+    """(B, n) whitened states with the headings of the detections' objects changed by (B, D) angles."""
     tangent = np.zeros((len(y), stack.size))
     for number in range(turns.shape[1]):
         heading = stack.heading_rows(number)
@@ -264,7 +266,7 @@ def _class_options(
     objects, parents = stack.rows.objects[index, number], stack.rows.parents[index]
     classes = np.arange(setting.model.num_classes)
     options = setting.log_class_prior[np.maximum(objects, 0)].copy()
-    known = np.where(objects >= 0, setting.known_classes[parents, objects], 0)  # clutter: one option, which is ignored
+    known = np.where(objects >= 0, setting.known_classes[parents, objects], 0)  # clutter: one dummy class, ignored
     known = np.maximum(known, _chosen_before(stack, index, chosen, number))
     fixed = known >= 0
     options[fixed] = np.where(classes == known[fixed, None], 0.0, -np.inf)
@@ -276,7 +278,7 @@ def _class_options(
 def _with_outlier(
     setting: EnumerationProblem, bound: Array, options: Array, new: NDArray[np.bool_], log_outlier: float, number: int
 ) -> tuple[Array, Array]:
-    """(B, C + 1) bounds and log priors with the class that stays open last, where an object has none (B,) yet."""
+    """(B, C + 1) bounds and log priors with the open class (outlier) last, for objects (B,) ``new`` without a class."""
     bound = np.where(new[:, None], log_of_inlier(bound, log_outlier), bound)
     options = np.where(new[:, None] & ~np.isfinite(bound), -np.inf, options)
     stays_open = new
@@ -289,7 +291,7 @@ def _with_outlier(
 
 
 def log_of_inlier(log_mixed: Array, log_outlier: float) -> Array:
-    """Log of what is left of (1 - e) p + e p_out without the second part."""
+    """Log of the inlier part (1 - e) p, from the logs of (1 - e) p + e p_out and of e p_out."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(log_mixed + np.log(-np.expm1(np.minimum(log_outlier - log_mixed, 0.0))))
 
@@ -297,14 +299,16 @@ def log_of_inlier(log_mixed: Array, log_outlier: float) -> Array:
 def is_new(
     setting: EnumerationProblem, stack: KeyframeProblem, index: Index, chosen: Index, number: int
 ) -> NDArray[np.bool_]:
-    """(B,) whether detection ``number`` is of an object whose class is open, before it and in the frame's (B, number)
-    classes ``chosen`` so far."""
+    """(B,) whether detection ``number`` is of an object whose class is still open.
+
+    Neither the history nor the (B, number) classes ``chosen`` for earlier detections of the frame fix it.
+    """
     objects, parents = stack.rows.objects[index, number], stack.rows.parents[index]
     known = np.maximum(setting.known_classes[parents, objects], _chosen_before(stack, index, chosen, number))
     return np.asarray((objects >= 0) & (known < 0))
 
 
 def _chosen_before(stack: KeyframeProblem, index: Index, chosen: Index, number: int) -> Index:
-    """(B,) class that an earlier detection of the frame gives to the object of detection ``number``; -1: none does."""
+    """(B,) class ``chosen`` for the object of detection ``number`` by an earlier detection of the frame; -1: none."""
     same = stack.slots[index, :number] == stack.slots[index, number][:, None]
     return np.asarray(np.where(same, chosen, -1).max(axis=1, initial=-1))

@@ -1,7 +1,8 @@
-"""First views of objects whose class is open: a class stands for what it makes of the view, "open" for an outlier.
+"""First views of objects of unknown class: candidates per class for inliers, and one with open class for outliers.
 
-The likelihood of a view under a class, (1 - e) p + e p_out, holds both. Summed over all classes the second part
-would be as many candidates that say the same; it is one instead, whose class stays open, and is taken off the others.
+The likelihood of a view under a class is (1 - e) p + e p_out. The outlier term is the same for all classes, so that
+keeping it in each would make equivalent candidates. It is one candidate of its own instead, whose class stays open, and
+is subtracted from the others.
 """
 
 import numpy as np
@@ -12,9 +13,9 @@ from semantic_slam.inference.evidence.candidates import Candidates
 
 
 def log_first_inliers(setting: EnumerationProblem, candidates: Candidates, log_outlier: Array) -> Array:
-    """(K,) log of the share of each candidate's evidence in which the first views of its objects are no outliers.
+    """(K,) log fraction of each candidate's evidence in which first views of its objects are inliers, at the mode.
 
-    ``log_outlier`` (D,): log density of each view as an outlier, its share included. The share is that at the mode.
+    ``log_outlier`` (D,): log density of each view as an outlier, e p_out, its probability e included.
     """
     stack, mode = candidates.solved()
     states, classes = stack.states(mode.y), stack.rows.classes

@@ -1,7 +1,7 @@
-"""Which detections may be of which objects, and the best joint assignments of one hypothesis.
+"""Gating of detection-object pairs, and the best joint assignments (JPDA-style) of one hypothesis.
 
-Costs are those of single pairs, linearised at the prediction. The sum over all assignments is known exactly in these
-terms, and so is the mass of those that are not enumerated.
+Costs are those of single pairs, linearised at the prediction. In these terms the sum over all joint assignments is
+known exactly, and so is the mass of those that are not enumerated.
 """
 
 from collections.abc import Sequence
@@ -22,21 +22,21 @@ from semantic_slam.inference.models.observation import Innovation, Linearisation
 from semantic_slam.inference.states.spaces import Spaces
 
 SLACK = 1e-6
-"""Nats beyond a gate that are looked at all the same, for sums that were rounded otherwise."""
+"""Tolerance of a gate in nats, against differences in rounding."""
 
 
 @dataclass(frozen=True)
 class PairDensities:
-    """D detections and M objects."""
+    """Densities of all pairs of D detections and M objects, with their linearisation."""
 
     log_density: Array  # (D, M) of the detection if it is of this object
     distance: Array  # (D, M) Mahalanobis
     part: Linearisation  # (D, M, ...)
-    offsets: Array | None = None  # (D, M, m) of the linear residuals where they were linearised; None: all are as here
-    elsewhere: Flags | None = None  # (D, M) which were not linearised at the prediction
-    tail: HeavyTail | None = None  # of detections' errors; None: none is an outlier
-    outlier_distance: Array | None = None  # (D, M) Mahalanobis, of outliers
-    log_words: Array | None = None  # (D, M + 1) what each is called, as one of each object and of none; None: not asked
+    offsets: Array | None = None  # (D, M, m) change of linear residuals, prediction to linearisation point; None: 0
+    elsewhere: Flags | None = None  # (D, M) pairs that were linearised elsewhere than at the prediction
+    tail: HeavyTail | None = None  # outlier model of the detections' errors; None: there are no outliers
+    outlier_distance: Array | None = None  # (D, M) Mahalanobis, under an outlier's wider covariance
+    log_words: Array | None = None  # (D, M + 1) log likelihoods of labels by object, last: no object; None: unused
 
 
 def pair_densities(
@@ -50,7 +50,8 @@ def pair_densities(
 ) -> PairDensities:
     """Densities of all pairs from the predicted ``mean`` (1 + M, s) and ``covariance`` of the robot and M objects.
 
-    ``errors``: of the detections, where these repeat; residuals are then whitened by what does not.
+    ``errors``: prediction of the detections' correlated errors, if these are modelled; residuals are then whitened by
+    the uncorrelated rest of the noise.
     """
     count, storage = len(mean) - 1, spaces.storage
     if not count or not detections:
@@ -59,7 +60,7 @@ def pair_densities(
     joint = PredictedBelief(spaces.layout, mean[None], covariance[None]).pair_covariances()[0]
     rows = len(detections) * count
     collected = model.collect(detections)
-    if len(detections) > 1:  # one row stands for any number
+    if len(detections) > 1:  # a single row is broadcast
         collected = collected.take(np.repeat(np.arange(len(detections)), count))
     robot = broadcast_copy(mean[0, : storage.robot], (rows, storage.robot))
     states = np.tile(mean[1:, : storage.landmark], (len(detections), 1))
@@ -94,11 +95,11 @@ def _no_pairs(shape: tuple[int, int]) -> Linearisation:
 
 @dataclass(frozen=True)
 class RankedAssignments:
-    """B joint assignments of D detections, best first."""
+    """The B best joint assignments of D detections, in descending order of score."""
 
     columns: Index  # (B, D) object, or M + i: detection i is of no known object
     log_scores: Array  # (B,)
-    log_left_out: float  # mass of all others, relative to the best
+    log_left_out: float  # log mass of all other assignments, relative to the best
 
 
 def best_assignments(
@@ -110,12 +111,13 @@ def best_assignments(
     log_beyond: Array | None = None,
     objects: Index | None = None,
 ) -> RankedAssignments:
-    """The best assignments of distinct objects, at most ``limit``, none more than ``gate`` nats behind the best.
+    """The best assignments to distinct objects, at most ``limit``, none more than ``gate`` nats behind the best.
 
-    ``log_known`` (D, M) weighs a detection as one of each object, against a miss of it; ``admitted`` (D, M) says which
-    pairs are looked at; ``log_new`` (D,) weighs it as one of no known object. ``log_beyond`` (D,) weighs what is
-    not among these options at all: left out. ``objects`` (M,) number what the columns are, where two are of one object
-    that is taken in two ways; None: all are distinct.
+    ``log_known`` (D, M) weighs a detection as one of each object, relative to a missed detection of it; ``admitted``
+    (D, M) are the pairs within the gate; ``log_new`` (D,) weighs it as one of no known object (birth or clutter).
+    ``log_beyond`` (D,) weighs all options that are not among these columns: it counts only in the mass left out.
+    ``objects`` (M,) are the object ids of the columns, where an object has several columns (e.g. static and moving);
+    None: all are distinct.
     """
     count, known = log_known.shape
     cost = np.full((count, known + count), np.inf)
@@ -125,7 +127,7 @@ def best_assignments(
     if objects is not None:
         possible = _distinct(columns, objects)
         columns, total = columns[possible], total[possible]
-        if not len(columns):  # none of the best: one that is possible in any case starts an object with each detection
+        if not len(columns):  # none of the best is possible: take the one with no known object, which always is
             columns, total = known + np.arange(count)[None], -log_new.sum(keepdims=True)
         log_known = _by_object(log_known, objects)
     scores = -total
@@ -144,7 +146,7 @@ def _distinct(columns: Index, objects: Index) -> NDArray[np.bool_]:
 
 
 def _by_object(log_known: Array, objects: Index) -> Array:
-    """(D, N) weights of each detection as one of N distinct objects, in whatever way, from those (D, M) in each way."""
+    """(D, N) log weights for N distinct objects, summed over the columns of each, from (D, M)."""
     distinct, numbers = np.unique(objects, return_inverse=True)
     summed = np.full((len(distinct), len(log_known)), -np.inf)
     np.logaddexp.at(summed, numbers, log_known.T)
@@ -152,12 +154,15 @@ def _by_object(log_known: Array, objects: Index) -> Array:
 
 
 def may_be_more(admitted: NDArray[np.bool_], limit: int) -> bool:
-    """Whether joint assignments may be more than ``limit``, as (D, M) pairs are ``admitted``."""
+    """Whether there may be more than ``limit`` joint assignments of the (D, M) ``admitted`` pairs."""
     return bool(np.prod(1.0 + admitted.sum(axis=1)) > limit)
 
 
 def _cheapest(cost: Array, limit: int, within: float) -> tuple[Index, Array]:
-    """All assignments where there are few, else the cheapest, none of them more than ``within`` behind the first."""
+    """At most ``limit`` assignments in order of cost: by listing all where they are few, else by Murty's algorithm.
+
+    Murty's algorithm returns none that costs more than ``within`` beyond the cheapest.
+    """
     options = [np.flatnonzero(np.isfinite(row)) for row in cost]
     if np.prod([float(len(columns)) for columns in options]) > limit:
         cheapest = k_best(cost, limit, within)
@@ -172,13 +177,13 @@ def _cheapest(cost: Array, limit: int, within: float) -> tuple[Index, Array]:
 
 
 def log_products(log_known: Array, log_new: Array, columns: Index) -> Array:
-    """(K,) log weights of joint assignments (K, D) as products of (D, C) pairs; from C on: of no known object."""
+    """(K,) log weights of joint assignments (K, D) as products over pairs (D, C); columns >= C: no known object."""
     options = np.concatenate([log_known, log_new[:, None]], axis=1)
     return np.asarray(options[np.arange(len(options)), np.minimum(columns, log_known.shape[1])].sum(axis=1))
 
 
 def log_rest(everything: float, scores: Array) -> float:
-    """Log of what is left of ``everything`` without the assignments of these scores."""
+    """Log of the mass that remains of ``everything`` without the assignments of these log ``scores``."""
     enumerated = float(np.logaddexp.reduce(scores))
     share = -np.expm1(min(enumerated - everything, 0.0))
     return everything + float(np.log(share)) if share > 1e-12 else -np.inf

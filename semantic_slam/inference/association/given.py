@@ -1,4 +1,4 @@
-"""Association by identities that come with the detections."""
+"""Association by given identities: detections carry the track id of their object."""
 
 import numpy as np
 
@@ -15,21 +15,21 @@ from semantic_slam.inference.world.problem import Problem
 
 
 class GivenAssociation(ClosedWorld):
-    """Each detection names its object; a new name is a new object, and a detection without a name is clutter.
+    """Strategy ``given``: each detection names its object; a new name is a new object, no name means clutter.
 
-    So is one whose name is wrong, which each may be.
+    Each identity may be wrong, with a small probability; the detection then counts as clutter.
     """
 
     needs_map, wants_identities = False, True
 
     @staticmethod
     def introduce(registry: ObjectRegistry, step: Step) -> None:
-        """The objects that are named for the first time."""
+        """Register the objects that are named for the first time."""
         for name in step.names:
             registry.identify(name)
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> ClosedKeyframe:
-        """About the objects that the keyframe names; along a ``path`` through many of them, those of that path."""
+        """The keyframe as predicted for the parents, with the objects that it names; with a ``path``, only its own."""
         identities = [self.registry.identify(name) for name in step.names]
         used = np.array([i for i, number in enumerate(identities) if number >= 0], dtype=int)
         named = sorted({identities[i] for i in used})
@@ -50,9 +50,9 @@ class GivenAssociation(ClosedWorld):
         )
 
     def _log_clutter(self, step: Step, used: Index, identities: list[int], unknown: list[int]) -> Array | None:
-        """(n,) log odds that an identity is wrong, times the density of its detection if it is.
+        """(n,) log of the odds that an identity is wrong, times the clutter density of its detection; None: none is.
 
-        The first detection of an object is taken at its word: it is all that tells where the object is.
+        The first detection of an object is always trusted (-inf), as nothing else tells where the object is.
         """
         odds, clutter = log_odds_of_wrong_identity(self.problem), self.problem.clutter
         if clutter is None or odds == -np.inf:
@@ -65,7 +65,7 @@ class GivenAssociation(ClosedWorld):
     def _priors(
         self, component: Component, step: Step, used: Index, identities: list[int], unknown: list[int]
     ) -> dict[int, GaussianPrior]:
-        """Broad priors about where this hypothesis first sees the objects that it does not know."""
+        """Broad priors of newly named objects, about where their first detections put them in this hypothesis."""
         if not unknown:
             return {}
         robot = self.problem.spaces.robot.compose(component.newest_robot(), step.motion.control)
@@ -74,7 +74,7 @@ class GivenAssociation(ClosedWorld):
 
 
 def log_odds_of_wrong_identity(problem: Problem) -> float:
-    """Log odds that an identity is wrong; -inf where none is, or where nothing says what its detection looks like."""
+    """Log odds that an identity is wrong; -inf if none ever is, or without a clutter model."""
     share = problem.closed_world.wrong_identity_share
     if problem.clutter is None or share <= 0.0:
         return -np.inf

@@ -1,8 +1,8 @@
-"""Which objects of a large map a detection can be of at all: what range and bearing rule out is not enumerated.
+"""Gating on a large map: objects that range and bearing rule out for a detection are not enumerated.
 
-However robot and object deviate from where they are predicted, a detection that does not fit costs evidence: the
-deviation that makes it fit, or the residual. That bound says before any search what every association with an object
-stays below, and after the search whether something has been left out that the gate would have kept.
+However robot and object deviate from their predictions, a detection that does not fit costs evidence: by the deviation
+that makes it fit, or by its residual. This gives an upper bound on the evidence of every association with an object
+before any search, and shows after the search whether something was left out that the enumeration gate would have kept.
 """
 
 from collections.abc import Sequence
@@ -20,31 +20,31 @@ from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_OBJECTS = 12
-"""Up to so many, all of them are looked at."""
+"""Maps of at most this many objects are not gated."""
 FIRST_MARGIN = 15.0
-"""Nats, beyond the gate, that a detection may cost more than at least: objects looked at from the start."""
+"""Initially admitted are objects whose bound is within the gate plus this many nats of a detection's best one."""
 
 
 @dataclass(frozen=True)
 class MapGate:
-    """P parents, D detections, O objects of the map."""
+    """The gate of P parents, D detections and O objects of the map."""
 
-    cost: Array  # (P, D, O) nats that the detection costs at least if it is of the object
-    log_peak: float  # log density of all detections where nothing costs anything
-    admitted: Flags  # (P, D, O) what is enumerated
-    has_clutter: bool = False  # a detection may be of no object, too
+    cost: Array  # (P, D, O) lower bound in nats on what the detection costs if it is of the object
+    log_peak: float  # log density of all detections at zero cost
+    admitted: Flags  # (P, D, O) pairs that are enumerated
+    has_clutter: bool = False  # whether a detection may also be of no object
 
     def columns(self) -> Index:
-        """Objects that are enumerated for some parent."""
+        """Columns of the objects that are enumerated for some parent and detection."""
         return np.flatnonzero(self.admitted.any(axis=(0, 1)))
 
     def widened(self, best: Array, gate: float) -> "MapGate | None":
-        """The gate with what may be less than ``gate`` behind the parents' ``best`` (P,); None where nothing is new."""
+        """The gate with all pairs that may be within ``gate`` nats of the parents' ``best`` (P,); None: no new ones."""
         missed = ~self.admitted & (self.log_peak - self.cost >= (best - gate)[:, None, None])
         return replace(self, admitted=self.admitted | missed) if missed.any() else None
 
     def log_left_out(self, best: Array) -> Array:
-        """(P,) bound on the mass of all associations with an object not admitted, relative to the best one."""
+        """(P,) upper bound on the log mass of all associations with a pair not admitted, relative to ``best`` (P,)."""
         _, detections, objects = self.cost.shape
         others = (detections - 1) * np.log(objects + self.has_clutter)  # every way to associate the other detections
         bounds = np.where(self.admitted, -np.inf, self.log_peak - self.cost - best[:, None, None])
@@ -60,7 +60,10 @@ def map_gate(
     objects: Sequence[tuple[int, Array]],
     gate: float,
 ) -> MapGate:
-    """Gate by the parents' predictions; ``objects`` are ids and (l, l) prior covariances, which updates only narrow."""
+    """Compute the gate from the parents' predictions; ``objects`` are ids and (l, l) prior covariances.
+
+    Prior covariances bound the present ones, as updates only narrow them.
+    """
     keys = [object_key(number) for number, _ in objects]
     rows = spaces.landmark.position_rows
     sigmas = largest_sigmas(np.array([covariance[rows, rows] for _, covariance in objects]))
@@ -71,7 +74,7 @@ def map_gate(
     covariance = transition @ covariance @ transition.T + step.motion.covariance
     robot = spaces.robot.compose(robot, step.motion.control)
     cost, log_peak = model.least_cost(model.collect(detections), robot, covariance, states, sigmas)
-    needed = min(len(detections), len(objects)) - 1  # so many options for each, and distinct objects can be had
+    needed = min(len(detections), len(objects)) - 1  # with this many options each, a distinct assignment exists
     cheapest = np.partition(cost, [0, needed], axis=2)
     admitted = cost <= np.maximum(cheapest[..., needed : needed + 1], cheapest[..., :1] + gate + FIRST_MARGIN)
     return MapGate(cost, log_peak, admitted)

@@ -1,7 +1,7 @@
 """The k cheapest assignments of rows to columns, in order of their cost (Murty, 1968).
 
-The cheapest assignment splits the rest into disjoint sets: those that agree with it in the first rows and differ in
-the next one. The cheapest of each set waits in a queue, so that every assignment comes once and in order.
+The cheapest assignment partitions the others into disjoint sets: those that agree with it in the first rows and differ
+in the next one. The cheapest of each set is put in a priority queue, so that every assignment comes once and in order.
 """
 
 import heapq
@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from semantic_slam.geometry.arrays import Array, Index
 
 _Best = tuple[float, tuple[int, ...], int, Array]
-"""The cheapest of a set: its cost and columns, how many rows have no choice, and costs, infinite beyond the set."""
+"""Cheapest assignment of a set: its cost, its columns, how many leading rows are fixed, and the set's cost matrix."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class KBest:
 def k_best(cost: Array, k: int, within: float = np.inf) -> KBest:
     """The ``k`` cheapest assignments that give each row of ``cost`` (n, m) a column of its own; fewer when fewer exist.
 
-    None costs more than the cheapest and ``within``. Infinite entries are not admitted. Equal costs come in an order
-    that depends on ``cost`` alone.
+    None costs more than the cheapest one's cost plus ``within``. Infinite entries are not admitted. Equal costs come in
+    an order that depends on ``cost`` alone.
     """
     in_order = _in_order(np.asarray(cost, dtype=np.float64), within)
     ranked = [item for item, _ in zip(in_order, range(k), strict=False)]
@@ -38,7 +38,7 @@ def k_best(cost: Array, k: int, within: float = np.inf) -> KBest:
 
 
 def _in_order(cost: Array, within: float) -> Iterator[tuple[float, tuple[int, ...]]]:
-    """Assignments as (cost, columns), cheapest first, until one costs more than that one and ``within``."""
+    """Yield assignments as (cost, columns), cheapest first, up to the cheapest one's cost plus ``within``."""
     queue: list[_Best] = []
     _push(queue, cost, cost, 0, np.inf)
     limit = queue[0][0] + within if queue else np.inf
@@ -59,7 +59,7 @@ def _in_order(cost: Array, within: float) -> Iterator[tuple[float, tuple[int, ..
 
 
 def _possible(cost: Array, limit: float) -> Array:
-    """``cost`` where an assignment that costs no more than ``limit`` may take it, even if all other rows are free."""
+    """``cost`` with entries set to inf that no assignment within ``limit`` can use, by the row minima as a bound."""
     least = cost.min(axis=1, keepdims=True)
     return np.where(cost - least <= limit - least.sum(), cost, np.inf)
 
@@ -67,7 +67,7 @@ def _possible(cost: Array, limit: float) -> Array:
 def _push(queue: list[_Best], cost: Array, restricted: Array, fixed: int, limit: float) -> None:
     """Queue the cheapest assignment of ``restricted``, if there is one that costs no more than ``limit``.
 
-    Its first ``fixed`` rows have no choice.
+    Its first ``fixed`` rows are fixed.
     """
     if len(cost) and not np.isfinite(restricted[fixed]).any():
         return

@@ -1,7 +1,7 @@
-"""Associations of the first detections of a keyframe, and what they have to do with all the objects.
+"""Partial associations (prefixes of a keyframe's detections), with their incrementally grown Cholesky factors.
 
-The Cholesky factor of a partial association's states grows with each detection by one block row; with it grows the
-whitened covariance of those states with all others, from which that row is read.
+The Cholesky factor of the states of a partial association grows by one block row per detection. That row is read from
+the whitened cross covariance of those states with all objects, which grows along with it.
 """
 
 from dataclasses import dataclass
@@ -27,12 +27,12 @@ class PartialAssignments:
     rows: Assignments
     mean: Array  # (B, 1 + n, s) prior of the robot and the associated objects
     root: Array  # (B, m, m) Cholesky factor of its covariance
-    shorter: "PartialAssignments | None"  # those of one detection less, where there are such
-    origin: Index  # (B,) which of them each goes on from
+    shorter: "PartialAssignments | None"  # the partial associations of one detection less; None: these have none
+    origin: Index  # (B,) row of ``shorter`` that each one extends
 
     @classmethod
     def of_robots(cls, spaces: Spaces, predicted: PredictedBelief) -> "PartialAssignments":
-        """One for each parent, of no detection."""
+        """The empty association of each parent: the robot alone."""
         size, parents = spaces.layout.robot, np.arange(len(predicted.mean))
         root = np.asarray(np.linalg.cholesky(predicted.covariance[:, :size, :size]), dtype=np.float64)
         rows = Assignments(parents=parents, objects=np.zeros((len(parents), 0), dtype=int))
@@ -51,10 +51,10 @@ class PartialAssignments:
         return take(self, selection, ("rows", "mean", "root", "origin"))
 
     def extended(self, origin: Index, objects: Index) -> "PartialAssignments":
-        """K with one detection more, each going on from its ``origin`` (K,) with one of the ``objects`` (K,).
+        """K partial associations of one detection more, extending rows ``origin`` (K,) by ``objects`` (K,).
 
-        An object that its prefix has already, and none (-1), needs no state of its own: the block is an independent
-        standard normal.
+        An object that the prefix contains already, or clutter (-1), needs no state of its own: its block is an
+        independent standard normal (a dummy).
         """
         parents, before = self.rows.parents[origin], self.rows.objects[origin]
         size, known, place = self.spaces.layout.landmark, self.root.shape[1], 1 + objects
@@ -78,9 +78,9 @@ class PartialAssignments:
 
     @cached_property
     def cross(self) -> Array:
-        """(B, m, r + O l): root @ cross is the covariance of these states with all.
+        """(B, m, r + O l) whitened cross covariance: root @ cross is the covariance of these states with all states.
 
-        Asked of those that go on, which are few.
+        It is computed lazily, only for the few partial associations that are extended.
         """
         layout, parents = self.spaces.layout, self.rows.parents
         if self.shorter is None:
@@ -95,12 +95,12 @@ class PartialAssignments:
 
     @cached_property
     def cross_blocks(self) -> Array:
-        """(B, m, 1 + O, w) whitened cross covariances of :attr:`cross`, in blocks by state."""
+        """(B, m, 1 + O, w) whitened cross covariances :attr:`cross`, in blocks by state."""
         return self.spaces.layout.blocks(self.cross)
 
     def stack(self, model: ObservationModel, detections: object, log_clutter: Array | None = None) -> KeyframeProblem:
-        """The small problems of these associations, ``detections`` being their n detections.
+        """The estimation problems of these associations, over the robot and the objects of their n ``detections``.
 
-        ``log_clutter`` (n,): log density of each where it is of no object.
+        ``log_clutter`` (n,): log density of each detection as clutter.
         """
         return KeyframeProblem(self.spaces, model, detections, self.rows, self.mean, self.root, log_clutter)

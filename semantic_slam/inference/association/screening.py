@@ -1,6 +1,6 @@
-"""Partial associations of which one linear step tells enough are not searched for their modes.
+"""Screening of partial associations by one linear (Kalman) step, which spares the search for most modes.
 
-Those that it shows to be far off are dropped; those that hardly bend are ranked by it.
+Candidates that the step shows to be far off are dropped; nearly linear ones are ranked by it.
 """
 
 from dataclasses import dataclass
@@ -19,25 +19,27 @@ from semantic_slam.inference.models.observation import Innovation, ObservationMo
 from semantic_slam.inference.states.spaces import Spaces
 
 RANKED_RAD = 0.1
-"""Uncertainty of a direction of sight, given other detections, below which one linear step ranks as a search does; so
-many times less for a detection that is off by that many standard deviations."""
+"""Sigma of the bearing, given the other detections, below which one linear step ranks as well as a search does.
+
+For a detection that is off by n > 1 standard deviations the threshold is n times smaller.
+"""
 STEADY_RAD = 0.2
-"""Uncertainty of a direction of sight, given other detections, below which one linear step tells what is far off."""
+"""Sigma of the bearing, given the other detections, below which one linear step may drop candidates."""
 LOST_RAD = 0.3
-"""Uncertainty from which on the expected state may lead to another mode than the best."""
+"""Sigma of the bearing above which a search from the expected state may end in a mode that is not the best."""
 SAFETY = 2.0
-"""A linear step's nats count half: so much may the rest of the nonlinearity change them."""
+"""Factor on the gate for dropping by a linear step, as the neglected nonlinearity may change its nats that much."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenedAssignments:
-    """What is left of B candidates."""
+    """The K candidates that are left of B after screening."""
 
     prefixes: PartialAssignments  # K, with the newest detection
     stack: KeyframeProblem  # K
-    mode: Mode  # K, as one linear step has it where that ranks; else with the state to search from
-    searched: Index  # those of K whose modes are to be searched
-    log_left_out: Array  # (P,) of the others, relative to the parent's best that one linear step tells
+    mode: Mode  # K, from one linear step where that suffices for ranking; else the state to search from
+    searched: Index  # those of K whose modes still have to be searched
+    log_left_out: Array  # (P,) log mass of the dropped ones, relative to the parent's best by one linear step
 
 
 def screen(
@@ -50,11 +52,12 @@ def screen(
     gate: float,
     log_clutter: Array | None = None,
 ) -> ScreenedAssignments:
-    """Drop candidates whose evidence one step from where they were puts far behind, where that step can be trusted.
+    """Drop candidates whose evidence, by one linear step from the previous mode, is far behind the parent's best.
 
-    ``previous`` are modes of the prefixes; candidate b goes on from ``origin[b]``, the newest of the detections
-    ``detections`` being of ``objects[b]``, or of none, -1, with ``log_clutter`` (n,). Of those not dropped, the steady
-    ones start at that step, lost ones at what explains most, the rest where they were.
+    ``previous`` are the modes of the prefixes; candidate b extends prefix ``origin[b]``, the newest of ``detections``
+    being of ``objects[b]``, or clutter (-1) of log density ``log_clutter`` (n,). Only candidates whose step can be
+    trusted are dropped. Of the others, the nearly linear ones start at that step, those with large bearing uncertainty
+    at whichever start fits best, and the rest at the previous mode.
     """
     known = np.asarray(np.linalg.inv(previous.hessian))
     expected = _expected(prefixes, previous, known)
@@ -90,16 +93,16 @@ def screen(
 
 @dataclass(frozen=True, kw_only=True)
 class _Expected:
-    """Robot and all objects where the modes of B prefixes have them, in the tangent spaces at their prior means."""
+    """Robot and all objects given the modes of B prefixes; covariances in the tangent spaces at the prior means."""
 
     spaces: Spaces
     states: Array  # (B, 1 + O, s)
-    charts: Array  # (B, 1 + O, w, w) to the tangent spaces at the states
-    covariances: Array  # (B, 1 + O, w, w) covariances
-    with_robot: Array  # (B, 1 + O, r, w) covariances of the robot with each
+    charts: Array  # (B, 1 + O, w, w) Jacobians of the retraction: from those to the tangent spaces at ``states``
+    covariances: Array  # (B, 1 + O, w, w) marginal covariances
+    with_robot: Array  # (B, 1 + O, r, w) cross covariances of the robot with each
 
     def pairs(self, origin: Index, objects: Index) -> tuple[Array, Array]:
-        """(K, r + l, r + l) covariances of robots with some objects, and their charts."""
+        """(K, r + l, r + l) joint covariances of the robot and one object each, and their retraction Jacobians."""
         layout, place = self.spaces.layout, 1 + objects
         r, landmark, shape = layout.robot, slice(layout.landmark), (len(origin), layout.size(1), layout.size(1))
         covariance, charts = np.empty(shape), np.zeros(shape)
@@ -117,7 +120,7 @@ class _Expected:
 
 
 def _expected(prefixes: PartialAssignments, previous: Mode, known: Array) -> _Expected:
-    """``known`` (B, m, m): inverse Hessians of the modes, which tell what the detections so far left uncertain."""
+    """Condition all states on the modes of the prefixes; ``known`` (B, m, m): inverse Hessians, i.e. covariances."""
     spaces, predicted, parents = prefixes.spaces, prefixes.predicted, prefixes.rows.parents
     mean, layout, flat, blocks = predicted.mean[parents], spaces.layout, prefixes.cross, prefixes.cross_blocks
     moved, charts = spaces.joint.exp_and_jacobian(layout.blocks(column_products(previous.y[:, None], flat)[:, 0]))
@@ -153,7 +156,7 @@ class _Newest:
         return take(self, rows)
 
     def but(self, clutter: Flags, log_density: float) -> "_Newest":
-        """As it is where the detection is of an object; as ``clutter`` (B,) it moves nothing, and nothing bends it."""
+        """The detection with clutter rows (B,) replaced: clutter has zero gain, no nonlinearity and a fixed density."""
         return _Newest(
             jacobian=np.where(clutter[:, None, None], 0.0, self.jacobian),
             gain=np.where(clutter[:, None], 0.0, self.gain),
@@ -164,7 +167,7 @@ class _Newest:
 
 
 def _newest(expected: _Expected, origin: Index, objects: Index, model: ObservationModel, detection: Any) -> _Newest:
-    """One Kalman update for each candidate."""
+    """Linearise the newest detection and compute one Kalman update for each candidate."""
     storage = expected.spaces.storage
     x = expected.states[origin, 0, : storage.robot]
     o = expected.states[origin, 1 + objects, : storage.landmark]
@@ -180,7 +183,7 @@ def _newest(expected: _Expected, origin: Index, objects: Index, model: Observati
 
 
 def _stepped(stack: KeyframeProblem, previous: Mode, known: Array, newest: _Newest) -> tuple[Array, Array, Array]:
-    """(K, n) whitened states where the others' modes have them, steps from there to those of all, and Hessians."""
+    """(K, n) whitened states at the previous modes, linear steps from there with the newest detection, and Hessians."""
     count, before, layout = len(stack.root), previous.y.shape[1], stack.layout
     start = np.concatenate([previous.y, np.zeros((count, stack.size - before))], axis=1)
     blocks = np.stack([np.zeros(count, dtype=int), 1 + stack.slots[:, -1]], axis=1)
@@ -197,7 +200,7 @@ def _stepped(stack: KeyframeProblem, previous: Mode, known: Array, newest: _Newe
 
 
 def _better_start(stack: KeyframeProblem, carried: Array) -> Array:
-    """The mode of the detections so far, or a start that explains one detection: whichever fits better."""
+    """Search start: the previous mode (``carried``) or a start that explains one detection, whichever fits better."""
     fresh = search_start(stack)
     better = stack.energy(carried) <= stack.energy(fresh)
     return np.where(better[:, None], carried, fresh)

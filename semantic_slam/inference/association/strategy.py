@@ -1,7 +1,8 @@
-"""Data association as a strategy: what the expander asks of it, keyframe by keyframe.
+"""Interface of a data association strategy, which the expander calls at every keyframe.
 
-A strategy is one class in one file with one entry in the registry. It predicts a keyframe for some parents; what comes
-back enumerates the associations of the detections, weighs them, and says what each makes of the objects.
+A strategy is one class in one file with one entry in the registry. It predicts a keyframe for some parents; the
+:class:`PredictedKeyframe` that it returns enumerates the associations of the detections, weighs them, and states the
+effect of each on the objects.
 """
 
 from collections.abc import Collection, Sequence
@@ -26,7 +27,7 @@ from semantic_slam.registry import ASSOCIATIONS
 
 @dataclass(frozen=True, kw_only=True)
 class Parents:
-    """P hypotheses that a keyframe expands."""
+    """The P parent hypotheses that a keyframe expands, with their components and weights."""
 
     ids: Sequence[int]
     components: Sequence[Component]
@@ -34,12 +35,12 @@ class Parents:
 
     @classmethod
     def of(cls, ids: Sequence[int], held: Sequence[WeightedComponent]) -> "Parents":
-        """Parents of a keyframe's candidates, from hypotheses as a backend holds them."""
+        """The parents, from weighted components as a backend holds them."""
         weights = np.array([each.log_weight for each in held])
         return cls(ids=ids, components=[each.component for each in held], log_weights=weights)
 
     def log_sums(self, log_values: Array, ids: Sequence[int]) -> Array:
-        """(n,) log sums of the exponentials of (P,) values over all parents of each of ``ids``."""
+        """(n,) log-sum-exp of (P,) values over the parents with each of ``ids``, of which several may share an id."""
         own = np.array(self.ids, dtype=np.uint64)
         return np.array([np.logaddexp.reduce(log_values[own == np.uint64(number)]) for number in ids])
 
@@ -48,72 +49,75 @@ class Parents:
 
 
 class PredictedKeyframe(Protocol):
-    """b^-[x_k, O] of every parent (Eqs. 4.11, 4.21), and what its detections may be."""
+    """The predicted belief b^-[x_k, O] of every parent (Eqs. 4.11, 4.21), with the keyframe's detections."""
 
     @property
     def used(self) -> Index:
-        """(n,) detections that take part; the others are clutter in every candidate."""
+        """(n,) indices of the detections that are associated; the others are clutter in every candidate."""
 
     @property
     def expected_births(self) -> Array:
-        """(P,) detections that each parent expects of objects that nobody knows yet."""
+        """(P,) expected number of births: first detections of objects that a parent does not have yet."""
 
     def associate(self) -> Candidates:
-        """The associations of the detections to objects, as far as the gates admit."""
+        """Enumerate the associations of the detections to objects, within the gates."""
 
     def weigh(self, candidates: Candidates) -> Candidates:
-        """Candidates with classes where these are enumerated, evidence (Eq. 4.18) and the states at the modes."""
+        """Add classes where these are enumerated, the evidence (Eq. 4.18) and the states at the modes."""
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
-        """What the semantics are told of the candidates."""
+        """The input of the semantics for these candidates."""
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """(K,) log factors of births, detections and misses, and what becomes of the objects' existence."""
+        """(K,) log factors of births, detections and misses, and K updates of the objects' existence."""
 
     def updates(
         self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
     ) -> list[ComponentUpdate]:
-        """What some candidates add to the components of their parents, without what semantics say."""
+        """The component updates of some candidates (``rows``), without the records of the semantics."""
 
 
 class AssociationStrategy(Protocol):
-    """One way to tell which detection is of which object."""
+    """A method of data association, configured by its flags."""
 
-    registry: ObjectRegistry  # of the objects that the run has come to know
+    registry: ObjectRegistry  # of the objects of the run
     needs_map: ClassVar[bool]  # a run without a map prior is refused
     wants_identities: ClassVar[bool]  # detections carry the identity of their object
-    counts_misses: ClassVar[bool]  # a frame without detections says something
-    tracks_objects: ClassVar[bool]  # objects come and go; odometry may have one of several noises, and biases
-    carries_views: ClassVar[bool]  # no map tells how objects are turned: views wait for that before they enter a graph
-    merges_copies: ClassVar[bool]  # hypotheses become near copies of each other, and are merged
+    counts_misses: ClassVar[bool]  # missed detections are evidence
+    tracks_objects: ClassVar[bool]  # open world: births and removals; noise settings and biases may be inferred
+    carries_views: ClassVar[bool]  # no map states objects' headings: views enter a graph only once these are known
+    merges_copies: ClassVar[bool]  # near-duplicate hypotheses arise, and are merged
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
-        """For one run; ``registry``: the objects that it has come to know."""
+        """The strategy of one run; ``registry`` holds its objects."""
 
     @classmethod
     def suited_to(cls, configuration: Configuration) -> type[Any]:
-        """The AssociationStrategy that works under the other parameters; itself where it has no others beside it."""
+        """The AssociationStrategy class to use under the other parameters: a variant of it, or the class itself."""
 
     @staticmethod
     def check(configuration: Configuration) -> None:
-        """Raises InputError where the other parameters do not go together with it."""
+        """Raise InputError if other parameters are incompatible with this strategy."""
 
     @staticmethod
     def introduce(registry: ObjectRegistry, step: Step) -> None:
-        """Note the objects that the detections of a keyframe bring, which every process does alike."""
+        """Register the objects that a keyframe's detections may introduce, identically in every process."""
 
     @staticmethod
     def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
-        """The objects that are reported while hypotheses hold those ``alive``."""
+        """The objects to report, given the ids ``alive`` that some hypothesis holds."""
 
     def root(self, number: int) -> Component:
-        """The component before any keyframe, under the beginning of that number: a noise of odometry, and a start."""
+        """The root component for a root ``number`` (noise setting and start), before any keyframe."""
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> PredictedKeyframe:
-        """The keyframe as the parents expect it; ``path``: one candidate of one parent. Raises LostComponentError."""
+        """Predict the keyframe for the parents. Raises LostComponentError.
+
+        ``path``: the one continuation of one parent that is wanted, when a lineage is replayed; None: all.
+        """
 
 
 def strategy_of(configuration: Configuration) -> type[AssociationStrategy]:
-    """The class that associates in a run of this configuration. Raises InputError for a name that nobody knows."""
+    """The association strategy of a configuration. Raises InputError for an unknown name."""
     named: type[AssociationStrategy] = ASSOCIATIONS.load(configuration.association)
     return named.suited_to(configuration)

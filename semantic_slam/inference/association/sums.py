@@ -1,7 +1,8 @@
-"""Sums over all joint assignments of detections to distinct objects, cluster by cluster.
+"""Exact sums over all joint assignments of detections to distinct objects (as in JPDA), cluster by cluster.
 
-Detections that may be of one object stand in one cluster, and so do those that others link: what is left is apart, and
-sums over all assignments are products over clusters. The weight of an assignment is the product over its pairs.
+Detections that may be of a common object are linked; clusters are the connected components. Clusters are independent,
+so that the sum over all assignments is the product over clusters. The weight of an assignment is the product over its
+pairs.
 """
 
 from collections.abc import Iterator
@@ -11,9 +12,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 
 LARGEST_SET = 12
-"""Detections of a cluster of which all sets are looked at."""
+"""Largest cluster, in detections, whose sum is exact: it runs over all subsets of its detections."""
 NEGLIGIBLE = 1e-12
-"""Weight relative to the best of a detection."""
+"""Pairs of a smaller weight, relative to a detection's best, are neglected."""
 
 
 def log_sum_of_all(log_known: Array, log_new: Array) -> float:
@@ -27,7 +28,7 @@ def log_sum_of_all(log_known: Array, log_new: Array) -> float:
 
 
 def clusters(known: Array) -> Iterator[tuple[Index, Index]]:
-    """Rows (detections) and columns (objects) of each cluster of the weights ``known`` (D, M), in order of the rows."""
+    """Yield rows (detections) and columns (objects) of each cluster of weights ``known`` (D, M), ordered by row."""
     may_be = known > NEGLIGIBLE
     linked = may_be.astype(float) @ may_be.T > 0.0  # (D, D) detections that may be of one object
     left = np.ones(len(known), dtype=bool)
@@ -39,7 +40,7 @@ def clusters(known: Array) -> Iterator[tuple[Index, Index]]:
 
 
 def _reached(linked: Flags, row: int) -> Flags:
-    """(D,) what a row of ``linked`` (D, D) leads to, itself among it."""
+    """(D,) rows in the connected component of a row of the adjacency matrix ``linked`` (D, D), itself included."""
     members = np.asarray(np.arange(len(linked)) == row)
     while True:
         more = np.asarray(members | linked[members].any(axis=0))
@@ -49,7 +50,7 @@ def _reached(linked: Flags, row: int) -> Flags:
 
 
 def _scaled(log_known: Array, log_new: Array) -> tuple[Array, Array, Array]:
-    """Weights (D, M) and (D,) relative to the best of each detection, and the logs of those."""
+    """Weights (D, M) and (D,) relative to the best of each detection, and (D,) the logs of the best."""
     scale = np.maximum(log_new, log_known.max(axis=1, initial=-np.inf))
     return np.exp(log_known - scale[:, None]), np.exp(log_new - scale), scale
 
@@ -57,8 +58,8 @@ def _scaled(log_known: Array, log_new: Array) -> tuple[Array, Array, Array]:
 def _sum(known: Array, new: Array) -> float:
     """The sum over all assignments of one cluster.
 
-    One object after the other takes no detection or one of those left: a sum over the sets of detections that are
-    taken, 2^D terms.
+    Dynamic programming over objects: each takes no detection or one of those left; the state is the set of detections
+    that are taken, 2^D terms.
     """
     count = len(new)
     if count == 1 or count > LARGEST_SET:
@@ -68,8 +69,8 @@ def _sum(known: Array, new: Array) -> float:
     for weights in known.T:
         before = taken.copy()
         for number in np.flatnonzero(weights > NEGLIGIBLE):
-            halves = (-1, 2, 2**number)  # whether that detection is taken is the middle one
+            halves = (-1, 2, 2**number)  # the middle axis says whether that detection is taken
             taken.reshape(halves)[:, 1] += weights[number] * before.reshape(halves)[:, 0]
-    for weight in new:  # those left over are of no known object
+    for weight in new:  # detections that are not taken are of no known object
         taken = taken[0::2] * weight + taken[1::2]
     return float(taken[0])

@@ -1,4 +1,4 @@
-"""A run's configuration as it is announced to backends, and saved with the run."""
+"""The announcement of a run: its configuration as it is sent to backends, and saved with the run."""
 
 import json
 from dataclasses import replace
@@ -32,10 +32,10 @@ def make_run_configuration(
     revision: str = "",
     session: int = 0,
 ) -> RunConfiguration:
-    """The announcement of a run; ``initial_pose`` (7,) and ``initial_covariance`` (6, 6) in map.
+    """Build the announcement of a run; ``initial_pose`` (7,) and ``initial_covariance`` (6, 6) in map.
 
-    ``session`` counts the runs of one manager, so that each has an id of its own.
-    Raises InputError when detections have to be associated with a map that has no objects.
+    ``session`` counts the runs of one manager, so that each has an id of its own. Raises InputError for settings that
+    do not go together, and when the association needs a map but the map prior has no objects.
     """
     association = strategy_of(configuration)
     if association.needs_map and not (map_prior and map_prior.objects):
@@ -67,9 +67,9 @@ def make_run_configuration(
 def _with_class_models(
     configuration: Configuration, association: type[AssociationStrategy], source: str, latent: DescriptorModel | None
 ) -> Configuration:
-    """With what the files of the class models say: their space, their digest, and how often a detector detects.
+    """The configuration, completed from the class models' files: latent space, digests, fitted detection probability.
 
-    So backends, reports and queries know the space of the descriptors, and which file they have to find.
+    Backends, reports and queries thus know the space of the descriptors, and which files they have to find.
     """
     models, world = configuration.semantic_model, configuration.open_world
     described = latent or load_embedding_model(models)
@@ -82,6 +82,6 @@ def _with_class_models(
 
 
 def _class_names(settings: SemanticModelConfiguration, latent: DescriptorModel | None) -> tuple[str, ...]:
-    """Classes that the models tell apart; () where there are no models, or where these know no classes."""
+    """Class names of the class models; () where there are no models, or where these know no classes."""
     model = load_model(settings) or latent or load_label_model(settings)
     return tuple(model.class_names) if model is not None else ()

@@ -1,4 +1,4 @@
-"""Settings as an association uses them: what counts, what may move, and which noises are tried."""
+"""Settings as an association strategy uses them: revision and miss models, moving objects, and noise hypotheses."""
 
 from dataclasses import replace
 
@@ -9,7 +9,11 @@ from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 
 
 def as_used(configuration: Configuration, association: type[AssociationStrategy]) -> Configuration:
-    """Without what ``association`` has no use for: names and maps leave nothing to revise, and misses may not count."""
+    """The configuration without settings that do not apply to ``association``.
+
+    With given identities or a closed world (known map) there is nothing to revise; where missed detections do not
+    count, their model is cleared.
+    """
     revision, world = configuration.revision, configuration.open_world
     if association.wants_identities or not association.tracks_objects:
         revision = replace(revision, every_keyframes=0, second_boxes_every_keyframes=0, lost_every_keyframes=0)
@@ -30,18 +34,18 @@ def as_used(configuration: Configuration, association: type[AssociationStrategy]
 
 
 def while_lost(configuration: Configuration) -> PruningConfiguration:
-    """How much is followed of a robot that is lost when it begins."""
+    """Pruning limits for a run whose robot is lost at its start (global localisation)."""
     pruning, most = configuration.pruning, configuration.revision.lost_hypotheses
     return replace(pruning, max_hypotheses=min(pruning.max_hypotheses, most)) if most > 0 else pruning
 
 
 def moving_of(configuration: Configuration, association: type[AssociationStrategy]) -> Moving:
-    """What may move: nothing where detections carry the identity of their object."""
+    """The model of moving objects; off where detections carry the identity of their object."""
     if association.wants_identities:
         return Moving()
     return Moving(configuration.moving, configuration.detection_errors)
 
 
 def noises_of(configuration: Configuration, association: type[AssociationStrategy]) -> tuple[NoiseSettings | None, ...]:
-    """What hypotheses may take the noises to be; where objects are not tracked, all is as told."""
+    """Noise settings that root hypotheses try; in a closed world only that of the configuration (None)."""
     return NoiseSettings.grid(configuration) if association.tracks_objects else (None,)

@@ -1,4 +1,4 @@
-"""What a run cannot do with the association and the class models that it has. Every check raises InputError."""
+"""Checks for settings that do not go with a run's association or class models. Every check raises InputError."""
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
@@ -83,7 +83,7 @@ def _check_detections(configuration: Configuration, association: type[Associatio
 
 
 def _check_rates(configuration: Configuration) -> None:
-    """What evidence is to decide between, of how often and how densely things are seen."""
+    """Check the grids of detection, miss, birth and clutter rates between which evidence is to decide."""
     world = configuration.open_world
     if not all(0.0 < own < 1.0 for own in world.detection_probabilities):
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")

@@ -1,4 +1,4 @@
-"""Probabilities of an object's class before any view of it."""
+"""Prior class probabilities of an object, before any view of it."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ LEAST_CLASS_SHARE = 0.01
 
 
 def class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
-    """(C,) probabilities; none is zero, for what an earlier run discarded may have been the truth."""
+    """(C,) class probabilities, none of which is zero, as an earlier run may have discarded the truth."""
     uniform = even_classes(len(class_names))
     given = np.array([item.class_probabilities.get(name, 0.0) for name in class_names])
     if given.sum() <= 0.0:
@@ -19,5 +19,5 @@ def class_prior(item: ObjectPrior, class_names: tuple[str, ...]) -> Array:
 
 
 def even_classes(num_classes: int) -> Array:
-    """(C,) probabilities of classes of which nothing is known."""
+    """(C,) uniform class probabilities, where nothing is known."""
     return np.full(num_classes, 1.0 / max(num_classes, 1))

@@ -1,4 +1,4 @@
-"""What detections of no object look like, under the class models of a run."""
+"""The clutter (false alarm) model of a run: densities of position and scores of a detection of no object."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,13 +14,13 @@ from semantic_slam.inference.reference import EvenWords
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 FEATURE = "feature", "feature_covariance"
-"""What detections tell of their objects' looks."""
+"""Fields of a detection that hold its semantic feature."""
 
 
 def clutter_of(configuration: Configuration, models: RunModels) -> Clutter | None:
-    """None where views have evidence without a floor, which clutter would replace.
+    """The clutter model; None for class models whose view likelihoods have no outlier floor.
 
-    Those are views that share their errors, and descriptors.
+    Without a floor, clutter would explain away unlikely views: this concerns views with shared errors, and descriptors.
     """
     kind = class_model_kind(configuration.semantic_model)
     clutter = EvenSpatialClutter if configuration.is_spatial else EvenClutter

@@ -1,4 +1,4 @@
-"""Where the robot is before the first keyframe, as the configuration or a plain Python session states it."""
+"""The initial pose, before the first keyframe, from the configuration or from a Python session's arguments."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +31,7 @@ def initial_pose_of(configuration: Configuration) -> tuple[Array, Array]:
 def start_of_run(
     configuration: Configuration, pose: ArrayLike | None, covariance: ArrayLike | None
 ) -> tuple[Array, Array]:
-    """(7,) pose and (6, 6) covariance in map; what is None is the configuration's. Raises InputError."""
+    """(7,) pose and (6, 6) covariance in map; None is replaced by the configuration's value. Raises InputError."""
     if pose is None or covariance is None:
         configured_pose, configured_covariance = initial_pose_of(configuration)
     return (

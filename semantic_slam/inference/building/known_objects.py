@@ -1,4 +1,4 @@
-"""The objects of a run before its first keyframe: those of the map, what it may lack, and where they may be besides."""
+"""The objects of a run before its first keyframe: mapped ones, placeholders of unmapped ones, and displaced twins."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,9 +20,9 @@ from semantic_slam.inference.world.unmapped import unmapped_objects
 
 @dataclass(frozen=True, kw_only=True)
 class KnownObjects:
-    """Objects that a run begins with."""
+    """The objects that a run starts with."""
 
-    prior: MapPrior  # with what the map may lack, and with its objects elsewhere
+    prior: MapPrior  # including placeholders for unmapped objects, and displaced twins
     entries: tuple[ObjectEntry, ...]
     joint: JointPrior | None  # None: their priors are independent
     unmapped_ids: frozenset[int]
@@ -32,9 +32,10 @@ class KnownObjects:
 def known_objects(
     run: RunConfiguration, configuration: Configuration, sensing: Sensing, *, may_lack: bool
 ) -> KnownObjects:
-    """Objects of the run's map, none where it has none; the map lacks nothing unless it ``may_lack`` objects.
+    """The objects of the run's map prior, none where it has none; with placeholders and displaced twins as configured.
 
-    Raises InputError for a map that does not go with the run.
+    ``may_lack``: the map may lack objects, for which there are placeholders. Raises InputError for a map that does not
+    go with the run.
     """
     prior = parse_map_prior(run.map_prior, "map prior") if run.map_prior else MapPrior()
     unmapped = _unmapped(configuration, prior) if may_lack else ()
@@ -50,13 +51,13 @@ def known_objects(
 
 
 def _is_associated_with_map(configuration: Configuration) -> bool:
-    """Whether detections are of the map's objects, or of none, and no object is born."""
+    """Whether the world is closed: detections are of the map's objects or clutter, and no object is born."""
     association = strategy_of(configuration)
     return association.needs_map and not association.tracks_objects
 
 
 def _unmapped(configuration: Configuration, prior: MapPrior) -> tuple[ObjectPrior, ...]:
-    """What the map may lack, where detections are associated with a map, some of them with none of its objects."""
+    """Placeholders for objects that the map may lack, in a closed world with clutter."""
     settings = configuration.closed_world
     if not _is_associated_with_map(configuration) or settings.clutter_per_frame <= 0.0:
         return ()
@@ -67,7 +68,7 @@ def _unmapped(configuration: Configuration, prior: MapPrior) -> tuple[ObjectPrio
 def _with_displaced(
     configuration: Configuration, prior: MapPrior, unmapped: Sequence[ObjectPrior]
 ) -> tuple[MapPrior, Displaced]:
-    """The map, with where its objects may be besides, where detections are associated with it."""
+    """The map with displaced twins of its objects, in a closed world."""
     settings = configuration.closed_world
     if not _is_associated_with_map(configuration):
         return prior, Displaced()
@@ -76,7 +77,7 @@ def _with_displaced(
 
 
 def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) -> ObjectEntry:
-    """Raises InputError for a class that the class models do not know."""
+    """The registry's entry of a mapped object. Raises InputError for a class that the class models do not know."""
     unknown = sorted(set(item.class_probabilities) - set(class_names))
     if unknown and class_names:
         raise InputError(
@@ -93,7 +94,7 @@ def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) 
 
 
 def _joint(prior: MapPrior, sensing: Sensing) -> JointPrior | None:
-    """What the map's objects have in common, where the map tells; what it may lack or have elsewhere comes after."""
+    """Joint prior of the mapped objects, if the map states one; placeholders and twins come after and are not in it."""
     if prior.joint_covariance is None or len(prior.joint_covariance) <= 3:
         return None
     mapped = prior.objects[: len(prior.joint_covariance) // 3]

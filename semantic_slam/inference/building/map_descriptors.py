@@ -1,4 +1,4 @@
-"""What a map tells of its objects' looks, in the descriptors that the class models of a run work with."""
+"""Priors of the appearance of mapped objects: descriptors or appearance vectors, as the class models use them."""
 
 from collections.abc import Sequence
 
@@ -17,9 +17,9 @@ from semantic_slam.viewpoint.embeddings.model import EmbeddingRecord
 def latent_observation_of(
     models: RunModels, prior: MapPrior, objects: Sequence[ObjectEntry]
 ) -> LatentObservation | None:
-    """With the descriptors of the map's objects, or else their classes; None without a latent space.
+    """The learned likelihood, with descriptor priors from the map's descriptors or else its classes.
 
-    Raises InputError.
+    None without a latent space. Raises InputError.
     """
     model = models.descriptors
     if model is None:
@@ -31,7 +31,7 @@ def latent_observation_of(
 
 
 def appearances_of(models: RunModels, prior: MapPrior) -> dict[int, EmbeddingRecord]:
-    """Object id -> what the map tells of its looks, where vectors are evidence. Raises InputError."""
+    """Object id -> appearance record from the map; {} unless vectors are evidence. Raises InputError."""
     model = models.embeddings
     if model is None:
         return {}
@@ -43,7 +43,7 @@ def appearances_of(models: RunModels, prior: MapPrior) -> dict[int, EmbeddingRec
 
 
 def _descriptor(item: ObjectPrior, model: DescriptorModel) -> DescriptorBelief:
-    """Raises InputError for a descriptor of another length."""
+    """The descriptor belief of a mapped object. Raises InputError for a descriptor of another length."""
     _check_length(item, model.num_dimensions)
     return DescriptorBelief(item.descriptor[None], np.sqrt(item.descriptor_variance)[None])
 

@@ -1,4 +1,4 @@
-"""The problem that a run announces."""
+"""Construction of the inference problem from a run's announcement."""
 
 import json
 
@@ -26,7 +26,7 @@ from semantic_slam.viewpoint.novelty import QUANTILE
 
 
 def problem_of(run: RunConfiguration) -> Problem:
-    """The problem that a run announces. Raises InputError."""
+    """Build the inference problem of an announced run. Raises InputError."""
     configuration = from_dict(json.loads(run.configuration), "run configuration")
     association = strategy_of(configuration)
     configuration = as_used(configuration, association)
@@ -78,7 +78,7 @@ def problem_of(run: RunConfiguration) -> Problem:
 def _semantics(
     configuration: Configuration, models: RunModels, known: KnownObjects, latent: LatentObservation | None
 ) -> Semantics:
-    """Evidence of views under the class models, and records of them."""
+    """The semantics of the configured class models: they weigh views of objects, and keep records of them."""
     kind: type[Semantics] = SEMANTICS.load(semantics_name(configuration))
     return kind.of(
         ClassModels(

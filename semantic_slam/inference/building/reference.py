@@ -1,4 +1,4 @@
-"""The reference model of a run, by which it is told whether its belief explains its data."""
+"""Construction of a run's null (reference) model, against which the belief's fit to the data is measured."""
 
 import json
 
@@ -12,10 +12,7 @@ from semantic_slam.inference.world.problem import Problem
 
 
 def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
-    """The model that explains nothing, by which it is told whether the belief of a run explains its data.
-
-    ``problem`` is the one that the run announces.
-    """
+    """The null model of a run, see ``Reference``; ``problem`` is the one built from the run's announcement."""
     configuration = from_dict(json.loads(run.configuration), "run configuration")
     settings = configuration.semantic_model
     model, labels = load_model(settings), load_label_model(settings)

@@ -19,18 +19,18 @@ from semantic_slam.viewpoint.outliers import OutlierScores
 
 @dataclass(frozen=True, kw_only=True)
 class RunModels:
-    """What says of which class an object is; None is what the configured kind of class models does not have."""
+    """The class models of a run; those that the configured kind does not have are None."""
 
     viewpoint: ViewpointModel | None  # P(z | c, viewpoint)
-    descriptors: DescriptorModel | None  # P(f | viewpoint, e)
-    labels: LabelModel | None  # a detector's words
-    embeddings: EmbeddingModel | None  # vectors of appearance
-    outliers: OutlierScores | None  # what a view's score may be besides
-    tempering: float  # so many views tell as much as one
+    descriptors: DescriptorModel | None  # P(f | viewpoint, e), e being a descriptor in a learned latent space
+    labels: LabelModel | None  # P(label | c) of a detector
+    embeddings: EmbeddingModel | None  # model of appearance vectors
+    outliers: OutlierScores | None  # density of outlier scores
+    tempering: float  # number of views that carry as much information as one independent view
 
     @classmethod
     def load(cls, settings: SemanticModelConfiguration, bag_sha256: str) -> Self:
-        """Models of a run of the bag with that digest, "" where there is no bag. Raises InputError."""
+        """Load the models for a run on the bag with that digest, "" where there is no bag. Raises InputError."""
         check_digest(settings)
         viewpoint = load_model(settings)
         return cls(
@@ -44,5 +44,5 @@ class RunModels:
 
 
 def _outliers(model: ViewpointModel | None, share: float) -> OutlierScores | None:
-    """What a view's score may be besides what the class models say; None: no view is an outlier."""
+    """The outlier density that is mixed into view likelihoods; None: no view is an outlier."""
     return OutlierScores.of(model, share) if model is not None and share else None

@@ -1,4 +1,4 @@
-"""The state space of a run and the observation model over it, which go together."""
+"""Construction of a run's sensing: its state spaces and the matching observation model."""
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.association.strategy import strategy_of
@@ -10,7 +10,7 @@ from semantic_slam.viewpoint.model import feature_names
 
 
 def sensing_of(configuration: Configuration, models: RunModels) -> Sensing:
-    """With the class models where views enter by factors. Raises InputError."""
+    """The sensing of a run; the observation model has the class model if views enter as factors. Raises InputError."""
     explained = models.viewpoint or models.descriptors
     registry = SPATIAL_OBSERVATIONS if configuration.is_spatial else OBSERVATIONS
     build: SensingBuilder = registry.load(configuration.observation)

@@ -1,4 +1,4 @@
-"""What does not work in space yet. Every check raises InputError."""
+"""Checks for settings that do not work in space (SE(3)) yet. Every check raises InputError."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ from semantic_slam.inference.models.moving import Moving
 
 
 def check_space(configuration: Configuration, association: type[AssociationStrategy]) -> None:
-    """Raises InputError for the first setting that only a planar run has."""
+    """Raise InputError for the first setting that works only in the plane; for a planar run, only in space."""
     if not configuration.is_spatial:
         if configuration.odometry.sigma_level_rad > 0.0:
             raise InputError("odometry.sigma_level_rad: a planar robot is level; set it to 0, or state_space: spatial")
@@ -23,7 +23,7 @@ def check_space(configuration: Configuration, association: type[AssociationStrat
 
 
 def _planar_alone(configuration: Configuration, association: type[AssociationStrategy]) -> Iterator[tuple[bool, str]]:
-    """Whether a run would need what there is in the plane alone, and what to set in its place."""
+    """Yield, for each planar-only feature, whether it is configured, and what to set instead."""
     closed, world = configuration.closed_world, configuration.open_world
     errors, perception, revision = configuration.detection_errors, configuration.perception, configuration.revision
     yield (
@@ -59,6 +59,6 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
 
 
 def _needs_the_plane(configuration: Configuration) -> bool:
-    """Whether class models tell more than scores by viewpoint: descriptors and vectors are of the plane."""
+    """Whether the class models use descriptors or appearance vectors, which work only in the plane."""
     kind = class_model_kind(configuration.semantic_model)
     return kind.descriptors is not None or kind.embeddings is not None

@@ -1,4 +1,4 @@
-"""How views of objects enter: which semantics weigh them, and whether by factors or carried with their objects."""
+"""How semantic views of objects enter inference: by which semantics, and as factors or as records of the objects."""
 
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration
@@ -7,7 +7,7 @@ from semantic_slam.inference.association.strategy import strategy_of
 
 
 def semantics_name(configuration: Configuration) -> str:
-    """Semantics that suit the class models, and whether headings are known before views enter. Raises InputError."""
+    """Name of the semantics for the class models; it depends on whether views are factors. Raises InputError."""
     kind = class_model_kind(configuration.semantic_model)
     if not _carries_views(configuration):
         return kind.semantics
@@ -20,23 +20,23 @@ def semantics_name(configuration: Configuration) -> str:
 
 
 def views_are_factors(configuration: Configuration) -> bool:
-    """Whether semantic measurements enter by factors, under classes that hypotheses enumerate."""
+    """Whether semantic measurements enter the graphs as factors, given classes that hypotheses enumerate."""
     return class_model_kind(configuration.semantic_model).has_factors and not _carries_views(configuration)
 
 
 def sees_places_in_single_steps(configuration: Configuration) -> bool:
-    """Whether updates are not iterated, and no view tells how its object is turned."""
+    """Whether updates are single steps (not iterated), and views carry no information on an object's heading."""
     kind = class_model_kind(configuration.semantic_model)
     return kind.sees_places_alone and not configuration.open_world.iterate_updates
 
 
 def tempering(settings: SemanticModelConfiguration) -> float:
-    """So many views tell as much as one."""
+    """Tempering of view likelihoods: the number of views that carry as much information as one independent view."""
     return settings.likelihood_tempering if class_model_kind(settings).repeats_errors else 1.0
 
 
 def _carries_views(configuration: Configuration) -> bool:
-    """Whether views stay with the objects of a hypothesis until it is known how these are turned."""
+    """Whether views are kept in the objects' records, not as factors, until the objects' headings are known."""
     association = strategy_of(configuration)
     enumerates = configuration.open_world.classes == "enumerated"
     has_factors = class_model_kind(configuration.semantic_model).has_factors

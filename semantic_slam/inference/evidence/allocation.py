@@ -1,4 +1,4 @@
-"""How the process treats memory that it has freed."""
+"""Tuning of glibc's allocator: freed memory is kept in the process."""
 
 import ctypes
 from functools import cache

@@ -1,4 +1,4 @@
-"""The candidates of a keyframe: one table from enumeration to weights, which gains columns as the work goes on."""
+"""The table of a keyframe's candidates, from enumeration to weights; it gains columns on the way."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ AT_MODES = (
     "bend",
     "innovation_nees",
 )
-"""Columns that follow from the mode of a candidate."""
+"""Columns that are computed at the mode of a candidate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,11 +42,11 @@ class Assignments:
     innovation_nees: Array | None = (
         None  # (K,) of the detections of known objects, per degree of freedom; NaN without any
     )
-    bend: Array | None = None  # (K,) sigmas by which a measurement at the mode differs from its linearisation, at most
-    outlier: Flags | None = None  # (K, n) which detections are taken for outliers in their place
-    outlier_probability: Array | None = None  # (K, n) that they are
-    posterior_modes: NDArray[np.object_] | None = None  # (K,) what the whole window had to say, None where not asked
-    windows: NDArray[np.object_] | None = None  # (K,) since the candidate was last Gaussian, None: it is
+    bend: Array | None = None  # (K,) largest difference of a measurement at the mode from its linearisation, in sigmas
+    outlier: Flags | None = None  # (K, n) detections that are taken for geometric outliers
+    outlier_probability: Array | None = None  # (K, n) probability that they are
+    posterior_modes: NDArray[np.object_] | None = None  # (K,) ``PosteriorMode`` of the window, None: not searched
+    windows: NDArray[np.object_] | None = None  # (K,) ``Window`` since the candidate was last Gaussian, None: it is
 
     def __len__(self) -> int:
         return len(self.parents)
@@ -72,7 +72,7 @@ class Assignments:
         return self.gaining(**columns)
 
     def column(self, name: str) -> Array:
-        """A column of numbers that is known by now."""
+        """A column that must have been filled already."""
         column = getattr(self, name)
         assert column is not None, name
         return np.asarray(column)

@@ -1,10 +1,10 @@
-"""How sure evidence is of where the robot is: weights averaged over resampled sets of the keyframes they come from.
+"""Bagged posterior over the robot's place: weights averaged over bootstrap samples of the keyframes.
 
-A weight is a product over keyframes, each of which counts as if the models were exact. Where they are not, a sum of
-nats that now rises and now falls settles what the data leave open. The bagged posterior says so: the average of the
-posteriors given data drawn anew from the data (Buehlmann 2014; Huggins and Miller 2023), here whole keyframes, as often
-as Poisson's distribution of mean one has it. Between histories in which the robot is about at one place weights stay
-what they are.
+A weight is a product over keyframes, each of which counts as if the models were exact. If they are not, log weight
+differences that fluctuate from keyframe to keyframe decide between places although the data do not. The bagged
+posterior is robust to this: the average of the posteriors given resampled data (Buehlmann 2014; Huggins and Miller
+2023). Here whole keyframes are resampled, each Poisson(1) times. Among histories with the robot at about the same place
+the relative weights stay unchanged.
 """
 
 from dataclasses import dataclass
@@ -18,23 +18,23 @@ from semantic_slam.inference.states.identity import generator
 
 @dataclass(frozen=True)
 class Bagging:
-    """B resampled sets of keyframes; a history's replicates (B,) are the logs of its weights given each."""
+    """B bootstrap sets of keyframes; a history's replicates (B,) are its log weights given each set."""
 
     seed: int
-    num_replicates: int  # B; 0: none, and weights stay what they are
+    num_replicates: int  # B; 0: none, weights are unchanged
 
     def begun(self, log_weight: float) -> Array:
         """(B,) replicates of a history before the first keyframe."""
         return np.full(self.num_replicates, log_weight)
 
     def grown(self, replicates: Array, keyframe: int, log_psi: float) -> Array:
-        """(B,) replicates of a history after one keyframe more, whose weight it has multiplied by psi."""
+        """(B,) replicates of a history after keyframe ``keyframe``, which multiplied its weight by psi."""
         if self.num_replicates == 0:
             return replicates
         return np.asarray(replicates + _times(self.seed, self.num_replicates, keyframe) * log_psi)
 
     def log_weights(self, log_weights: Array, replicates: Array, kinds: Index) -> Array:
-        """(H,) averaged between ``kinds`` (H,), from normalised ones (H,) and replicates (H, B)."""
+        """(H,) bagged log weights, from normalised ones (H,) and replicates (H, B), for clusters ``kinds`` (H,)."""
         every = np.unique(kinds)
         if self.num_replicates == 0 or len(every) == 1:
             return log_weights
@@ -49,5 +49,5 @@ class Bagging:
 
 @lru_cache(maxsize=4096)
 def _times(seed: int, num_replicates: int, keyframe: int) -> Array:
-    """(B,) how often each set has a keyframe."""
+    """(B,) multiplicity of a keyframe in each bootstrap set."""
     return generator(seed, "bagging", 0, keyframe).poisson(1.0, num_replicates).astype(float)

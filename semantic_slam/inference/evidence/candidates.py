@@ -1,4 +1,4 @@
-"""What the expander hands from step to step: the candidates of one keyframe and the problem that weighs them."""
+"""The candidates of one keyframe with the least-squares problems that weigh them, as passed through the expander."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,15 +15,15 @@ from semantic_slam.inference.states.lineage import LineageStep, lineage_steps
 
 @dataclass(frozen=True, kw_only=True)
 class Candidates:
-    """K candidates of P parents."""
+    """K candidates of P parents, at any stage between enumeration and weighing."""
 
     assignments: Assignments  # K
-    object_ids: Index  # (O,) that ``assignments.objects`` refers to
-    log_left_out: Array  # (P,) mass that was not enumerated, relative to the best candidate of the parent
-    problem: KeyframeProblem | None = None  # K least-squares problems; None where a linearisation weighs them
+    object_ids: Index  # (O,) ids of the objects that ``assignments.objects`` refers to
+    log_left_out: Array  # (P,) log mass that was not enumerated, relative to the best candidate of the parent
+    problem: KeyframeProblem | None = None  # K least-squares problems; None where weights come from a linearisation
     start: Array | None = None  # (K, m) whitened states from which their modes are searched
-    mode: Mode | None = None  # K, where they have been searched
-    num_new: int = 0  # the last of the objects, which this keyframe introduces
+    mode: Mode | None = None  # K, once they have been searched
+    num_new: int = 0  # number of objects that this keyframe introduces, the last ones of ``object_ids``
 
     def gaining(self, **columns: Any) -> "Candidates":
         """The candidates with more columns of the table of assignments."""
@@ -40,12 +40,12 @@ class Candidates:
         )
 
     def steps(self, used: Index, num_detections: int) -> list[LineageStep]:
-        """What the keyframe adds to the lineages; the candidates are about the ``used`` (n,) of its detections."""
+        """Lineage steps of the candidates, which associate the ``used`` (n,) detections of the keyframe."""
         rows = self.assignments
         return lineage_steps(rows.object_ids(self.object_ids), rows.classes, rows.numbers, used, num_detections)
 
     def solved(self) -> tuple[KeyframeProblem, Mode]:
-        """The problem and its modes, of candidates that have both."""
+        """The problems and their modes, for candidates that have both."""
         assert self.problem is not None and self.mode is not None
         return self.problem, self.mode
 

@@ -1,8 +1,8 @@
-"""Which objects of a map stand elsewhere than the map says, from where a hypothesis has them by now.
+"""Posterior probability that mapped objects were displaced since the map was made, from one component's estimates.
 
-Before the drive an object is where the map has it with a probability 1 - e, N(m, P), and was moved with e,
-N(m, P + s^2 I). A component takes each object one way, N(m, A), and not the other, N(m, B): its posterior is N(mu, S).
-If it takes a set D of them wrongly, the evidence is that of the component times
+A priori an object is where the map has it, N(m, P), with probability 1 - e, and was moved, N(m, P + s^2 I), with e.
+A component assumes one alternative for each object, N(m, A), and not the other, N(m, B); its posterior is N(mu, S).
+If its assumption is wrong for a set D of objects, the evidence is that of the component times
 
     E[prod_{i in D} N(x_i; m_i, B_i) / N(x_i; m_i, A_i)],  x ~ N(mu, S),
 
@@ -21,23 +21,25 @@ from scipy.special import logsumexp
 from semantic_slam.geometry.arrays import Array, Flags, Index
 
 AROUND = 2
-"""Objects by which the sets that are summed differ from the likeliest one at most: all sets of up to four objects if
-that is one of two."""
+"""Largest number of objects in which the summed sets differ from the likeliest one.
+
+If the likeliest set has two objects, these are sets of up to four.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Displacement:
-    """n objects with places of d components, as one component has them and as the map has; some were moved for it."""
+    """Positions (d components) of n mapped objects: a component's posterior, the map's prior, what it assumes moved."""
 
-    offset: Array  # (n, d) mean less that of the map, metres
+    offset: Array  # (n, d) posterior mean minus the map's mean, metres
     covariance: Array  # (n d, n d) posterior
-    prior: Array  # (n, d, d) covariances of the map's places of what was not moved
-    taken: Flags  # (n,) which the component takes to have been moved
+    prior: Array  # (n, d, d) the map's covariances of objects that were not moved
+    taken: Flags  # (n,) objects that the component assumes to have been moved
     share: float  # e
     sigma_m: float  # s
 
     def probabilities(self) -> Array:
-        """(n,) that each was moved, given what the component's detections are of."""
+        """(n,) probabilities that each was moved, given the component's associations."""
         sets = list(self._around(self._likeliest()))
         logs = self._log_odds(sets)
         weights = np.exp(logs - logsumexp(logs))
@@ -45,7 +47,7 @@ class Displacement:
         return np.where(self.taken, 1.0 - wrongly, wrongly)
 
     def _likeliest(self) -> frozenset[int]:
-        """From none on, the change of one object that gains most, until none gains anything."""
+        """The likeliest set D by greedy search from the empty set: change the best object, until none gains."""
         chosen, best = frozenset[int](), 0.0
         while True:
             changed = [chosen ^ {i} for i in range(len(self.offset))]
@@ -60,7 +62,7 @@ class Displacement:
                 yield centre ^ set(changed)
 
     def _log_odds(self, sets: Sequence[frozenset[int]]) -> Array:
-        """Log of the posterior that each set is taken the wrong way, over that none is, in nats."""
+        """Log posterior odds, in nats, that the assumption is wrong for exactly each set, against for no object."""
         logs, sizes = np.zeros(len(sets)), np.array([len(wrong) for wrong in sets])
         for size in np.unique(sizes[sizes > 0]):
             alike = np.flatnonzero(sizes == size)
@@ -68,7 +70,7 @@ class Displacement:
         return logs
 
     def _log_odds_of(self, wrong: Index) -> Array:
-        """(N,) for N sets of k objects each, (N, k)."""
+        """(N,) log posterior odds of N sets of k objects each, (N, k)."""
         (count, objects), size = wrong.shape, self.offset.shape[1]
         places = (size * wrong[:, :, None] + np.arange(size)).reshape(count, -1)
         blocks, each = np.zeros((count, objects, size, objects, size)), np.arange(objects)
@@ -84,7 +86,7 @@ class Displacement:
 
     @cached_property
     def _change(self) -> tuple[Array, Array]:
-        """C (n, d, d) of each object and log |A| - log |B| (n,), alone."""
+        """C (n, d, d) and log |A| - log |B| (n,) of each object by itself."""
         wide, taken = self.prior + self.sigma_m**2 * np.eye(self.offset.shape[1]), self.taken[:, None, None]
         own, other = np.where(taken, wide, self.prior), np.where(taken, self.prior, wide)
         return np.linalg.inv(own) - np.linalg.inv(other), np.linalg.slogdet(own)[1] - np.linalg.slogdet(other)[1]

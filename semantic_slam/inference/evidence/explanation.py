@@ -1,8 +1,8 @@
-"""Whether the belief still explains its data: the posterior of a reference model that expects nothing.
+"""Monitoring of model fit ("unexplained"): the posterior probability of the null model over a window of keyframes.
 
-Over a window of W keyframes the belief either explains all detections, or explains none from some keyframe of the
-window on: each such beginning has the prior ``PRIOR`` / W, and from there on the reference tells the density of the
-detections. With log ratios r_i = log P_reference(Z_i) - log P(Z_i | Z_1:i-1) the posterior odds are
+Over a window of W keyframes either the belief explains all detections, or the null (reference) model replaces it from
+some keyframe of the window on (a change point): each such keyframe has the prior ``PRIOR`` / W. With log ratios
+r_i = log P_reference(Z_i) - log P(Z_i | Z_1:i-1) the posterior odds are
 sum_j PRIOR / W exp(r_j + ... + r_k) to 1 - PRIOR n / W, n <= W being the keyframes that the window holds.
 While the belief's model is right, E[exp(r)] <= 1, so that odds above one come about once in 1 / ``PRIOR`` windows at
 most (Markov's inequality).
@@ -16,18 +16,18 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 
 WINDOW_KEYFRAMES = 10
-"""Keyframes of the window: a misfit longer ago than that is over, or goes on."""
+"""Length of the window in keyframes: an older misfit is over, or is still visible in the window."""
 UNEXPLAINED = 0.5
-"""Probability from which on the belief is said not to explain its data."""
+"""Probability above which the belief is reported as not explaining its data."""
 PRIOR = 1e-3
-"""Prior probability of a window that the belief does not explain."""
+"""Prior probability that the belief does not explain a window."""
 
 
 def probability_unexplained(log_ratios: Array) -> float:
-    """Posterior 0..1 that the belief explains nothing from some keyframe of the window on.
+    """Posterior probability 0..1 that the null model replaces the belief from some keyframe of the window on.
 
-    ``log_ratios`` (n,) in nats, newest last: log density of each keyframe's detections under the reference, less that
-    under the belief. NaN where one of them is unknown.
+    ``log_ratios`` (n,) in nats, newest last: log density of each keyframe's detections under the null model minus that
+    under the belief. NaN if one of them is NaN.
     """
     if np.isnan(log_ratios).any():
         return np.nan
@@ -39,13 +39,13 @@ def probability_unexplained(log_ratios: Array) -> float:
 
 @dataclass
 class Explanation:
-    """Holds the log ratios of the newest keyframes of a run."""
+    """Keeps the log ratios of a run's newest keyframes, and the probability that follows from them."""
 
     lately: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW_KEYFRAMES))
     unexplained: float = 0.0  # probability after the newest keyframe
 
     def add(self, log_evidence: float, log_reference: float) -> float:
-        """Probability that the belief does not explain its data, with one more keyframe.
+        """Add a keyframe and return the probability that the belief does not explain its data.
 
         ``log_evidence`` and ``log_reference`` are log densities of its detections in the same units, in nats.
         """

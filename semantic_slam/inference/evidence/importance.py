@@ -29,7 +29,7 @@ LEAST_EXPONENT = 10
 
 
 class Targets(Protocol):
-    """What is integrated for each of K problems: P(Z | y) P(beta | y) N(y; 0, I)."""
+    """The integrand of each of K problems: P(Z | y) P(beta | y) N(y; 0, I)."""
 
     def log_target(self, y: Array) -> Array:
         """(K N,) log P(Z, beta | y), N rows of each problem after those of the one before."""
@@ -112,10 +112,11 @@ def proposal(modes: Array, hessians: Array, log_evidence: Array) -> Gaussians:
 
 
 def adapted(mixture: Gaussians, samples: Samples) -> Gaussians:
-    """The mixture after what its samples showed: each mode with the moments of its part, the prior as before.
+    """The proposal mixture adapted to its samples: each mode gets the weighted moments of its part, the prior stays.
 
-    Moments of few effective samples are shrunk towards the Gaussian they were drawn from; of none, it stays. So does
-    one whose moments have no precision to this many digits: a mode where the robot stands on an object is that sharp.
+    Moments of few effective samples are shrunk towards the Gaussian they were drawn from. A mode without samples stays
+    as it is, and so does one whose covariance is numerically singular: a mode where the robot stands on an object is
+    that sharp.
     """
     alone = mixture.without_prior()
     _, weights = samples.part()
@@ -157,14 +158,14 @@ def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> l
 
 
 def _pairs(mixture: Gaussians, total: int) -> tuple[int, ...]:
-    """(M,) points and mirror images of each Gaussian, at least one; the heaviest takes what rounding leaves."""
+    """(M,) number of antithetic pairs of points of each Gaussian, at least one; the heaviest takes the remainder."""
     counts = np.maximum(1, np.round(total * np.exp(mixture.log_shares))).astype(int)
     counts[np.argmax(counts)] += total - counts.sum()
     return tuple(counts.tolist())
 
 
 def _points(means: Array, roots: Array, pairs: tuple[int, ...]) -> Array:
-    """(K, N, n) of K mixtures (K, M, n), from each of whose M Gaussians come as many."""
+    """(K, N, n) points of K mixtures (K, M, n), with ``pairs`` (M,) antithetic pairs from each Gaussian."""
     parts, inverse = [], np.linalg.inv(roots)
     for number, count in enumerate(pairs):
         half, centre = normal_points(count, means.shape[-1]) @ inverse[:, number], means[:, number, None]
@@ -173,7 +174,7 @@ def _points(means: Array, roots: Array, pairs: tuple[int, ...]) -> Array:
 
 
 def normal_points(count: int, size: int) -> Array:
-    """(count, size) standard normal points of low discrepancy, always the same; more of them begin with these."""
+    """(count, size) fixed quasi-random standard normal points; a larger set begins with the same points."""
     return _sequence(size, max(LEAST_EXPONENT, int(np.ceil(np.log2(max(count, 2))))))[:count]
 
 

@@ -1,4 +1,4 @@
-"""Normalised innovations of the detections of a keyframe, jointly, given what their hypothesis predicted."""
+"""Normalised innovation squared (NIS) of a keyframe's detections, jointly, under the prediction of a hypothesis."""
 
 import numpy as np
 
@@ -24,5 +24,5 @@ def innovation_nees(problem: KeyframeProblem, y: Array, num_known: int) -> Array
     innovation = np.where(counted, residual, 0.0).reshape(len(y), -1) - shift
     covariance = jacobian @ np.swapaxes(jacobian, 1, 2) + np.eye(innovation.shape[1])
     squared = (innovation * np.linalg.solve(covariance, innovation[..., None])[..., 0]).sum(axis=1)
-    degrees = jacobian.any(axis=2).sum(axis=1)  # a row without a slope measures nothing: the range that is missing
+    degrees = jacobian.any(axis=2).sum(axis=1)  # a row with a zero Jacobian measures nothing, e.g. a missing range
     return np.where(degrees > 0, squared / np.maximum(degrees, 1), np.nan)

@@ -1,8 +1,8 @@
-"""Small problems, many at a time: robot and associated objects of B candidates under their Gaussian priors.
+"""Batched nonlinear least-squares problems: robot and associated objects of B candidates, with Gaussian priors.
 
-A candidate's states are x = mean * Exp(L y) with y ~ N(0, I), block by block: block 0 is the robot, block 1 + i
-the object of detection i. A slot that a candidate does not use (clutter, or a second detection of the same
-object) carries an independent standard normal that no measurement touches, so that it adds nothing.
+A candidate's states are x = mean * Exp(L y) with whitened y ~ N(0, I), block by block: block 0 is the robot, block
+1 + i the object of detection i. A slot that a candidate does not use (clutter, or a second detection of the same
+object) is a dummy: an independent standard normal without measurements, which contributes nothing.
 """
 
 import copy
@@ -20,7 +20,7 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True)
 class PredictedBelief:
-    """Predicted Gaussians of P parents over the robot and O objects, covariances in the tangent spaces at the mean."""
+    """Predicted Gaussians of P parents over robot and O objects; covariances in the tangent spaces at the means."""
 
     layout: Layout  # of the tangent spaces: r, l, and w the wider of them
     mean: Array  # (P, 1 + O, s)
@@ -32,7 +32,7 @@ class PredictedBelief:
         return self.layout.square_blocks(self.covariance)
 
     def pair_covariances(self) -> Array:
-        """(P, O, r + l, r + l) of the robot together with each object."""
+        """(P, O, r + l, r + l) joint covariances of the robot with each object."""
         r, landmark, count = self.layout.robot, slice(self.layout.landmark), self.mean.shape[1] - 1
         blocks, objects = self.blocks, np.arange(1, 1 + count)
         joint = np.empty((len(self.mean), count, self.layout.size(1), self.layout.size(1)))
@@ -61,14 +61,14 @@ class KeyframeProblem:
     ):
         """``detections``: the n detections as ``model`` collects them; ``root`` (B, r + n l, r + n l).
 
-        ``log_clutter`` (n,): log density of each detection where it is of no object; None: it counts nothing.
+        ``log_clutter`` (n,): log density of each detection as clutter; None: clutter contributes 0.
         """
         self.spaces, self.layout, self.model, self.rows = spaces, spaces.layout, model, rows
         self._joint = spaces.joint
         self.detections = detections
         self.active = rows.objects >= 0
         self.slots = _first_occurrence(rows.objects)
-        self.log_clutter = np.zeros(len(self.active))  # (B,) of the detections that are of no object
+        self.log_clutter = np.zeros(len(self.active))  # (B,) summed over each candidate's clutter detections
         if log_clutter is not None:
             self.log_clutter = row_sums(np.where(self.active, 0.0, log_clutter))
         self._full = bool(self.active.all())
@@ -105,13 +105,13 @@ class KeyframeProblem:
         return part
 
     def select(self, selection: Index) -> "KeyframeProblem":
-        """The problem of the chosen candidates, without gathering their priors again."""
+        """The problem of the chosen candidates, with their priors."""
         part = self._of(selection)
         part._frames, part.root = self._frames[selection], self.root[selection]
         return part
 
     def _of(self, selection: Index) -> "KeyframeProblem":
-        """The problem of the chosen candidates, its priors still those of all."""
+        """The problem of the chosen candidates, but with the priors of all: for internal use."""
         part = copy.copy(self)
         part.rows = self.rows.take(selection)
         part.active, part.slots = self.active[selection], self.slots[selection]
@@ -153,12 +153,12 @@ class KeyframeProblem:
         return states[np.arange(len(states)), 1 + self.slots[:, detection], : self.spaces.storage.landmark]
 
     def heading_rows(self, detection: int) -> Index | None:
-        """(B,) coordinates of the headings of a detection's objects, about their own z; None where they do not turn."""
+        """(B,) indices of the heading coordinates (about own z) of a detection's objects; None if objects have none."""
         turn = self.spaces.landmark.own_turn
         return None if turn is None else self.layout.starts(1 + self.slots[:, detection]) + turn
 
     def heading_sigma(self, detection: int) -> Array:
-        """(B,) prior standard deviation of the heading of a detection's object, 0 where objects do not turn."""
+        """(B,) prior standard deviation of the heading of a detection's object, 0 if objects have none."""
         rows = self.heading_rows(detection)
         if rows is None:
             return np.zeros(len(self.root))
@@ -215,7 +215,7 @@ class KeyframeProblem:
         return residual, self._in_y(chart, [part]).reshape(*residual.shape, self.size)
 
     def _in_y(self, chart: Array, parts: list[Linearisation]) -> Array:
-        """(B, n m, size) derivatives of all residuals, given those of the states (B, 1 + n, w, w)."""
+        """(B, n m, size) derivatives of all residuals by y; ``chart`` (B, 1 + n, w, w): Jacobians of the retraction."""
         by_robot = self._by_row(np.concatenate([part.jacobian_robot for part in parts], axis=1))
         by_object = self._by_row(np.concatenate([part.jacobian_object for part in parts], axis=1))
         slopes = chart @ self.layout.blocks(self.root, -2)
@@ -232,7 +232,7 @@ class KeyframeProblem:
         return row_sums(self._by_row(self.model.log_visibility(x, o, soft=soft)))
 
     def _states(self, y: Array) -> Array:
-        """(B, 1 + n, s) states, headings as they add up: for likelihoods."""
+        """(B, 1 + n, s) states with headings not wrapped, for likelihoods."""
         return self._joint.placed(self._frames, self._joint.exp(self.tangent(y)))
 
     def _pairs(self, states: Array) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
-"""The modes of continuations over their whole window, each with its evidence and its moments.
+"""Search for the modes of candidates over their whole windows, with the evidence and moments of each.
 
-Continuations of one shape are searched and sampled together: what they need is many small numbers.
+Candidates whose windows have the same shape are searched and sampled as one batch, which is faster.
 """
 
 from collections.abc import Sequence
@@ -29,41 +29,45 @@ from semantic_slam.inference.evidence.window_problem import WindowProblem
 from semantic_slam.inference.states.keys import object_key, robot_key
 
 NUM_STARTS = 8
-"""Searches from the prior, besides those from where the hypothesis was."""
+"""Number of search starts drawn from the prior, besides those at the given estimate."""
 NUDGE = 0.3
-"""Whitened distance from the given start on either side: on a saddle between two modes, a search would stay."""
+"""Whitened distance of two starts on either side of the given one, as a search that starts on a saddle stays there."""
 SEARCHED_LINKS = 2
-"""Keyframes since the anchor up to which the prior is searched: later on, modes have been told apart."""
+"""Largest number of keyframes since the anchor for which the prior is searched; later, modes are already separate."""
 START_SPREAD = 0.7
-"""Standard deviations of the starts: modes far out have no weight."""
+"""Spread of the starts from the prior, in its standard deviations: modes far out have no weight."""
 ROUGH, NUDGED, EXACT = 0.01, 1e-3, 1e-6
-"""Nats that the last step of a search may have been expected to bring: from the prior, from beside the given start,
-and of the one that goes on in each valley."""
+"""Convergence tolerances of searches, as the largest expected gain of the last step in nats.
+
+Of those from the prior, of those beside the given start, and of the one that is continued in each valley.
+"""
 ROUNDS = ((5, 6.0), (7, 2.0))
-"""Iterations of the rough searches after which those in one valley go on as one, and how far behind others are left:
-so many times what is negligible."""
+"""Rounds of the rough search: iterations, after which searches in the same valley are merged, and the gate.
+
+Searches that are behind the best by more than the second number times ``NEGLIGIBLE`` are dropped.
+"""
 SAME_VALLEY = 0.5
-"""Posterior standard deviations between two rough modes that one exact search serves."""
+"""Distance, in posterior standard deviations, below which two rough modes are refined by one exact search."""
 SAME_MODE = 0.05
-"""Largest difference of whitened coordinates of one mode found twice."""
+"""Largest difference of whitened coordinates at which two modes count as the same."""
 MAX_MODES = 4
 NEGLIGIBLE = 7.0
-"""Nats below the best at which a mode is left out; its region goes to the others."""
+"""Nats below the best at which a mode is dropped; its region goes to the others."""
 POOR = 0.6
-"""Effective share of samples below which the proposal is adapted to them."""
+"""Effective sample share below which the proposal is adapted to the samples."""
 MAX_ADAPTATIONS, MORE_ADAPTATIONS = 3, 1
-"""Most adaptations of the proposal to the first samples, and to all of them."""
+"""Largest number of adaptations of the proposal with the first part of the samples, and with all of them."""
 FIRST_SHARE = 0.25
-"""Share of the samples that is drawn at first; the others follow where these do not suffice."""
+"""Fraction of the samples that is drawn first; all are drawn where these do not suffice."""
 GOOD = 0.7
-"""Effective share of the first samples from which on they suffice: below, a tail may have been missed."""
+"""Effective share above which the first samples suffice: below, a tail may have been missed."""
 MOST_TOGETHER = 64
-"""Windows searched together, for the memory that their samples take."""
+"""Largest number of windows per batch, limited by the memory of their samples."""
 
 
 @dataclass(frozen=True)
 class SearchStart:
-    """A window and where the first search for its modes starts: (1 + T, s) robot and (O, s) objects seen since."""
+    """A window and the given start of its search: (1 + T, s) robot states and (O, s) objects seen since the anchor."""
 
     window: Window
     robots: Array
@@ -76,7 +80,7 @@ def search_one(window: Window, robots: Array, objects: Array, settings: WeightsC
 
 
 def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> list[list[PosteriorMode]]:
-    """Modes of each window, best first; empty where no sample is compatible with it.
+    """Modes of each window, best first; empty where no sample has any weight.
 
     A window of ``max_history`` keyframes ends: its modes become Gaussian hypotheses. Raises LostComponentError.
     """
@@ -123,7 +127,7 @@ def _states(problem: WindowProblem, modes: Sequence[Mode]) -> list[Array]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Look:
-    """What was found of one window, alone in its window problem."""
+    """Search result of one window, with the window problem of that window alone."""
 
     window: Window
     problem: WindowProblem
@@ -183,7 +187,7 @@ def _mode(
 def _sampled(
     windows: Sequence[Window], problem: WindowProblem, modes: Sequence[Mode], count: int
 ) -> tuple[list[Gaussians], list[Samples]]:
-    """Samples and the mixtures they are from: a first part of ``count``, all where that shows not to suffice."""
+    """Samples and their proposal mixtures: a first part of ``count``, or all where that does not suffice."""
     mixtures = [proposal(mode.y, mode.hessian, mode.log_evidence) for mode in modes]
     first = int(np.ceil(FIRST_SHARE * count))
     everything = np.arange(len(windows))
@@ -199,9 +203,9 @@ def _sampled(
 def _adapting(
     windows: Sequence[Window], problem: WindowProblem, mixtures: list[Gaussians], rows: Index, count: int, times: int
 ) -> tuple[list[Samples], Array]:
-    """Samples of ``rows``, weighed in the regions that these answer for, and their effective shares.
+    """Samples of windows ``rows``, weighed with the regions of their modes, and their effective shares.
 
-    Mixtures are adapted in place where modes miss the target.
+    Proposal mixtures that fit their target poorly are adapted in place.
     """
     samples, shares, pending = dict[int, Samples](), np.zeros(len(windows)), rows
     for left in reversed(range(times + 1)):
@@ -219,9 +223,9 @@ def _adapting(
 
 
 def _search(problem: WindowProblem, start: Array) -> tuple[Mode, Index]:
-    """Modes from ``start`` (K, size) and, while windows are short, from the prior; and whose each is.
+    """Modes found from ``start`` (K, size) and, for short windows, from the prior; and the window that owns each.
 
-    What is far behind is not followed, and searches that end in one valley go on as one.
+    Searches that are far behind are dropped, and those in the same valley are merged.
     """
     aside = NUDGE * normal_points(1, problem.size)
     starts = [start + aside, start - aside]
@@ -240,7 +244,7 @@ def _search(problem: WindowProblem, start: Array) -> tuple[Mode, Index]:
 def valleys(rough: Mode, owners: Index, gate: float) -> Index:
     """The best mode in each valley of each window, those more than ``gate`` nats behind its best left out.
 
-    By ascending ``owners`` (B,), best first. In a valley is what is close to its best in that one's own metric.
+    Ordered by ascending ``owners`` (B,), best first. A valley holds what is close to its best mode, in its metric.
     """
     order = np.lexsort((-rough.log_evidence, owners))
     best = _leaders(owners[order])
@@ -254,12 +258,15 @@ def valleys(rough: Mode, owners: Index, gate: float) -> Index:
 
 
 def _leaders(groups: Index) -> Index:
-    """(B,) where each one's group of (B,) ascending ``groups`` begins."""
+    """(B,) index at which the group of each entry begins, in ascending ``groups`` (B,)."""
     return np.asarray(np.searchsorted(groups, groups))
 
 
 def _close(candidates: Mode, leaders: Index, rows: Index) -> NDArray[np.bool_]:
-    """(B,) whether some ``candidates`` are close to others, in the metric of those: never shorter than the prior's."""
+    """(B,) whether ``rows`` of candidates are close to their ``leaders``, in the metric of the leaders' Hessians.
+
+    That metric is never shorter than that of the prior.
+    """
     away = candidates.y[rows] - candidates.y[leaders]
     close = squared_norms(away) <= SAME_VALLEY**2
     near = np.flatnonzero(close)
@@ -269,7 +276,7 @@ def _close(candidates: Mode, leaders: Index, rows: Index) -> NDArray[np.bool_]:
 
 
 def _distinct(windows: Sequence[Window], problem: WindowProblem, candidates: Mode, owners: Index) -> list[Mode]:
-    """For each window the modes that differ and have weight in its region, heaviest first."""
+    """The distinct modes of each window that have weight in its region, heaviest first."""
     scores = candidates.log_evidence + problem.select(owners).log_visibility(candidates.y, soft=True)
     modes = []
     for number, window in enumerate(windows):

@@ -1,4 +1,4 @@
-"""Candidates become modes: those heavy enough are sampled, and split where they are not one Gaussian."""
+"""Mode splitting: heavy candidates are sampled, and split into their modes where they are not one Gaussian."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,18 +22,22 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
 
 FEW_SAMPLES = 16
-"""Samples that do for a candidate whose weights hardly differ among them, and whose objects are well in sight: they
-tell its evidence, and that it is Gaussian."""
+"""Samples that suffice for a clearly Gaussian candidate, to compute its evidence and to show that it is Gaussian.
+
+Its sample weights hardly differ, and its objects are well visible.
+"""
 CLEAR_SHARE = 0.995
-"""Effective share of those from which on weights hardly differ: none of 299 such candidates had a share below 0.95
-among 64 samples."""
+"""Effective sample share of those above which weights hardly differ.
+
+None of 299 such candidates had a share below 0.95 among 64 samples.
+"""
 LOG_IN_SIGHT = -0.02
-"""Soft log visibility of all objects together from which on they are well inside every limit."""
+"""Soft log visibility of all objects together above which they are well inside every visibility limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UnsplitCandidates:
-    """K candidates before they split: each under one association and class assignment."""
+    """K candidates before splitting, one for each association and class assignment."""
 
     step: Step
     parents: Sequence[Anchor]
@@ -54,16 +58,16 @@ class UnsplitCandidates:
 
     @property
     def log_prior(self) -> Array:
-        """(K,) of the classes first enumerated here."""
+        """(K,) log prior of the classes that are enumerated at this keyframe."""
         return self.candidates.assignments.column("log_class_prior")
 
     @property
     def object_ids(self) -> Index:
-        """(O,) that associations refer to."""
+        """(O,) ids of the objects that associations refer to."""
         return self.candidates.object_ids
 
     def taken(self, row: int) -> WindowStep:
-        """What one candidate makes of the keyframe."""
+        """The window step of one candidate: the motion, and the detections with its associations."""
         rows = self.candidates.assignments.take([row])
         chosen = replace(self.candidates, assignments=rows).steps(self.used, len(self.step.names))[0]
         return WindowStep(self.step.motion, self.step.observed(chosen.association, chosen.class_assignment, self.used))
@@ -82,7 +86,7 @@ class UnsplitCandidates:
 
 
 def split_modes(expanded: UnsplitCandidates, weights: WeightsConfiguration, path_mode: int | None) -> Candidates:
-    """All modes of all candidates. ``path_mode`` names the mode of a lineage: 0 has no window searched."""
+    """All modes of all candidates. ``path_mode``: mode number of a replayed lineage; for 0 no window is searched."""
     log_visible = expanded.stack.log_visibility(expanded.mode.y, soft=True)
     log_evidence = expanded.mode.log_evidence + log_visible
     effective = np.full(len(log_evidence), np.nan)
@@ -109,7 +113,7 @@ def split_modes(expanded: UnsplitCandidates, weights: WeightsConfiguration, path
 
 
 def _heavy(expanded: UnsplitCandidates, log_evidence: Array, gate: float, path_mode: int | None) -> NDArray[np.bool_]:
-    """(K,) whether a candidate weighs so much that its weight should be exact; never for one without a rival."""
+    """(K,) whether a candidate is heavy enough that its weight should be exact; never for one without a rival."""
     if path_mode is not None:
         return np.full(len(log_evidence), path_mode > 0)
     parents = expanded.stack.rows.parents
@@ -141,7 +145,7 @@ def _screened(expanded: UnsplitCandidates, rows: Index, laplace: Array, count: i
 
 
 def _starts(expanded: UnsplitCandidates, rows: Index) -> list[SearchStart]:
-    """Windows of some candidates, and where their parents' and their own modes are."""
+    """Windows of some candidates, with start states from their parents' estimates and their own modes."""
     part = expanded.stack.select(rows)
     return [_start(expanded, row, states) for row, states in zip(rows, part.states(expanded.mode.y[rows]), strict=True)]
 
@@ -169,7 +173,7 @@ def _collected(
     effective: Array,
     weights: WeightsConfiguration,
 ) -> tuple[Index, dict[str, Any]]:
-    """(M,) candidate of each mode, and the columns that tell of it."""
+    """(M,) candidate of each mode, and the modes' columns for the table of assignments."""
     origin, number, evidence, sizes = [], [], [], []
     refined: list[PosteriorMode | None] = []
     windows: list[Window | None] = []
@@ -209,7 +213,7 @@ def _objects(values: Sequence[object]) -> NDArray[np.object_]:
 
 
 def _at_posterior_modes(expanded: UnsplitCandidates, origin: Index, rows: Assignments) -> Candidates:
-    """The candidates once for every mode of theirs, where it is."""
+    """The candidates, one row per mode, with problem and mode moved to the modes that were found."""
     problem, mode = expanded.stack.select(origin), expanded.mode.take(origin)
     assert rows.posterior_modes is not None
     moved = np.array(
@@ -224,7 +228,7 @@ def _at_posterior_modes(expanded: UnsplitCandidates, origin: Index, rows: Assign
 
 
 def _carried(expanded: UnsplitCandidates, row: int, log_evidence: float, max_links: int) -> Window | None:
-    """The window of a candidate that was not searched, while its parent has one."""
+    """The extended window of a candidate that was not searched; None if its parent has none, or it gets too long."""
     parent = expanded.parents[expanded.stack.rows.parents[row]]
     if parent.window is None or len(parent.window.taken) + 1 >= max_links:
         return None

@@ -1,10 +1,10 @@
-"""Which detections of a joint assignment are outliers in their place, and what all ways together weigh.
+"""Geometric outliers in a joint assignment: the likeliest choice of outliers, and the evidence over all choices.
 
-Every detection of a known object is one or is none: of n, 2^n choices, each a Gaussian of the joint residual. From none
-on, and where that finds one also from all on, one detection after another is taken for what makes the whole likelier;
-the likelier choice enters the graph. What the others weigh is summed about it: over every subset of the few detections
-that are least decided, exactly, and over each further one as if it hung on no other, which it does through the robot's
-pose alone.
+Every detection of a known object is an inlier or an outlier: 2^n choices for n detections, each a Gaussian over the
+joint residual. A greedy search changes one detection at a time while that raises the likelihood, starting from no
+outlier, and if that finds any also from all outliers; the likelier result enters the graph. The evidence of the other
+choices is summed about it: exactly over all subsets of the few least decided detections, and over each further one as
+if it were independent of the others, to which it is coupled only through the robot's pose.
 """
 
 from dataclasses import dataclass
@@ -18,21 +18,21 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 
 JOINT = 4
-"""Detections whose choices are weighed jointly: the least decided ones."""
+"""Number of least decided detections whose choices are summed jointly."""
 
 
 @dataclass(frozen=True)
 class OutlierChoices:
-    """G assignments of n detections each, m components of the residual."""
+    """Outlier choices of G assignments of n detections each; m components of the joint residual."""
 
-    outlier: Flags  # (G, n) the likeliest choice that single changes do not improve
+    outlier: Flags  # (G, n) the likeliest choice found, which no single change improves
     covariance: Array  # (G, m, m) of the residual under it
     log_density: Array  # (G,) of the residual over all choices, without the normalisers of single detections
     probability: Array  # (G, n) that each is an outlier
 
     @classmethod
     def of(cls, tail: HeavyTail, residual: Array, covariance: Array, measured: Flags) -> Self:
-        """``residual`` (G, m) with its ``covariance`` if none is one; ``measured`` (G, n, m / n) what tells at all."""
+        """From ``residual`` (G, m), its ``covariance`` without outliers, and flags ``measured`` (G, n, m / n)."""
         search = _Search(tail, residual, covariance, measured)
         found = search.likeliest()
         log_sum, probability = search.summed(found)
@@ -40,7 +40,7 @@ class OutlierChoices:
 
 
 def likeliest_outliers(tail: HeavyTail, residual: Array, covariance: Array, measured: Flags) -> Flags:
-    """(G, n) the choices of :meth:`OutlierChoices.of` alone, without what the others weigh."""
+    """(G, n) only the choices of :meth:`OutlierChoices.of`, without the sums over the other choices."""
     return _Search(tail, residual, covariance, measured).likeliest().outlier
 
 
@@ -52,8 +52,8 @@ class _Whole:
     covariance: Array  # (G, m, m)
     precision: Array  # (G, m, m)
     weighted: Array  # (G, m) precision times residual
-    log_density: Array  # (G,) with the probability of the choice
-    log_odds: Array  # (G, n) of the opposite for one detection
+    log_density: Array  # (G,) of the residual, times the prior probability of the choice
+    log_odds: Array  # (G, n) log odds of changing the choice for one detection
 
     def replace(self, rows: Index, other: "_Whole") -> None:
         """Take over some rows."""
@@ -67,7 +67,7 @@ class _Whole:
 
 @dataclass(frozen=True)
 class _Search:
-    """Joint residuals of G assignments, and how they may be explained."""
+    """Search over outlier choices for the joint residuals of G assignments."""
 
     tail: HeavyTail
     residual: Array  # (G, m)
@@ -80,11 +80,11 @@ class _Search:
 
     @property
     def used(self) -> Flags:
-        """(G, n) which detections there are."""
+        """(G, n) detections with any measured component."""
         return np.asarray(self.measured.any(axis=2))
 
     def likeliest(self) -> _Whole:
-        """The likeliest choice that is found from no outlier on, and where that has one from all on."""
+        """The likeliest choice found by greedy search from no outlier and, if that finds any, from all outliers."""
         found = self.improved(np.zeros(self.measured.shape[:2], dtype=bool))
         rows = np.flatnonzero(found.outlier.any(axis=1))
         if len(rows):
@@ -95,7 +95,7 @@ class _Search:
         return found
 
     def improved(self, outlier: Flags) -> _Whole:
-        """From a choice on (G, n), changed for one detection after another while that makes it likelier."""
+        """Improve a choice (G, n) greedily, one detection at a time, while that makes it likelier."""
         whole = self.at(outlier)
         for _ in range(2 * outlier.shape[1]):
             best = whole.log_odds.argmax(axis=1)
@@ -108,7 +108,7 @@ class _Search:
         return whole
 
     def at(self, outlier: Flags) -> _Whole:
-        """The choice ``outlier`` (G, n)."""
+        """Evaluate the choice ``outlier`` (G, n)."""
         covariance, diagonal = self.covariance.copy(), np.arange(self.residual.shape[1])
         added = self.tail.added * (outlier[..., None] & self.measured)
         covariance[:, diagonal, diagonal] += added.reshape(self.residual.shape)
@@ -122,7 +122,7 @@ class _Search:
         return whole
 
     def _log_odds(self, whole: _Whole, sets: Index) -> Array:
-        """(G, k) log odds of the opposite for all of each set of detections; ``sets`` (G or 1, k, q), -1 fills up."""
+        """(G, k) log odds of changing the choice for all of a set; ``sets`` (G or 1, k, q) detections, -1: padding."""
         count, size = len(self.residual), self.measured.shape[2]
         members = np.broadcast_to(sets, (count, *sets.shape[1:]))
         there, at, row = members >= 0, np.maximum(members, 0), np.arange(count)[:, None, None]
@@ -140,7 +140,7 @@ class _Search:
         return np.where(there.any(axis=2), log_odds, -np.inf)
 
     def summed(self, whole: _Whole) -> tuple[Array, Array]:
-        """(G,) log of what all choices weigh by this one, and (G, n) that each is an outlier."""
+        """(G,) log of the evidence of all choices relative to this one, and (G, n) outlier probabilities."""
         outlier = whole.outlier
         few = min(JOINT, outlier.shape[1])
         order = np.argsort(-whole.log_odds, axis=1, kind="stable")

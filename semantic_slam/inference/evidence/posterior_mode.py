@@ -1,4 +1,4 @@
-"""One mode of a hypothesis over its window: evidence, moments, and what a Gaussian does not say."""
+"""One posterior mode of a hypothesis over its window: evidence, moments, and corrections of the Gaussian."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from semantic_slam.inference.states.correction import Correction
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorMode:
-    """One mode of a continuation."""
+    """One posterior mode of a candidate over its window."""
 
     log_evidence: float  # of everything since the anchor, in this mode's region
     effective_share: float  # effective sample size over the number of samples
@@ -25,7 +25,7 @@ class PosteriorMode:
 
     @cached_property
     def corrections(self) -> dict[int, Correction]:
-        """GTSAM key -> what the samples say of the Gaussian at the mode; only survivors are asked for it."""
+        """GTSAM key -> correction of the Gaussian at the mode by the samples; computed only for survivors."""
         return self.moments.corrections()
 
 

@@ -1,4 +1,4 @@
-"""Where the search for a candidate's mode begins."""
+"""Start points of the search for a candidate's mode."""
 
 from itertools import combinations
 
@@ -9,11 +9,11 @@ from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.models.observation import TurnsByTwo
 
 OPEN_HEADING_RAD = 0.5
-"""Standard deviation of a heading from which on no search begins at its prior mean alone: others are valleys away."""
+"""Sigma of the robot's heading above which starts from pairs of detections are tried, too, as modes are far apart."""
 
 
 def search_start(stack: KeyframeProblem) -> Array:
-    """(B, n) the best of the prior mean and the robot states that explain one detection each."""
+    """(B, n) the start of least energy among the prior mean and the robot states that explain one detection each."""
     best = np.zeros((len(stack.mean), stack.size))
     if len(best) == 0:
         return best
@@ -31,7 +31,7 @@ def search_start(stack: KeyframeProblem) -> Array:
 
 
 def _turned_start(stack: KeyframeProblem, model: TurnsByTwo, best: Array, least: Array) -> Array:
-    """(B, n) the ``best`` start, of energies ``least`` (B,), or one that two detections tell of an open heading."""
+    """(B, n) the ``best`` start, of energies ``least`` (B,), or a better one from two detections if heading is open."""
     size, robot = stack.layout.robot, stack.robots_of(stack.mean)
     turn = stack.spaces.robot.vertical(robot)[:, None]
     is_open = np.linalg.norm((turn @ stack.root[:, :size])[:, 0], axis=-1) > OPEN_HEADING_RAD

@@ -1,7 +1,8 @@
-"""What a hypothesis has seen since it was last Gaussian, kept until it is Gaussian again.
+"""The window of a non-Gaussian hypothesis: the keyframes since it was last Gaussian, kept until it is so again.
 
-The anchor is the component of that time. A hypothesis that is one of several modes also keeps its region: the soft
-share of the states that it answers for, so that the modes of one association sum to its whole evidence.
+The anchor is the Gaussian component of that time. A hypothesis that is one of several modes of one association also
+keeps its region, the soft share (responsibility) of the states that it stands for, so that the modes of an association
+sum to its whole evidence.
 """
 
 from collections.abc import Hashable, Sequence
@@ -22,7 +23,7 @@ from semantic_slam.inference.states.spaces import Spaces
 
 
 class Anchor(Protocol):
-    """A Gaussian belief over the robot's poses and the objects: a window begins at one."""
+    """A Gaussian belief over robot poses and objects, at which a window begins."""
 
     @property
     def spaces(self) -> Spaces:
@@ -30,7 +31,7 @@ class Anchor(Protocol):
 
     @property
     def model(self) -> ObservationModel:
-        """Observation model of what is seen since the anchor."""
+        """Observation model of the detections since the anchor."""
 
     @property
     def keyframe(self) -> int:
@@ -38,7 +39,7 @@ class Anchor(Protocol):
 
     @property
     def window(self) -> "Window | None":
-        """Window since the belief was last Gaussian; None where it is Gaussian."""
+        """Window since the belief was last Gaussian; None if it is Gaussian."""
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, s) estimates by GTSAM keys, as wide as the wider of robots and objects."""
@@ -49,7 +50,7 @@ class Anchor(Protocol):
 
 @dataclass(frozen=True)
 class WindowStep:
-    """One keyframe of a hypothesis."""
+    """One keyframe of a window: the motion, and the detections with their associations."""
 
     motion: Motion
     observed: tuple[AssociatedDetection, ...]
@@ -57,7 +58,7 @@ class WindowStep:
 
 @dataclass(frozen=True, kw_only=True)
 class ModeRegion:
-    """The share of one of several modes, over the blocks of y that a window had when it split."""
+    """Region of one of several modes: its responsibility, over the blocks of y that the window had when it split."""
 
     modes: Gaussians
     number: int
@@ -74,7 +75,7 @@ class ModeRegion:
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """The anchor, the keyframes since, and the evidence of those keyframes."""
+    """A hypothesis's anchor, the keyframes since, and the log evidence of those keyframes."""
 
     anchor: Anchor
     taken: tuple[WindowStep, ...] = ()
@@ -84,11 +85,11 @@ class Window:
 
     @classmethod
     def of(cls, component: Anchor) -> "Window":
-        """A component's, which is its own anchor where it is Gaussian."""
+        """The window of a component; if that is Gaussian, an empty one with the component as its anchor."""
         return component.window if component.window is not None else cls(anchor=component)
 
     def with_keyframe(self, taken: WindowStep, new: dict[int, GaussianPrior], log_psi: float = 0.0) -> "Window":
-        """One keyframe more, with an estimate of what it adds to the evidence."""
+        """The window with one keyframe more; ``log_psi`` estimates what it adds to the log evidence."""
         return replace(
             self,
             taken=(*self.taken, taken),
@@ -97,7 +98,7 @@ class Window:
         )
 
     def object_ids(self) -> list[int]:
-        """Objects seen since the anchor, in the order in which they were."""
+        """Ids of the objects seen since the anchor, in the order of their first detections."""
         return list(dict.fromkeys(item.object_id for taken in self.taken for item in taken.observed))
 
     def shape(self) -> Hashable:
@@ -123,16 +124,16 @@ class Window:
         return mean[order], covariance[np.ix_(rows, rows)]
 
     def problem(self) -> WindowProblem:
-        """The integral over everything since the anchor. Raises LostComponentError."""
+        """The problem of all states since the anchor. Raises LostComponentError."""
         return window_problem_of([self])
 
     def log_share(self, problem: WindowProblem, y: Array) -> Array:
-        """(B,) log of the share that this mode answers for."""
+        """(B,) log responsibility of this mode, over all splits since the anchor."""
         return np.asarray(sum((region.log_share(problem, y) for region in self.regions), np.zeros(len(y))))
 
 
 def window_problem_of(windows: Sequence[Window]) -> WindowProblem:
-    """The problem of windows that have one shape. Raises LostComponentError."""
+    """The batched problem of windows of the same shape. Raises LostComponentError."""
     first = windows[0]
     anchored = [window.anchored() for window in windows]
     places, classes = [], []

@@ -1,8 +1,8 @@
-"""Hypotheses from the last keyframe at which each was Gaussian: robot states since, and the objects seen since.
+"""Batched problems over windows: robot states and objects since the keyframe at which a hypothesis was last Gaussian.
 
 The states are x_a = mean Exp(L y_a), o = mean Exp(L y_o) and x_t = x_(t-1) u_t Exp(M_t y_t), so that y ~ N(0, I)
 exactly and the evidence of everything since is the mean of the likelihood over y: Eq. 4.18 for the whole window.
-Hypotheses of one shape (the same keyframes since the anchor, as many objects) are looked at together.
+Hypotheses of the same shape (same keyframes since the anchor, same number of objects) form one batch.
 """
 
 import copy
@@ -20,7 +20,7 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True)
 class WindowKeyframe:
-    """What one keyframe adds to every window problem."""
+    """The motion and detections that one keyframe adds to every window problem of a batch."""
 
     motion: Motion
     detections: tuple[Any, ...]
@@ -28,7 +28,7 @@ class WindowKeyframe:
 
 @dataclass(frozen=True, kw_only=True)
 class AnchorPrior:
-    """K Gaussians over robot and O objects at the anchor, and what each of S detections since is."""
+    """K Gaussians over robot and O objects at the anchor, and the associations of the S detections since."""
 
     mean: Array  # (K, 1 + O, s), the robot's first
     covariance: Array  # (K, r + O l, r + O l)
@@ -122,7 +122,7 @@ class WindowProblem:
         return self._log_visibility(*self._states(y), soft=soft)
 
     def log_target(self, y: Array) -> Array:
-        """(B,) log P(Z, beta | y), what is not visible excluded."""
+        """(B,) log P(Z, beta | y), with visibility as a hard test."""
         robots, objects = self._states(y)
         return self._log_likelihood(robots, objects) + self._log_visibility(robots, objects, soft=False)
 
@@ -188,12 +188,12 @@ class WindowProblem:
         return x.reshape(-1, x.shape[-1]), o.reshape(-1, o.shape[-1])
 
     def _timed(self, values: Array, sightings: Index) -> Array:
-        """(K, N, S, ...) of the sightings' robots, from (K, N, 1 + T, ...); one of them where all are the same."""
+        """(K, N, S, ...) values of the sightings' robots, from (K, N, 1 + T, ...); S is 1 if all are the same."""
         times = self._times[sightings]
         return values[:, :, times[0] : times[0] + 1] if (times == times[0]).all() else values[:, :, times]
 
     def _placed(self, values: Array, sightings: Index) -> Array:
-        """(K, N, S, ...) of the sightings' objects, from (K, N, O, ...)."""
+        """(K, N, S, ...) values of the sightings' objects, from (K, N, O, ...)."""
         places = self.places[:, sightings]
         if (places == places[:1]).all():
             in_order = np.array_equal(places[0], np.arange(values.shape[2]))
@@ -207,11 +207,11 @@ class WindowProblem:
         return broadcast_copy(classes, (len(classes), count, len(sightings))).reshape(-1)
 
     def _states(self, y: Array) -> tuple[Array, Array]:
-        """(K, N, 1 + T, s) robot and (K, N, O, s) objects, headings as they add up."""
+        """(K, N, 1 + T, s) robot and (K, N, O, s) objects; headings are not wrapped."""
         return self._moved(self._composed(self._joint.exp(self._tangents(y))))
 
     def _tangents(self, y: Array) -> Array:
-        """(K, N, 1 + O + T, w): of robot and objects at the anchor, then of the motions."""
+        """(K, N, 1 + O + T, w) tangent vectors: of robot and objects at the anchor, then of the motions."""
         y = y.reshape(len(self), -1, self.size)
         count = self._count
         tangents = np.empty((*y.shape[:2], count + len(self.links), self.layout.width))
@@ -233,7 +233,7 @@ class WindowProblem:
         return robots, composed[:, :, 1:count, : self.spaces.storage.landmark]
 
     def _slopes(self, composed: Array, chart: Array) -> tuple[Array, Array]:
-        """(K, N, 1 + T, r, size) of the robot, (K, N, O, l, width) of the objects: in tangent spaces by y."""
+        """Jacobians of tangents by y: (K, N, 1 + T, r, size) of the robot, (K, N, O, l, width) of the objects."""
         count, r, leading = self._count, self.layout.robot, composed.shape[:2]
         anchor = chart[:, :, :count] @ self.layout.blocks(self.root, -2)[:, None]
         robots = np.zeros((*leading, 1 + len(self.links), r, self.size))

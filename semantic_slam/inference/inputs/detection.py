@@ -1,4 +1,4 @@
-"""One object seen from the robot, as a plain Python session states it."""
+"""One detection of an object from the robot, as stated through the Python interface."""
 
 import math
 from collections.abc import Mapping
@@ -28,9 +28,9 @@ class Detection:
     range_m: float | None = None  # None: not measured
     covariance: ArrayLike | None = None  # (2, 2) of [range, bearing]; None: perception.sigma_* of the configuration
     class_scores: Mapping[str, float] = field(default_factory=dict)  # class -> score; the class models' features
-    score: float = 1.0  # of the detection itself; the best ones are used where there are more than objects
+    score: float = 1.0  # of the detection; the best-scored ones are used if there are more detections than objects
     track_id: str = ""  # identity of the object, for association: given
-    label: str = ""  # what a detector calls it
+    label: str = ""  # class label from a detector
     elevation_rad: float = 0.0  # downwards from the plane of x and y
     place_covariance: ArrayLike | None = None  # (3, 3) of [range, bearing, elevation], in space, NaN of a range that is
     # not measured; None: as configured
@@ -117,9 +117,9 @@ class Detection:
     ) -> "Detection":
         """From a ray (3,) in a sensor's frame, of any length, and the distance along it; None: not measured.
 
-        ``ray_covariance`` (3, 3) is that of the ray at length 1 along the axes of that frame, of which only what is
-        across the ray counts: sigma^2 I for sigma radians in every direction. It goes together with ``sigma_range_m``
-        where there is a range. A ray alone is seen from the camera, whose place the keyframe tells.
+        ``ray_covariance`` (3, 3) is that of the unit ray along the axes of that frame; only its part orthogonal to the
+        ray counts: sigma^2 I for sigma radians in every direction. If there is a range, it has to be given together
+        with ``sigma_range_m``. A ray without range starts at the camera, whose position the keyframe states.
         """
         direction = _vector(ray, 3, "detection: ray")
         length = float(np.linalg.norm(direction))
@@ -171,7 +171,7 @@ class Detection:
         positive_definite(known, 3, f"{what} of [range, bearing, elevation]")
 
     def covariance_or_nan(self) -> Array:
-        """(2, 2) of [range, bearing], NaN where nothing tells it."""
+        """(2, 2) covariance of [range, bearing], NaN where it is not given."""
         if self.covariance is None:
             return np.full((2, 2), np.nan)
         known = np.array(self.covariance, dtype=np.float64)

@@ -14,7 +14,7 @@ from semantic_slam.inference.inputs.detection import Detection, positive_definit
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 SECOND_NS = 10**9
-"""Between keyframes without stamps."""
+"""Time in ns between keyframes that have no stamps."""
 
 
 @dataclass(frozen=True)
@@ -28,16 +28,16 @@ class OdometrySample:
 
 @dataclass(frozen=True, kw_only=True)
 class Keyframe:
-    """Input of one step of the hybrid belief."""
+    """Input of the engine at one step: odometry since the previous keyframe, and measurements."""
 
     index: int  # 0, 1, 2, ... without a gap
     stamp_ns: int
     odometry: Array  # (7,) T_previous_current; from the first odometry sample for keyframe 0
     odometry_covariance: Array  # (6, 6) x y z rx ry rz, in the tangent space at the current pose; NaN: as configured
     measurements: SemanticMeasurements
-    odometry_slopes: Array | None = None  # (3, 3) of the planar motion by its biases; None: the motion was one arc
-    odometry_shifts: Array | None = None  # (9, 3) of the planar motion by offsets of its clock; None: not told
-    level: Array | None = None  # (4,) direction of up along the body's axes, and its variance [rad^2]; None: not told
+    odometry_slopes: Array | None = None  # (3, 3) Jacobian of the planar motion by its biases; None: that of one arc
+    odometry_shifts: Array | None = None  # (9, 3) changes of the planar motion by clock offsets; None: not stated
+    level: Array | None = None  # (4,) direction of up in the body frame, and its variance [rad^2]; None: not measured
 
     @classmethod
     def planar(
@@ -49,10 +49,10 @@ class Keyframe:
         motion_sigmas: ArrayLike | None = None,
         stamp_ns: int | None = None,
     ) -> "Keyframe":
-        """Keyframe of a robot in the plane: what it saw after a ``motion`` x, y [m], yaw [rad] from the pose before.
+        """Keyframe of a robot in the plane: its detections after a ``motion`` x, y [m], yaw [rad] from the pose before.
 
-        ``motion_sigmas``: standard deviations of x, y and yaw; None: what ``odometry.*`` of the configuration makes of
-        the motion. Without ``stamp_ns`` keyframes are a second apart. Raises InputError.
+        ``motion_sigmas``: standard deviations of x, y and yaw; None: the noise model ``odometry.*`` of the
+        configuration. Without ``stamp_ns`` keyframes are a second apart. Raises InputError.
         """
         covariance = covariance_from_planar(_planar_covariance(motion_sigmas))
         return cls._of(index, pose_vector_from_planar(_three(motion, "motion")), covariance, detections, stamp_ns)
@@ -70,14 +70,14 @@ class Keyframe:
         sigma_up_rad: float = 0.02,
         stamp_ns: int | None = None,
     ) -> "Keyframe":
-        """Keyframe of a robot in space: what it saw after a ``motion`` x y z qx qy qz qw from the pose before.
+        """Keyframe of a robot in space: its detections after a ``motion`` x y z qx qy qz qw from the pose before.
 
         ``motion_covariance`` (6, 6) over x y z rx ry rz, along and about the axes of the body after the motion; None:
-        what ``odometry.*`` of the configuration makes of the motion. ``T_body_camera`` (7,) is the pose of the camera's
-        optical frame, z ahead, in the body frame, which says where misses count; None: it looks along the body's x.
-        ``up`` (3,) is the direction against gravity along the axes of the body, by an accelerometer or an IMU, and
-        ``sigma_up_rad`` its standard deviation about each of two axes across it; None: nothing feels it. Raises
-        InputError.
+        the noise model ``odometry.*`` of the configuration. ``T_body_camera`` (7,) is the pose of the camera's optical
+        frame, z ahead, in the body frame, which determines where misses count; None: it looks along the body's x.
+        ``up`` (3,) is the direction against gravity in the body frame, by an accelerometer or an IMU, and
+        ``sigma_up_rad`` its standard deviation about each of two axes orthogonal to it; None: it is not measured.
+        Raises InputError.
         """
         pose = _pose(motion, "motion")
         covariance = np.full((6, 6), np.nan)
@@ -142,7 +142,7 @@ def _planar_covariance(sigmas: ArrayLike | None) -> Array:
 
 
 def _measurements(index: int, stamp_ns: int, detections: Sequence[Detection]) -> SemanticMeasurements:
-    """The detections as perception hands them over; no classifier has looked at them."""
+    """The detections in the form that perception outputs, without the results of a classifier."""
     count = len(detections)
     names = tuple(dict.fromkeys(name for detection in detections for name in detection.class_scores))
     scores = [[detection.class_scores.get(name, np.nan) for name in names] for detection in detections]
@@ -177,7 +177,7 @@ def _measurements(index: int, stamp_ns: int, detections: Sequence[Detection]) ->
 
 
 def _told_rows(values: Sequence[ArrayLike | None], shape: tuple[int, ...]) -> Array:
-    """(D, *shape), NaN where nothing tells it."""
+    """(D, *shape), NaN where a value is None."""
     rows = [np.full(shape, np.nan) if value is None else value for value in values]
     return np.array(rows, dtype=np.float64).reshape(-1, *shape)
 

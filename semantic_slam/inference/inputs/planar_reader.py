@@ -1,4 +1,4 @@
-"""Keyframes of semantic measurements as steps of the planar engine."""
+"""Conversion of keyframes to steps of the planar engine."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +19,12 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 
 class PlanarReader:
-    """Takes x, y and yaw of everything; ``num_features`` is what the class models need, 0 for none.
+    """Reads x, y and yaw of motions and detections; ``num_features`` is what the class models need, 0 for none.
 
-    ``bias_sigmas`` (4,) or none: prior standard deviations of odometry's biases, where they are estimated, and
-    ``bias_means`` (3,) what is expected of them; that of the clock is in the keyframes already.
-    ``feature_names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
-    ``words`` reads what the detector says, where that is evidence of classes, ``vectors`` what detections look like.
+    ``bias_sigmas`` (4,) or empty: prior standard deviations of the odometry biases, where they are estimated, and
+    ``bias_means`` (3,) their prior means; the mean of the clock offset is in the keyframes already.
+    ``feature_names`` (F,) or empty: classes whose scores serve as features if no classifier has measured any.
+    ``words`` reads the detector's labels and ``vectors`` appearance vectors, where these are evidence of classes.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class PlanarReader:
         self._sensed: list[SensedRegion | None] | None = [] if learns_region else None  # after each keyframe
 
     def step(self, keyframe: Keyframe) -> Step:
-        """Raises InputError when the measurements' features are not those of the class models."""
+        """The step of a keyframe. Raises InputError when the measurements' features do not match the class models."""
         measurements = self._features.with_features(keyframe.measurements)
         covariances = self.noise.of_detections(measurements.ranges_m, measurements.geometric_covariances)
         return Step(
@@ -67,10 +67,10 @@ class PlanarReader:
         )
 
     def _region_after(self, keyframe: Keyframe) -> SensedRegion | None:
-        """What the detections up to this keyframe have shown of the sensor's region, where it is learned."""
+        """The sensor region learned from all detections up to this keyframe; None where it is not learned."""
         if self._sensed is None:
             return None
-        del self._sensed[keyframe.index :]  # the newest keyframe may come again
+        del self._sensed[keyframe.index :]  # the newest keyframe may be read again
         measurements, before = keyframe.measurements, self._sensed[-1] if self._sensed else None
         self._sensed.append(SensedRegion.of(measurements.ranges_m, measurements.bearings_rad, before))
         return self._sensed[-1]

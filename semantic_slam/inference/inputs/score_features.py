@@ -13,9 +13,9 @@ REMEDY = "or set semantic_model.kind: none"
 
 @dataclass(frozen=True)
 class FeatureReader:
-    """Features that the class models need: ``num_features`` of them, 0 for none.
+    """Provides the features that the class models need: ``num_features`` of them, 0 for none.
 
-    ``names`` (F,) or none: classes whose scores serve as features where no classifier has measured any.
+    ``names`` (F,) or empty: classes whose scores serve as features if no classifier has measured any.
     """
 
     num_features: int = 0
@@ -45,9 +45,9 @@ class FeatureReader:
 
 
 def score_features(measurements: SemanticMeasurements, names: tuple[str, ...]) -> Array:
-    """(D, F) class scores in the order of the (F,) ``names`` of what the class models were fitted on.
+    """(D, F) class scores in the order of the (F,) ``names`` of the class models' features.
 
-    Nothing is learned of the detector: its scores must be those that the models describe. Raises InputError.
+    The scores must be those of the detector that the models were fitted on. Raises InputError.
     """
     if not names:
         raise InputError(f"the class models do not name their features; give features instead of scores, {REMEDY}")

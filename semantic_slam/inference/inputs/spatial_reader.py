@@ -1,4 +1,4 @@
-"""Keyframes of semantic measurements as steps of the engine in space."""
+"""Conversion of keyframes to steps of the engine in space."""
 
 from dataclasses import replace
 
@@ -22,10 +22,10 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 
 class SpatialReader:
-    """Takes all six of motions, and range and ray of detections, or the ray alone.
+    """Reads motions in SE(3), and detections as range and ray, or as a ray alone.
 
-    ``words`` reads what the detector says, where that is evidence of classes, ``features`` what class models need;
-    ``ranges`` tells what is known of a range that was not measured.
+    ``words`` reads the detector's labels, where these are evidence of classes, and ``features`` the features that class
+    models need; ``ranges`` is the prior of a range that was not measured.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class SpatialReader:
         self._features = features or FeatureReader()
 
     def step(self, keyframe: Keyframe) -> Step:
-        """Raises InputError for detections that do not say where in space their object is."""
+        """The step of a keyframe. Raises InputError for detections without a usable position or direction in space."""
         measurements = self._features.with_features(keyframe.measurements)
         places, rays = zip(*points_of(measurements), strict=True), zip(*rays_of(measurements), strict=True)
         detections = [
@@ -66,7 +66,7 @@ class SpatialReader:
     def _told_words(
         self, reader: WordReader, measurements: SemanticMeasurements, detections: list[SpatialDetection]
     ) -> DetectorWords:
-        """With how large boxes look, of rays alone: what has a range is told apart by that."""
+        """The detector's words, with the box sizes of detections without range, for which they are evidence."""
         angles = [
             np.nan if own.has_range else log_angle(measurements.angular_sizes_rad[n])
             for n, own in enumerate(detections)
@@ -128,7 +128,7 @@ class SpatialReader:
         )
 
     def _told(self, measurements: SemanticMeasurements, row: int, slopes: Array) -> Array | None:
-        """(3, 3) of the point along the axes of the body; None where nothing is told. Raises InputError."""
+        """(3, 3) covariance of the point along the body's axes; None if it is not stated. Raises InputError."""
         of_point, of_place = measurements.point_covariances[row], measurements.place_covariances[row]
         if np.isfinite(of_point).all():
             return np.asarray(of_point)
@@ -143,7 +143,7 @@ class SpatialReader:
 
 
 def camera_of(measurements: SemanticMeasurements) -> Camera:
-    """Where the camera is mounted."""
+    """The camera's mounting pose; its optical axis is the body's x if no orientation is stated."""
     turn = measurements.sensor_orientation
     turn = turn if np.isfinite(turn).all() else LOOKS_AHEAD[3:]
     return Camera(np.concatenate([measurements.sensor_position, turn]))
@@ -154,16 +154,16 @@ def _which(measurements: SemanticMeasurements, row: int) -> str:
 
 
 def rays_of(measurements: SemanticMeasurements) -> tuple[Array, Array]:
-    """(D, 3) directions along the body's axes from bearing and elevation, NaN where nothing tells them.
+    """(D, 3) unit rays along the body's axes from bearing and elevation, NaN where these are not measured.
 
-    And (D, 3, 3) slopes of points at length 1 along them by range in the plane, bearing and elevation.
+    The second array (D, 3, 3) holds Jacobians of their end points by range in the plane, bearing and elevation.
     """
     down = measurements.elevations_rad
     return point_of_place(np.stack([np.cos(down), measurements.bearings_rad, down], axis=1))
 
 
 def points_of(measurements: SemanticMeasurements) -> tuple[Array, Array]:
-    """(D, 3) detections in the body frame, NaN where nothing tells that, and (D, 3, 3) slopes by what is told."""
+    """(D, 3) points of detections in the body frame, NaN if not measured, and (D, 3, 3) Jacobians by measurements."""
     told = measurements.ranges_m, measurements.bearings_rad, measurements.elevations_rad
     points, slopes = point_of_place(np.stack(told, axis=1))
     as_points = np.isfinite(measurements.points).all(axis=1)

@@ -1,4 +1,4 @@
-"""Vectors of appearance that detections carry, and what all of them so far have in common."""
+"""Appearance vectors (embeddings) of detections, and the statistics of all vectors so far."""
 
 from semantic_slam.errors import InputError
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -7,11 +7,11 @@ from semantic_slam.viewpoint.embeddings.background import SeenVectors
 from semantic_slam.viewpoint.embeddings.vectors import reduced
 
 REMEMBERED = 4
-"""Keyframes that may come again."""
+"""Number of recent keyframes that may be read again."""
 
 
 class VectorReader:
-    """Reads the vectors of keyframes, which it is told in turn; ``dimensions`` (L) is what they are reduced to."""
+    """Reads the vectors of keyframes in order; they are reduced to ``dimensions`` (L) components."""
 
     def __init__(self, dimensions: int) -> None:
         self._dimensions = dimensions
@@ -19,12 +19,12 @@ class VectorReader:
         self._seen: dict[int, SeenVectors] = {-1: SeenVectors.none(dimensions)}  # after each keyframe
 
     def vectors(self, keyframe: Keyframe) -> DetectionVectors:
-        """Vectors of all detections. Raises InputError where they are of another length than before."""
+        """Vectors of all detections. Raises InputError if their length differs from that of earlier ones."""
         told = keyframe.measurements.embeddings
         if told.shape[1] and len(told):
             self._check(told.shape[1])
         vectors = reduced(told, self._dimensions)
-        before = max(index for index in self._seen if index < keyframe.index)  # the newest keyframe may come again
+        before = max(index for index in self._seen if index < keyframe.index)  # the newest keyframe may be read again
         seen = self._seen[before].with_vectors(vectors)
         kept = {index: own for index, own in self._seen.items() if keyframe.index - REMEMBERED < index < keyframe.index}
         self._seen = {**({before: self._seen[before]} | kept), keyframe.index: seen}

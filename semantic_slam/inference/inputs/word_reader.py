@@ -1,7 +1,7 @@
-"""A detector's labels and scores as words: what it reported, and what its threshold hides.
+"""A detector's labels and scores as words, with estimated scores of the classes below its threshold.
 
-A class that was not reported is not impossible: its score lies below those that were. What these leave of 1 is shared
-evenly among the classes that were not reported, none of which gets more than the least that was.
+A class that was not reported is not impossible: its score is below the reported ones. What these leave of 1 is shared
+evenly among the classes that were not reported, none of which gets more than the least reported score.
 """
 
 import numpy as np
@@ -11,13 +11,13 @@ from semantic_slam.inference.models.detector_words import NO_WORD, DetectorWords
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 LEAST_LEFT = 0.02
-"""Share of 1 that reported scores leave at least to what was not reported: no detector is surer than that."""
+"""Least sum of the scores that is assigned to classes that were not reported: no detector is surer than that."""
 LEAST_SCORE = 1e-3
-"""Score of a class that was reported at least."""
+"""Lower limit of the score of a reported class."""
 
 
 class WordReader:
-    """Reads the words of measurements; ``labels`` (L,) are the words that it knows, any other is word L."""
+    """Reads the words of detections; ``labels`` (L,) are words 0 to L - 1, any other label is word L."""
 
     def __init__(self, labels: tuple[str, ...]) -> None:
         self._numbers = {label: number for number, label in enumerate(labels)}
@@ -28,7 +28,7 @@ class WordReader:
         )  # class names, and the words that they are
 
     def words(self, measurements: SemanticMeasurements) -> DetectorWords:
-        """Words of all detections; the label is what a detection is called, else the class with the best score."""
+        """Words of all detections: that of a detection's label, or else of the class with the best score."""
         every = self._scores(measurements)
         answers, shares = [], []
         for row, label in enumerate(measurements.labels):
@@ -41,7 +41,7 @@ class WordReader:
         )
 
     def _columns(self, class_names: tuple[str, ...]) -> Index:
-        """The words of some classes, which one detector tells in one order."""
+        """Words of the classes ``class_names``; cached, as a detector's classes always have the same order."""
         if self._known[0] != class_names:
             self._known = class_names, np.array(list(map(self._number, class_names)), dtype=int)
         return self._known[1]
@@ -50,7 +50,7 @@ class WordReader:
         return self._numbers.get(label, self._num_words - 1)
 
     def _scores(self, measurements: SemanticMeasurements) -> Array:
-        """(D, W) scores of the words, -inf where none was reported; labels that are one word add up."""
+        """(D, W) scores of the words, -inf where none was reported; scores of labels of the same word are summed."""
         scores, columns = measurements.class_scores, self._columns(measurements.class_names)
         rows, names = np.nonzero(np.isfinite(scores))
         told, words = np.full((len(scores), self._num_words), -np.inf), columns[names]
@@ -59,7 +59,7 @@ class WordReader:
         return told
 
     def _shares(self, told: Array, answer: int, score: float) -> Array:
-        """(W,) of one detection, of reported scores and its own."""
+        """(W,) normalised scores of one detection, from the reported ones ``told`` (W,) and its own ``score``."""
         if answer == NO_WORD:
             return np.full(self._num_words, 1.0 / self._num_words)
         if not np.isfinite(told[answer]):

@@ -1,7 +1,7 @@
-"""Detections of nothing that a map knows: false alarms, objects that it lacks, identities that are wrong.
+"""Clutter: detections of no object in the map, such as false alarms, unmapped objects, and wrong identities.
 
-Their places are even over the region that the sensor covers, an annular sector on the ground, or a cone in space less
-what is too near; beyond its largest range the density goes on as it is. Their scores are those of outliers.
+Their positions are uniform over the sensor's region, an annular sector on the ground, or a cone in space without its
+near part; beyond its largest range the density continues. Their scores are distributed as those of outliers.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,22 +15,22 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 
 ScoreDensity = Callable[[Sequence[Any]], Array]
-"""(n,) log densities of the scores of n detections of no object, tempered as those of objects are."""
+"""(n,) log densities of the scores of n clutter detections, tempered as those of objects are."""
 
 
 class Clutter(Protocol):
-    """Densities of n detections that are of no object, in the units of the observation model."""
+    """Densities of n clutter detections, in the units of the observation model."""
 
     def log_place(self, detections: Sequence[Any]) -> Array:
-        """(n,) log density of what the geometry measures."""
+        """(n,) log density of the geometric measurement."""
 
     def log_scores(self, detections: Sequence[Any]) -> Array:
-        """(n,) log density of the scores, 0 where nothing looks at them."""
+        """(n,) log density of the scores; 0 where scores are not evaluated."""
 
 
 @dataclass(frozen=True)
 class EvenClutter:
-    """Clutter of planar detections: per metre and radian of range and bearing, or per radian of a bearing alone."""
+    """Uniform planar clutter: per metre and radian of range and bearing, or per radian of a bearing alone."""
 
     area_m2: float
     field_of_view_rad: float
@@ -43,7 +43,7 @@ class EvenClutter:
         return cls(area, region.field_of_view_rad, scores)
 
     def log_place(self, detections: Sequence[Any]) -> Array:
-        """(n,) log densities; a ring's area grows with its range."""
+        """(n,) log densities; uniform on the ground, so proportional to the range."""
         even = 1.0 / self.field_of_view_rad
         shares = [max(item.range_m, LEAST_DISTANCE_M) / self.area_m2 if item.has_range else even for item in detections]
         return np.asarray(np.log(np.array(shares, dtype=np.float64)))
@@ -55,7 +55,7 @@ class EvenClutter:
 
 @dataclass(frozen=True)
 class EvenSpatialClutter:
-    """Clutter of detections in space, per metre and square radian of range and ray."""
+    """Uniform clutter in space, per metre and square radian of range and ray, or per square radian of a ray alone."""
 
     volume_m3: float
     solid_angle: float  # [rad^2]
@@ -69,7 +69,7 @@ class EvenSpatialClutter:
         return cls(float(volume), float(solid_angle), scores)
 
     def log_place(self, detections: Sequence[Any]) -> Array:
-        """(n,) log densities; a shell's volume grows with the square of its range, and a ray alone has none."""
+        """(n,) log densities; uniform in volume, so proportional to the squared range; a ray alone has no range."""
         ranged = np.array([item.has_range for item in detections], dtype=bool)
         ranges = [max(item.range_m, LEAST_DISTANCE_M) if item.has_range else 1.0 for item in detections]
         log_shares = 2.0 * np.log(np.array(ranges, dtype=np.float64)) - np.log(self.volume_m3)

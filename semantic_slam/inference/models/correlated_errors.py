@@ -1,18 +1,19 @@
-"""Errors of a detection's place that repeat: in neighbours in one frame, and in the next views of the same place.
+"""Correlated detection errors: shared by neighbours in one frame, and repeated in the next views of the same place.
 
-In whitened coordinates the error of a detection's [range, bearing] is sqrt(s) f + sqrt(1 - s) w: w is white, and f, a
-standard normal in each component, is a process over viewing geometry with
+In whitened coordinates the error of a detection's [range, bearing] is sqrt(s) f + sqrt(1 - s) w: w is white, and f,
+standard normal in each component, is a Gaussian process over viewing geometry with
 
     Cov(f_i, f_j) = rho (c + (1 - c) exp(-|p_i - p_j|^2 / (2 l^2))),
 
-p being places relative to the robot, c the part that a whole frame has in common (heading, clock, scale of ranges), and
-rho = exp(-metres / m - radians / a) for the motion between two frames: Gauss-Markov along the drive. A robot at rest
-learns of a place no more than the variance of f lets it. What depends on earlier frames does so through the newest one
-with detections: exact while the same places are in view, and forgetful of what was out of view for a frame.
+where p are places relative to the robot, c the share that a whole frame has in common (heading, clock, scale of
+ranges), and rho = exp(-metres / m - radians / a) decays with the motion between two frames: Gauss-Markov along the
+drive. A robot at rest thus learns a place no better than the variance of f allows. Dependence on earlier frames passes
+through the newest frame with detections alone: exact while the same places are in view; places out of view for a frame
+are forgotten.
 
-What the sensor gets wrong all the way, so much of every range and a turn of its mount, stays: with g ~ N(0, I) in units
-of their standard deviations, H_i g is part of f_i. g is one entry more, behind those of the detections, and changes as
-the biases of odometry do.
+Constant sensor errors, a range offset and a yaw of the mount, persist: with g ~ N(0, I) in units of their standard
+deviations, H_i g is added to f_i. g is a further entry behind those of the detections, and drifts as the biases of
+odometry do.
 """
 
 from collections.abc import Sequence
@@ -32,13 +33,13 @@ from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.keys import STRETCH, VECTOR_SIZES, letter_of, vector_parts
 
 OWN_SHARE = 1e-4
-"""Share of f that no two detections have in common: it keeps covariances regular where two stand at one place."""
+"""Share of the variance of f that no two detections share: keeps covariances regular where two coincide."""
 CHANGE_OF_SENSOR = CHANGE / np.sqrt(STRETCH)
 """Standard deviation of the change of g from one frame to the next."""
 
 
 def sensor_slopes(settings: DetectionErrorsConfiguration, detections: Sequence[Any]) -> Array:
-    """H (2 D, 2) of the f of D detections by what the sensor gets wrong all the way; (2 D, 0) where nothing is."""
+    """H (2 D, 2), Jacobian of the f of D detections by the constant sensor errors; (2 D, 0) where there are none."""
     sigmas = np.array([settings.sigma_range_offset_m, settings.sigma_yaw_rad])
     if not sigmas.any():
         return np.zeros((2 * len(detections), 0))
@@ -47,7 +48,7 @@ def sensor_slopes(settings: DetectionErrorsConfiguration, detections: Sequence[A
 
 
 def correlation(settings: DetectionErrorsConfiguration, one: Array, other: Array) -> Array:
-    """(2 n, 2 m) covariance of f between places (n, 2) and (m, 2) [m], range and bearing of each in turn."""
+    """(2 n, 2 m) covariance of f between places (n, 2) and (m, 2) [m]; range and bearing interleaved."""
     squared = ((one[:, None] - other[None]) ** 2).sum(axis=-1)
     near = np.exp(-0.5 * squared / settings.neighbour_m**2)
     found = np.zeros((len(one), 2, len(other), 2))
@@ -58,26 +59,26 @@ def correlation(settings: DetectionErrorsConfiguration, one: Array, other: Array
 
 @dataclass(frozen=True)
 class WhiteResidual:
-    """From a residual that is whitened by all of its error to one whitened by what does not repeat."""
+    """Conversion of a residual whitened by the whole error to one whitened by the white part w alone."""
 
     settings: DetectionErrorsConfiguration
 
     @property
     def scale(self) -> float:
-        """Factor on whitened residuals and their slopes."""
+        """Factor on whitened residuals and their Jacobians."""
         return float(1.0 / np.sqrt(1.0 - self.settings.correlated_share))
 
     @property
     def slope(self) -> float:
-        """Derivative of such a residual by f, in each component."""
+        """Derivative of the converted residual by f, in each component."""
         return float(np.sqrt(self.settings.correlated_share)) * self.scale
 
     def slopes(self, ranged: Flags) -> Array:
-        """(D, 2) derivatives by f of the residuals of range and bearing, the range's 0 where there is none."""
+        """(D, 2) derivatives by f of the range and bearing residuals; 0 for a range that is not measured."""
         return self.slope * np.stack([ranged, np.ones_like(ranged)], axis=1)
 
     def linearisation(self, plain: Linearisation, slopes: Array, mean: Array) -> Linearisation:
-        """B rows at f of ``mean`` (B, 2), from those of residuals whitened by all of their error."""
+        """B rows at f of ``mean`` (B, 2), from rows whitened by the whole error."""
         measured = (slopes > 0.0).sum(axis=1)
         return Linearisation(
             residual=self.scale * plain.residual + slopes * mean,
@@ -90,7 +91,7 @@ class WhiteResidual:
 def _repeated(
     settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, places: Array
 ) -> tuple[Array, Array]:
-    """A (2 D, 2 n) and Q (2 D, 2 D) of the process alone."""
+    """A (2 D, 2 n) and Q (2 D, 2 D) of the process f alone, without constant sensor errors."""
     own = correlation(settings, places, places) + OWN_SHARE * np.eye(2 * len(places))
     if carried is None:
         return np.zeros((len(own), 0)), own
@@ -102,7 +103,7 @@ def _repeated(
 
 
 def _with_sensor(matrix: Array, noise: Array, now: Array, before: Array | None) -> tuple[Array, Array]:
-    """A and Q of (f + H g, g) from those of f; H is ``now`` (2 D, d), and was ``before`` (2 n, d) where a frame was."""
+    """A and Q of (f + H g, g) from those of f; H is ``now`` (2 D, d), and was ``before`` (2 n, d) in the last frame."""
     size = now.shape[1]
     if not size:
         return matrix, noise
@@ -121,13 +122,13 @@ def _with_sensor(matrix: Array, noise: Array, now: Array, before: Array | None) 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorTransition:
-    """f of a frame's D detections, and g, given those of n before: f_k = A f + v, v ~ N(0, Q); d is 2 where g is, or 0.
+    """Transition of f and g to a frame's D detections from n before: f_k = A f + v, v ~ N(0, Q); d is 2 with g, else 0.
 
-    (f, g) is (2 D + d,).
+    The vector (f, g) is (2 D + d,).
     """
 
     white: WhiteResidual
-    before: int  # keyframe of those
+    before: int  # keyframe of the n detections before
     matrix: Array  # A (2 D + d, 2 n + d)
     noise: Array  # Q (2 D + d, 2 D + d)
     mean: Array  # (2 D + d,) predicted
@@ -138,7 +139,7 @@ class ErrorTransition:
     def of(
         cls, settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, detections: Sequence[Any]
     ) -> Self:
-        """To detections in the body frame, of the newest keyframe as ``carried`` is."""
+        """The transition to detections in the body frame; ``carried`` is already expressed at the newest keyframe."""
         places, by_sensor = np.array([own.place for own in detections]), sensor_slopes(settings, detections)
         matrix, noise = _repeated(settings, carried, places)
         matrix, noise = _with_sensor(matrix, noise, by_sensor, None if carried is None else carried.by_sensor)
@@ -154,15 +155,15 @@ class ErrorTransition:
 
     @property
     def count(self) -> int:
-        """Entries of two components."""
+        """Number of entries, of two components each."""
         return len(self.mean) // 2
 
     def after(self, keyframe: int, mean: Array) -> CarriedErrors:
-        """The errors of this frame, ``keyframe``, of this ``mean``."""
+        """The errors of this frame, ``keyframe``, with this ``mean``."""
         return CarriedErrors(keyframe=keyframe, places=self.places, by_sensor=self.by_sensor, mean=mean)
 
     def factor(self, before: Sequence[int], now: Sequence[int]) -> Any:
-        """GTSAM factor on the variables that hold f of n and of D detections, by their keys."""
+        """GTSAM factor of the transition, on the variables that hold the errors of n and of D detections."""
         inverse = solve_triangular(np.linalg.cholesky(self.noise), np.eye(len(self.noise)), lower=True)
         whole = np.concatenate([-inverse @ self.matrix, inverse], axis=1)
         keys = [*before, *now]
@@ -178,13 +179,13 @@ class ErrorTransition:
         for key in keys:
             origin.insert(key, np.zeros(VECTOR_SIZES[letter_of(key)]))
         callback = gtsam.CustomFactor(unit_noise(len(whole)), keys, at_origin)
-        # Linear, so that GTSAM needs no callback: with each it would copy all values of its graph.
+        # A linear container, as GTSAM would copy all values of its graph for every callback.
         return gtsam.LinearContainerFactor(callback.linearize(origin), origin)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedErrors:
-    """f of a frame's D detections before they are taken in, with a robot and M objects, r + M l coordinates."""
+    """Predicted f of a frame's D detections, with its covariance to the robot and M objects (r + M l coordinates)."""
 
     transition: ErrorTransition
     slopes: Array  # (D, 2) derivatives of the residuals
@@ -193,17 +194,17 @@ class PredictedErrors:
 
     @property
     def mean(self) -> Array:
-        """(D, 2) expected."""
+        """(D, 2) expected f."""
         return self.transition.mean.reshape(-1, 2)[: len(self.slopes)]
 
     def rows(self, numbers: Sequence[int]) -> Index:
-        """Components of some detections."""
+        """Rows of the components of some detections."""
         return (2 * np.asarray(numbers, dtype=int)[:, None] + np.arange(2)).ravel()
 
     def with_pairs(self, pairs: Array, rows: Index) -> Array:
-        """(D, M, r + l + 2, r + l + 2) of robot, each object and each detection's f, ``pairs`` (M, r + l, r + l).
+        """(D, M, r + l + 2, r + l + 2) joint covariance of robot, each object and each detection's f.
 
-        ``rows`` (M, r + l): of the robot and each object in ``cross``.
+        ``pairs`` (M, r + l, r + l): that of robot and object. ``rows`` (M, r + l): their rows in ``cross``.
         """
         count, size = len(self.slopes), pairs.shape[-1]
         own = slice(2 * count)

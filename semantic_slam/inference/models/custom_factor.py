@@ -1,7 +1,7 @@
-"""GTSAM factors that call back into Python, where none of its own measures the same.
+"""GTSAM factors with a Python callback, where GTSAM has no built-in factor of that measurement.
 
-A CustomFactor cannot be cloned or pickled, but an ISAM2 that holds one can be forked; a component is rebuilt
-from its lineage, never from a pickled graph.
+A CustomFactor cannot be cloned or pickled, but an ISAM2 that holds one can be forked; a component is rebuilt from its
+lineage, never from a pickled graph.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What detections look like: vectors of appearance, and the background that they stand out from."""
+"""Appearance embeddings of detections, and the background distribution that they are compared with."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionVectors:
-    """Vectors of D detections, as :func:`semantic_slam.viewpoint.embeddings.vectors.reduced` makes them."""
+    """Embeddings of D detections, as made by :func:`semantic_slam.viewpoint.embeddings.vectors.reduced`."""
 
-    vectors: Array  # (D, L), rows of NaN where a detection has none
+    vectors: Array  # (D, L); NaN rows where a detection has none
     background: EmbeddingBackground  # from all vectors up to this keyframe

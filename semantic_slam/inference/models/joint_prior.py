@@ -1,8 +1,8 @@
-"""The prior of objects that have errors in common: one factor of a few objects, a tree of factors of many.
+"""Joint prior of objects with correlated errors: one dense factor of a few objects, a tree of factors of many.
 
-One factor over all objects has them eliminated together in every update, at the cube of their number. The tree keeps
-every object's own Gaussian and, along its edges, what two objects know of each other: of all trees the nearest to the
-joint Gaussian (Chow and Liu, 1968). What two objects that are far apart in it have in common, it understates.
+One factor over all objects eliminates them together in every update, at cubic cost. The tree keeps every object's own
+Gaussian and the correlations along its edges; of all trees it is nearest to the joint Gaussian in Kullback-Leibler
+divergence (Chow and Liu, 1968). It understates the correlation of two objects that are far apart in it.
 """
 
 from collections.abc import Sequence
@@ -17,15 +17,16 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.linear_factors import unit_noise
 
 MOST_TOGETHER = 40
-"""Objects in one factor: a keyframe then takes some 20 ms for each hypothesis, at twice as many ten times that."""
+"""Most objects in one factor: a keyframe then takes some 20 ms per hypothesis, with twice as many objects ten times
+that."""
 UNRELATED = 1e-9
-"""Nats added to what two objects know of each other, so that a tree reaches all of them."""
+"""Nats added to every mutual information, so that the tree spans all objects."""
 
-_jacobian_factor: Any = gtsam.JacobianFactor  # of one to three keys, which its type does not say
+_jacobian_factor: Any = gtsam.JacobianFactor  # its type stub misses the overloads for one to three keys
 
 
 def joint_prior_factors(keys: Sequence[int], covariance: Array, means: gtsam.Values) -> list[Any]:
-    """Priors of n variables of one size at ``means``, in the tangent spaces there. Raises InputError."""
+    """Prior factors of n variables of one size at ``means``, in the tangent spaces there. Raises InputError."""
     try:
         whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
     except np.linalg.LinAlgError:
@@ -37,7 +38,7 @@ def joint_prior_factors(keys: Sequence[int], covariance: Array, means: gtsam.Val
 
 
 def _together(keys: Sequence[int], whiten: Array) -> Any:
-    """One factor of all, for which GTSAM takes an upper triangle."""
+    """One dense factor of all; GTSAM takes an upper triangular root."""
     root = np.linalg.qr(whiten, mode="r")
     root = root * np.sign(np.diag(root))[:, None]
     terms = list(zip(keys, np.split(root, len(keys), axis=1), strict=True))
@@ -46,7 +47,7 @@ def _together(keys: Sequence[int], whiten: Array) -> Any:
 
 
 def _tree(keys: Sequence[int], covariance: Array) -> list[Any]:
-    """One factor for each object, given its parent."""
+    """One factor for each object, conditioned on its parent in the tree."""
     count = len(keys)
     size = len(covariance) // count
     blocks = covariance.reshape(count, size, count, size).swapaxes(1, 2)  # (n, n, l, l)
@@ -65,7 +66,7 @@ def _tree(keys: Sequence[int], covariance: Array) -> list[Any]:
 
 
 def _spanning_tree(blocks: Array) -> Any:
-    """The tree along which objects know most of each other, by their mutual information in nats."""
+    """The Chow-Liu tree: the maximum spanning tree by mutual information [nats]."""
     own = np.einsum("iiab->iab", blocks)
     whiten = np.linalg.inv(np.linalg.cholesky(own))
     relative = np.einsum("iab,ijbc,jdc->ijad", whiten, blocks, whiten)

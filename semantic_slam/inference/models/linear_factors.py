@@ -1,4 +1,4 @@
-"""Factors that are linearised here, and not by GTSAM: no callback, but true near those states only."""
+"""Factors linearised here instead of by GTSAM: no callback, but valid near their linearisation points only."""
 
 from collections.abc import Sequence
 from functools import cache, lru_cache
@@ -16,16 +16,16 @@ _jacobian_factor: Any = gtsam.JacobianFactor  # of one to three keys, which its 
 
 @cache
 def unit_noise(size: int) -> Any:
-    """GTSAM's model of whitened residuals."""
+    """GTSAM's unit noise model, for whitened residuals."""
     return gtsam.noiseModel.Unit.Create(size)
 
 
 def linear_factors(
     keys: Sequence[tuple[int, ...]], jacobians: Sequence[Array], residual: Array, points: Sequence[gtsam.Values]
 ) -> list[Any]:
-    """One factor for each of B rows: (m,) keys, m Jacobians (B, F, size), (B, F) whitened residual, and where they are.
+    """One factor for each of B rows: keys (m,), m Jacobians (B, F, size), whitened residual (B, F), and its point.
 
-    ``points`` hold the variables of the row's factor, and may hold others.
+    ``points`` hold the linearisation point of the row's variables, and may hold others.
     """
     noise = unit_noise(residual.shape[1])
     factors = []
@@ -36,9 +36,9 @@ def linear_factors(
 
 
 def linearised(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:
-    """A graph's factors, each linearised at ``values``, in the same order.
+    """The factors of a graph, each linearised at ``values``, in the same order.
 
-    iSAM2 would hand a copy of all of its values to each callback into Python.
+    iSAM2 would pass a copy of all its values to each callback into Python.
     """
     return gtsam.LinearContainerFactor.ConvertLinearGraph(graph.linearize(values), values)
 
@@ -46,11 +46,11 @@ def linearised(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam
 def linearisation_points(
     spaces: Spaces, keys: Sequence[Sequence[tuple[int, ...]]], states: Array
 ) -> list[gtsam.Values]:
-    """GTSAM's values for each set of factors, by the variables of its factors: a robot, an object, a descriptor if any.
+    """GTSAM values for each set of factors, over the variables of its factors: robots, objects, and descriptors if any.
 
-    ``states`` (B, s + s + L) of the variables of all B factors; in one set a variable is at one place. As steps from
-    one state: GTSAM tries a dozen types for a pose that is inserted. That state is turned, for GTSAM's exponential
-    loses digits where a turn is next to none, as it would be from a heading of 0 to one that is nearly so.
+    ``states`` (B, s + s + L) of the variables of all B factors; within one set a variable has one state. They are
+    retracted from one origin, as GTSAM tries a dozen types for every pose inserted. That origin is rotated, because
+    GTSAM's exponential map loses digits at tiny rotations, as from a heading of 0 to one that is nearly 0.
     """
     together = spaces.storage.size(1)
     robots, objects = spaces.steps(states[:, :together])

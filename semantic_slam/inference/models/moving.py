@@ -1,7 +1,7 @@
-"""How things move that move: a velocity that is kept for a while, of one of a few sizes.
+"""Motion model of moving objects: a velocity that persists for a while, with one of a few typical speeds.
 
-Each part of the velocity is an Ornstein-Uhlenbeck process, the Singer model of tracking (Singer, IEEE T-AES 6(4),
-1970) with the velocity in place of the acceleration: what is not seen for long may be anywhere, and yet no faster.
+Each velocity component is an Ornstein-Uhlenbeck process, the Singer model of tracking (Singer, IEEE T-AES 6(4), 1970)
+with velocity in place of acceleration: the position of an object unseen for long is unbounded, while its speed is not.
 """
 
 from collections.abc import Sequence
@@ -18,14 +18,14 @@ from semantic_slam.geometry.arrays import Array, Flags
 
 @dataclass(frozen=True)
 class Moving:
-    """What is known of moving objects before any is seen."""
+    """Prior knowledge of moving objects."""
 
     settings: MovingConfiguration = field(default_factory=MovingConfiguration)
     errors: DetectionErrorsConfiguration = field(default_factory=DetectionErrorsConfiguration)
 
     @cached_property
     def by_label(self) -> dict[str, float]:
-        """Detector's label, in lower case -> share of its objects that move. Raises InputError."""
+        """Detector label in lower case -> share of its objects that may move. Raises InputError."""
         return labelled_numbers(
             "moving.share_by_label",
             self.settings.share_by_label,
@@ -45,7 +45,7 @@ class Moving:
 
     @cached_property
     def speeds(self) -> Array:
-        """(S,) standard deviations [m/s] of a velocity's parts; 0: what may move, and stands. Raises InputError."""
+        """(S,) standard deviations [m/s] of velocity components; 0: may move but stands still. Raises InputError."""
         speeds = self.settings.speeds_m_s
         if not speeds or min(speeds) < 0.0 or max(speeds) == 0.0:
             raise InputError("moving.speeds_m_s must not be negative, and one at least positive; correct them")
@@ -53,7 +53,7 @@ class Moving:
 
     @cached_property
     def stands(self) -> Flags:
-        """(S,) whether what may move stands under a speed. Raises InputError."""
+        """(S,) whether an object stands still under a speed setting. Raises InputError."""
         return np.asarray(self.speeds == 0.0)
 
     def shares(self, labels: Sequence[str]) -> Array:
@@ -61,30 +61,30 @@ class Moving:
         return np.array([self.by_label.get(label.lower(), self.settings.share) for label in labels], dtype=np.float64)
 
     def transition(self, elapsed_s: float) -> Array:
-        """(4, 4) of x, y and their rates."""
+        """(4, 4) state transition of x, y and their rates."""
         return np.asarray(np.kron(self.unit_transition(elapsed_s), np.eye(2)))
 
     def noise(self, elapsed_s: float) -> Array:
-        """(S, 4, 4) covariances of what the transition leaves open, by speed."""
+        """(S, 4, 4) process noise covariances of that transition, by speed."""
         return np.asarray(self.speeds[:, None, None] ** 2 * np.kron(self.unit_noise(elapsed_s), np.eye(2)))
 
     def unit_transition(self, elapsed_s: float) -> Array:
-        """(2, 2) of one coordinate and its rate."""
+        """(2, 2) state transition of one coordinate and its rate."""
         keeps = np.exp(-elapsed_s / self.settings.steadiness_s)
         return np.array([[1.0, self.settings.steadiness_s * (1.0 - keeps)], [0.0, keeps]])
 
     def unit_noise(self, elapsed_s: float) -> Array:
-        """(2, 2) covariance of what that leaves open, for a speed of 1 m/s."""
+        """(2, 2) process noise covariance of one coordinate and its rate, for a speed of 1 m/s."""
         steady, ratio = self.settings.steadiness_s, elapsed_s / self.settings.steadiness_s
         keeps, lost = np.exp(-ratio), -np.expm1(-ratio)
         place = max(2.0 * ratio - 2.0 * lost - lost**2, 0.0) * steady**2
         return np.array([[place, steady * lost**2], [steady * lost**2, 1.0 - keeps**2]])
 
     def repeats(self, control: Array, driven: Array, variance: Array) -> Array:
-        """(..., 2) correlation of the errors of one object's range and bearing with those a motion (3,) ago.
+        """(..., 2) correlation of one object's range and bearing errors with those before a robot motion (3,).
 
-        ``driven`` (..., 2) metres is how far it went by itself, known with ``variance`` (...) along each axis: of the
-        kernel over places (see ``correlated_errors``) the mean over that Gaussian.
+        ``driven`` (..., 2) [m] is the object's own displacement, known with ``variance`` (...) along each axis: the
+        kernel over places (see ``correlated_errors``) is averaged over that Gaussian.
         """
         settings, square = self.errors, self.errors.neighbour_m**2
         motion = np.hypot(*control[:2]) / settings.motion_m + abs(control[2]) / settings.motion_rad

@@ -1,11 +1,11 @@
-"""What odometry gets wrong all the way: a turn for every metre, the size of a metre and of a turn, and its clock.
+"""Odometry biases: turn per metre, scale of translation, scale of rotation, and clock offset.
 
-x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior's standard deviations; what the
-prior expects is in u_k already. It changes a little from one stretch of the drive to the next, so that every stretch
-has its own variable in the smoother: a revisit tells of them as of the poses, and what they tell of the next revisit is
-part of the belief. One variable for the whole drive would be in every clique, and each of its changes would go through
-the whole tree. Wheels that differ turn the robot as it drives; wheels larger than they are said to be, or set closer
-than that, make its metres and its turns larger (Borenstein, Feng 1996).
+x_k = x_{k-1} u_k Exp(G_k c + w_k), with an unknown c ~ N(0, I) in units of its prior standard deviations; the prior
+mean is applied to u_k already. c follows a random walk from one stretch of the drive to the next, so every stretch has
+its own variable in the smoother: a loop closure informs biases and poses alike, and what the biases say of the next one
+is part of the belief. A single variable for the whole drive would be in every clique, and each change of it would
+propagate through the whole Bayes tree. Unequal wheels turn the robot as it drives; wheels larger than nominal, or
+mounted closer than nominal, scale up its translations and rotations (Borenstein, Feng 1996).
 """
 
 from typing import Any
@@ -22,15 +22,15 @@ from semantic_slam.inference.states.keys import begins_stretch, bias_key
 NAMES = ("odometry.bias_rad_per_m", "odometry.bias_scale", "odometry.bias_turn_scale", "odometry.clock_offset_s")
 """Components of c."""
 CLOCK = 3
-"""That of the clock: see :mod:`clock_offset`."""
+"""Index of the clock offset in c: see :mod:`clock_offset`."""
 CHANGE = 0.1
-"""Standard deviation of its change from one stretch to the next, in those of the prior."""
+"""Standard deviation of the change of c from one stretch to the next, in prior standard deviations."""
 
 
 def bias_sigmas(settings: OdometryConfiguration) -> Array:
-    """(4,) prior standard deviations: heading per metre [rad/m], relative length, relative turn, clock [s]; or none.
+    """(4,) prior standard deviations: heading per metre [rad/m], relative length, relative turn, clock [s].
 
-    None are asked where biases are not estimated. A standard deviation of 0 keeps one out of every motion.
+    Empty where biases are not estimated. A standard deviation of 0 removes that component from every motion.
     """
     if not settings.estimate_bias:
         return np.zeros(0)
@@ -45,16 +45,16 @@ def bias_sigmas(settings: OdometryConfiguration) -> Array:
 
 
 def bias_means(settings: OdometryConfiguration) -> Array:
-    """(4,) prior means, in the same units; none where none is asked."""
+    """(4,) prior means, in the units of :func:`bias_sigmas`; empty where biases are not estimated."""
     if not settings.estimate_bias:
         return np.zeros(0)
     return np.array([settings.bias_rad_per_m, settings.bias_scale, settings.bias_turn_scale, settings.clock_offset_s])
 
 
 def slopes(control: Array) -> Array:
-    """(..., 3, 3) change of a planar ``control`` (..., 3), in its tangent space, by heading per metre, length and turn.
+    """(..., 3, 3) Jacobian of a planar ``control`` (..., 3), in its tangent space, by turn per metre, length and turn.
 
-    The motion is taken as one arc: of twist t, on which the bias adds (0, 0, t_x), (t_x, t_y, 0) and (0, 0, t_yaw).
+    The motion is taken as one arc, of twist t, to which the biases add (0, 0, t_x), (t_x, t_y, 0) and (0, 0, t_yaw).
     """
     twist = se2.log(control)
     change = np.zeros((*twist.shape, 3))
@@ -65,17 +65,17 @@ def slopes(control: Array) -> Array:
 
 
 def by_bias(slopes: Array, sigmas: Array) -> Array:
-    """(3, 4) change of a planar motion by the components of c, from its ``slopes`` (3, 3); that by the clock is 0."""
+    """(3, 4) Jacobian of a planar motion by the components of c, from its ``slopes`` (3, 3); the clock's is 0."""
     return np.concatenate([slopes * sigmas[:CLOCK], np.zeros((3, 1))], axis=1)
 
 
 def composed_slopes(before: Array, control: Array, own: Array) -> Array:
-    """(3, 3) of a motion with ``before`` that goes on with ``control``, whose ``own`` they are."""
+    """(3, 3) bias Jacobian of a motion (``before``) followed by ``control``, which has the Jacobian ``own``."""
     return np.asarray(se2.inverse_adjoint(control) @ before + own)
 
 
 def bias_prior(size: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """N(0, I) of the first bias, as a graph and its first values."""
+    """Prior N(0, I) of the first bias variable, as a graph and its initial values."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     graph.add(gtsam.PriorFactorVector(bias_key(-1), np.zeros(size), gtsam.noiseModel.Unit.Create(size)))
     values.insert(bias_key(-1), np.zeros(size))
@@ -83,7 +83,7 @@ def bias_prior(size: int) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
 
 
 def bias_change(keyframe: int, bias: Array, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
-    """Add the bias of a stretch that begins with ``keyframe``, ``bias`` (p,) being that of the one before."""
+    """Add the bias variable of a stretch that begins at ``keyframe``; ``bias`` (p,): the estimate of the last one."""
     keys = bias_key(keyframe - 1), bias_key(keyframe)
     noise = gtsam.noiseModel.Isotropic.Sigma(len(bias), CHANGE)
     graph.add(gtsam.BetweenFactorVector(*keys, np.zeros(len(bias)), noise))
@@ -91,7 +91,10 @@ def bias_change(keyframe: int, bias: Array, graph: gtsam.NonlinearFactorGraph, v
 
 
 def with_changed_bias(covariance: Array, keyframe: int, size: int) -> Array:
-    """Covariance of a planar robot, ``size`` biases and all else, when the motion to ``keyframe`` begins."""
+    """Covariance of a planar robot, ``size`` biases and all else, as the motion to ``keyframe`` begins.
+
+    The biases' variance grows where a new stretch begins.
+    """
     if not size or not begins_stretch(keyframe):
         return covariance
     wider, rows = covariance.copy(), 3 + np.arange(size)
@@ -100,7 +103,7 @@ def with_changed_bias(covariance: Array, keyframe: int, size: int) -> Array:
 
 
 def biased_factor(keys: tuple[int, int, int], control: Array, covariance: Array, by_bias: Array) -> Any:
-    """Between two planar poses and a bias c: GTSAM's own factor of the two, less what c makes of the control."""
+    """Factor of two planar poses and a bias c: GTSAM's between factor, corrected for the effect of c on the control."""
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
     plain = gtsam.BetweenFactorPose2(*keys[:2], gtsam.Pose2(*control), noise)
     whitened = noise.R() @ by_bias

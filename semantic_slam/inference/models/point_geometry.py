@@ -1,4 +1,4 @@
-"""What observation models of points have in common: landmarks with a place, of which no view tells more."""
+"""Common part of observation models of points: landmarks with a position, and nothing viewpoint-dependent."""
 
 import numpy as np
 
@@ -8,13 +8,13 @@ from semantic_slam.inference.states.spaces import Spaces
 
 
 class PointGeometry:
-    """Geometry alone: nobody knows from which side a point is seen, so that views tell nothing of its class."""
+    """Geometry alone: a point has no orientation, so views say nothing of its class."""
 
     spaces: Spaces
 
     @property
     def num_classes(self) -> int:
-        """None."""
+        """0: points have no classes."""
         return 0
 
     def distance(self, point: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What observation models with classes have in common: scores of views, beside their own geometry."""
+"""Common part of observation models with classes: the scores of views, beside the geometry."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ class ScoredViews:
 
     @property
     def num_classes(self) -> int:
-        """Classes that hypotheses enumerate, 0 without class models."""
+        """Number of classes that hypotheses enumerate; 0 without class models."""
         return 0 if self.scores is None else len(self.scores.model.class_names)
 
     def semantics(self, detections: Any, x: Array, o: Array, classes: Classes) -> Linearisation:
@@ -22,15 +22,15 @@ class ScoredViews:
         return self._view_scores.linearised(detections, x, o, classes)
 
     def best_heading(self, detections: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
-        """Best headings over a window of them, the objects' prior deviating by ``sigma`` (B,) [rad]."""
+        """Best headings within a window; prior standard deviation ``sigma`` (B,) [rad] of the objects' headings."""
         return self._view_scores.best_heading(detections, x, o, classes, sigma)
 
     def log_outlier(self, seen: Any) -> Array | None:
-        """(S,) log of the share of outliers times the density of the score as one; None: no view is an outlier."""
+        """(S,) log of the outlier share times the score's density as an outlier; None: no view is an outlier."""
         return None if self.scores is None else self.scores.log_outlier(seen)
 
     @property
     def _view_scores(self) -> ViewScores:
-        """Scores of views, which are asked for where there are classes alone."""
+        """The scores of views; asked for only where there are classes."""
         assert self.scores is not None
         return self.scores

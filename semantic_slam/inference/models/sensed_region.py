@@ -1,7 +1,7 @@
-"""The region in which a sensor detects, as far as its detections so far have shown it.
+"""The sensor's field of view and range limits, estimated from its detections so far.
 
-Detections bound it from inside alone, and few of them not by much: a false alarm in a region that is taken to be as
-small as what one detection has shown would be as likely as an object that was seen before.
+Detections bound the region from inside alone, and a few of them only loosely: if the region were taken to be as small
+as one detection shows, a false alarm in it would be as likely as a known object.
 """
 
 from dataclasses import dataclass, replace
@@ -13,20 +13,20 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
 
 MARGIN_RAD = 0.1
-"""Beyond the outermost bearings at least, however many were detected: they err."""
+"""Least margin beyond the outermost bearings, however many there are, as bearings have errors."""
 RANGE_MARGIN = 1.1
-"""Factor beyond the largest range, and below the least, at least."""
+"""Least margin factor beyond the largest and below the smallest range."""
 LEAST_WIDTH_RAD, MOST_WIDTH_RAD = 0.5, 2.0 * np.pi
-"""Full angle, which is of any size between before anything was detected: even in its logarithm."""
+"""Bounds of the full angle, whose prior is log-uniform between them."""
 LEAST_DEPTH_M = 1.0
-"""From the least to the largest range at least."""
+"""Least difference between the largest and smallest range."""
 
 
 @dataclass(frozen=True)
 class SensedRegion:
-    """Bounds of the detections so far: ranges, and bearings in the body frame from a first one on.
+    """Extremes of the detections so far: ranges, and bearings in the body frame relative to the first one.
 
-    The region is as wide as these bounds and their number let expect: n detections that lie evenly in it.
+    The size of the region is its expectation given these extremes and n detections, uniform in it.
     """
 
     nearest_m: float
@@ -39,7 +39,7 @@ class SensedRegion:
 
     @classmethod
     def of(cls, ranges_m: Array, bearings_rad: Array, before: Self | None = None) -> Self | None:
-        """With (D,) more detections; NaN ranges tell of bearings alone. None while there were none with a range."""
+        """With (D,) more detections; a NaN range is a bearing alone. None until there was one with a range."""
         known = ranges_m[np.isfinite(ranges_m)]
         if before is None:
             if not len(known):
@@ -58,24 +58,24 @@ class SensedRegion:
         )
 
     def named(self) -> dict[str, float]:
-        """The region as the configuration names it."""
+        """The region by the names of its configuration parameters."""
         names = ("min_range_m", "max_range_m", "field_of_view_rad", "direction_rad")
         return {f"open_world.{name}": getattr(self, name) for name in names}
 
     @property
     def field_of_view_rad(self) -> float:
-        """Full angle W: 1 / E[1 / W], which is what an even density in it is expected to be; with its margins."""
+        """Full angle W: 1 / E[1 / W], the inverse of the expected uniform density in it; with margins."""
         spread = self.leftmost_rad - self.rightmost_rad
         return min(max(_width(spread, self.num_bearings), spread + 2.0 * MARGIN_RAD), MOST_WIDTH_RAD)
 
     @property
     def direction_rad(self) -> float:
-        """Bearing of its middle in the body frame."""
+        """Bearing of the region's middle in the body frame."""
         return float(wrap_angle(np.array(self.origin_rad + 0.5 * (self.leftmost_rad + self.rightmost_rad))))
 
     @property
     def min_range_m(self) -> float:
-        """Least range: the nearest of n is as far from it, in area, as an even spread lets expect; with its margin."""
+        """Smallest range: below the nearest of n by the area that a uniform density lets expect; with its margin."""
         expected = ((self.num_ranges + 1) * self.nearest_m**2 - self._largest_squared) / self.num_ranges
         return min(self.nearest_m / RANGE_MARGIN, float(np.sqrt(max(expected, 0.0))))
 
@@ -86,14 +86,14 @@ class SensedRegion:
 
     @property
     def _largest_squared(self) -> float:
-        """[m^2] R^2 = 1 / E[1 / R^2] = r^2 (n + 1) / n, r being the farthest of n: R is of any size before, like W."""
+        """[m^2] R^2 = 1 / E[1 / R^2] = r^2 (n + 1) / n, r being the farthest of n, with a log-uniform prior of R."""
         return self.farthest_m**2 * max(1.0 + 1.0 / self.num_ranges, RANGE_MARGIN**2)
 
 
 def _width(spread: float, count: int) -> float:
-    """[rad] 1 / E[1 / W] of an interval that lies anywhere, and in which ``count`` even draws ``spread`` so far.
+    """[rad] 1 / E[1 / W] of an interval anywhere, given that ``count`` uniform draws in it span ``spread``.
 
-    The density of these is (W - spread) / W^count, up to a constant.
+    The likelihood of these is (W - spread) / W^count, up to a constant.
     """
     least = max(spread, LEAST_WIDTH_RAD)
     if least >= MOST_WIDTH_RAD:

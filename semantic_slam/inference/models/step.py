@@ -1,4 +1,4 @@
-"""A keyframe as the engine sees it."""
+"""One keyframe's input to the engine."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,25 +19,25 @@ from semantic_slam.inference.models.spatial.gravity import Gravity
 class Motion:
     """Odometry from one keyframe to the next."""
 
-    control: Array  # (s,) of the robot
+    control: Array  # (s,) relative robot pose
     covariance: Array  # (r, r)
-    by_bias: Array | None = None  # (r, p) change of the control by what odometry always gets wrong, where estimated
-    shifts: Array | None = None  # (G, r) that by offsets of its clock, see ``clock_offset``, where estimated
-    gravity: Gravity | None = None  # in space, what tells at its end which way is up
+    by_bias: Array | None = None  # (r, p) Jacobian of the control by odometry biases, where estimated
+    shifts: Array | None = None  # (G, r) change by offsets of its clock, see ``clock_offset``, where estimated
+    gravity: Gravity | None = None  # in space, measurement of the vertical at its end
 
 
 @dataclass(frozen=True)
 class AssociatedDetection:
-    """A detection with the object and class that a hypothesis gives it; class -1: no semantics."""
+    """A detection with the object and class that a hypothesis assigns to it; class -1: no semantics."""
 
     detection: Any
     object_id: int
     assigned_class: int
-    number: int = 0  # among the detections of its keyframe whose errors repeat
-    width: float = 1.0  # of an outlier: standard deviation of what does not repeat, in that of others
+    number: int = 0  # index among its keyframe's detections with correlated errors
+    width: float = 1.0  # of an outlier: its white error's standard deviation relative to an inlier's
 
     def as_outlier(self, width: float) -> "AssociatedDetection":
-        """An outlier, whose white error is so many times as wide."""
+        """The detection as an outlier, with ``width`` times the white error."""
         return replace(self, detection=self.detection.widened(width), width=width)
 
 
@@ -54,10 +54,10 @@ class Step:
     names: tuple[str, ...]  # (D,) identities given, "" for none
     in_coverage: NDArray[np.bool_]  # (D,) whether the view lay inside the class models' coverage
     labels: tuple[str, ...] = ()  # (D,) of the detector; empty where nobody asks for them
-    words: DetectorWords | None = None  # D, where they are evidence of classes
-    vectors: DetectionVectors | None = None  # D, where looks are evidence
-    sensed: SensedRegion | None = None  # of the detections so far, where the sensor's region is learned
-    camera: Camera | None = None  # in space, with which the sensor's region goes
+    words: DetectorWords | None = None  # D, where labels are evidence of classes
+    vectors: DetectionVectors | None = None  # D, where appearance is evidence
+    sensed: SensedRegion | None = None  # where the sensor's region is learned from detections
+    camera: Camera | None = None  # in space: camera that defines the sensor's region
     dropped: int = 0  # inputs not used so far
     free_range_scan: Array = field(
         default_factory=lambda: np.zeros((0, 2))

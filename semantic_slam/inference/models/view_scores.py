@@ -1,4 +1,4 @@
-"""Class scores of views: their density under the class models, by the side that the object is seen from (Eq. 4.2)."""
+"""Class scores of views: their density under the viewpoint-dependent class models (Eq. 4.2)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,41 +15,41 @@ from semantic_slam.viewpoint.model import Prediction, ViewpointModel, Viewpoints
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 LEAST_WINDOW_RAD = 0.6
-"""Half the range of azimuths about a mode that is searched at least."""
+"""Least half width of the window of azimuths that is searched about a mode."""
 WINDOW_ANGLES, NARROW_WINDOW_ANGLES, WIDE_WINDOW_RAD = 25, 13, 1.2
-"""Azimuths looked at, fewer where half the range is not wide."""
+"""Number of azimuths evaluated in a window, in a narrow window, and half width above which a window is wide."""
 
 Slopes = Callable[[Array], tuple[Array, Array]]
-"""From (B, m, q) derivatives by coordinates of viewpoints to those (B, m, r) by robots and (B, m, l) by objects."""
+"""Chain rule: (B, m, q) derivatives by viewpoint coordinates to (B, m, r) by robots and (B, m, l) by objects."""
 
 
 class ViewGeometry(Protocol):
-    """From where the cameras of robots see objects."""
+    """Viewpoints of objects from the cameras of robots."""
 
-    coordinates: slice  # q of azimuth, elevation and range: those that the states change
+    coordinates: slice  # the q of azimuth, elevation and range that depend on the states
 
     def seen(self, x: Array, o: Array, sensor: Array) -> tuple[Viewpoints, Slopes]:
-        """Viewpoints of robots ``x`` (B, s) and objects ``o`` (B, s); of S ``sensor`` (S, p) the rows repeat."""
+        """Viewpoints of objects ``o`` (B, s) from robots ``x`` (B, s); rows of S ``sensor`` (S, p) repeat."""
 
 
 @dataclass(frozen=True)
 class ViewScores:
-    """P(z_sem | x, o, c) of views by robots ``x`` (B, s) of objects ``o`` (B, s) of (B,) classes.
+    """P(z_sem | x, o, c) of views by robots ``x`` (B, s) of objects ``o`` (B, s) with (B,) classes.
 
-    Of class -1 is a view that is an outlier. Detections are arrays: ``feature``, ``feature_covariance``, ``sensor`` and
-    ``log_outlier``, a row each.
+    Class -1 marks a view that is an outlier. Detections are arrays with one row each: ``feature``,
+    ``feature_covariance``, ``sensor`` and ``log_outlier``.
     """
 
     geometry: ViewGeometry
     model: ViewpointModel
-    tempering: float  # N: so many views tell as much as one, each density enters with the power 1 / N
-    outliers: OutlierScores | None  # what a score may be besides; None: no view is an outlier
+    tempering: float  # N: each density enters with power 1 / N, so N views count as one
+    outliers: OutlierScores | None  # outlier distribution of scores; None: no view is an outlier
 
     def linearised(self, detections: Any, x: Array, o: Array, classes: Classes) -> Linearisation:
-        """Residual of the feature, its covariance being that of the model and of the dropout passes.
+        """Residual of the feature, with the sum of the covariances of the model and of the dropout samples.
 
-        Where views may be outliers the residual counts with the square root of the posterior that this one is none,
-        which has the gradient of the mixture's log density; the normaliser makes up for the rest.
+        Where views may be outliers the residual is scaled by the square root of the posterior inlier probability, which
+        gives the gradient of the mixture's log density; the normaliser makes up for the difference.
         """
         viewpoints, slopes = self.geometry.seen(x, o, detections.sensor)
         prediction = self.model.predict(classes, viewpoints)
@@ -80,9 +80,9 @@ class ViewScores:
         return np.asarray(total + self._mixed(self.outliers, _classed(log_normaliser - cost, classes), detections)[0])
 
     def best_heading(self, detections: Any, x: Array, o: Array, classes: Classes, sigma: Array) -> tuple[Array, Array]:
-        """Best headings over a window of them, the objects' prior deviating by ``sigma`` (B,) [rad].
+        """Best headings within a window, with prior standard deviation ``sigma`` (B,) [rad] of the objects' headings.
 
-        Wide windows are looked at apart from narrow ones, which need fewer angles.
+        Wide windows are evaluated apart from narrow ones, which need fewer angles.
         """
         bound, turn = np.empty(len(x)), np.empty(len(x))
         wide = 3.0 * sigma > WIDE_WINDOW_RAD
@@ -97,9 +97,9 @@ class ViewScores:
     def heading_profile(
         self, detections: Any, x: Array, o: Array, classes: Classes, sigma: Array
     ) -> tuple[Array, Array]:
-        """Semantic log density (B, K) when the object is turned by (B, K) angles, out to three sigma (B,) [rad].
+        """Semantic log density (B, K) over rotations of the object by (B, K) angles, out to three sigma (B,) [rad].
 
-        It turns about its own z. Less than a narrow window is always looked at: the robot's turns move views, too.
+        The rotation is about the object's z. The window has a least width, as rotations of the robot move views, too.
         """
         reach = np.clip(3.0 * sigma, LEAST_WINDOW_RAD, np.pi)
         count = WINDOW_ANGLES if reach.max(initial=0.0) > WIDE_WINDOW_RAD else NARROW_WINDOW_ANGLES
@@ -118,7 +118,7 @@ class ViewScores:
         return profile.reshape(turns.shape), turns
 
     def log_outlier(self, seen: Any) -> Array | None:
-        """(S,) log of the share of outliers times the density of the score as one; None: no view is an outlier."""
+        """(S,) log of the outlier share times the score's density as an outlier; None: no view is an outlier."""
         if self.outliers is None:
             return None
         return np.asarray(np.log(self.outliers.share) + seen.log_outlier / self.tempering)
@@ -132,7 +132,7 @@ class ViewScores:
         )
 
     def _mixed(self, outliers: OutlierScores, log_inlier: Array, detections: Any) -> tuple[Array, Array]:
-        """(B,) log density of features that may be outliers, and (B,) posterior that they are none."""
+        """(B,) log density of the inlier-outlier mixture, and (B,) posterior inlier probability."""
         log_outlier = np.tile(detections.log_outlier / self.tempering, len(log_inlier) // len(detections.log_outlier))
         return outliers.mixed(log_inlier, log_outlier)
 
@@ -148,11 +148,11 @@ class ViewScores:
         )
 
     def _noise(self, prediction: Prediction, detections: Any) -> tuple[Array, Array]:
-        """Root of the covariance that the residual counts with, and (B,) log normaliser.
+        """Root of the tempered residual covariance, and (B,) log normaliser.
 
-        The roots are (B / S, S, F, F), or (1, S, F, F) where the model's covariance is the same everywhere.
-        The covariance S is that of the model and of the dropout passes; N(z; h, S)^(1 / N) has residuals as under N S
-        and the N-th part of log N(h; h, S): the determinant must not count fully in every view either.
+        The roots are (B / S, S, F, F), or (1, S, F, F) where the model's covariance is constant. The covariance S is
+        that of the model and of the dropout samples; N(z; h, S)^(1 / N) has residuals as under N S and the N-th part of
+        log N(h; h, S): the determinant must not count fully in every view either.
         """
         predicted, count = prediction.covariance, len(detections.feature)
         by_detection = predicted[:1, None] if predicted.strides[0] == 0 else per_detection(predicted, count)
@@ -162,10 +162,10 @@ class ViewScores:
         return np.sqrt(self.tempering) * root, broadcast_copy(log_peak, (len(predicted) // count, count)).reshape(-1)
 
     def _feature_residual(self, prediction: Prediction, detections: Any) -> Array:
-        """(B / S, S, F) of the mean against the features."""
+        """(B / S, S, F) predicted mean minus feature."""
         return np.asarray(per_detection(prediction.mean, len(detections.feature)) - detections.feature)
 
 
 def _classed(log_inlier: Array, classes: Classes) -> Array:
-    """(B,) log densities, none where the view is an outlier, which is class -1."""
+    """(B,) log inlier densities; -inf where the class is -1, an outlier."""
     return np.where(classes < 0, -np.inf, log_inlier)

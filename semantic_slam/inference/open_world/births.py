@@ -1,8 +1,9 @@
-"""Objects that detections start: where they would be, and what a detection of none that is known weighs.
+"""Births: where the object that a detection starts would be, and the detection's evidence as a birth or a false alarm.
 
-Where such an object is follows from the robot and from the detection alone. In the small problems of the weights its
-position has a Gaussian about the measured one, in the robot's frame and a few times as wide as the measurement, and
-its density at that point is divided out again: what stays is an even intensity on the ground.
+The position of such an object follows from the robot's pose and the detection alone. In the small problems in which
+hypotheses are weighed, its position has a Gaussian stand-in prior about the measured point, fixed in the robot's frame
+and a few times as wide as the measurement. The density of that prior at the point is divided out again, which leaves a
+uniform birth intensity on the ground.
 """
 
 from dataclasses import dataclass
@@ -16,27 +17,28 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.gaussian import GaussianPrior
 
 WIDTH = 5.0
-"""Standard deviations of the stand-in prior in those of the measurement: wide, and yet well conditioned."""
+"""Standard deviation of the stand-in prior, in those of the measurement: wide, yet well conditioned."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Birth:
-    """An object that one detection would start in one hypothesis (planar poses)."""
+    """The object that one detection would start in one hypothesis (planar poses)."""
 
-    prior: GaussianPrior  # broad, for the graph
-    gain: Array  # (3, 3) how the object moves with the robot
-    spread: Array  # (3, 3) covariance given the robot, of the small problems
-    noise: Array  # (3, 3) covariance given the robot that the detection leaves
-    by_error: Array  # (3, 2) slope of its place by the detection's whitened error; 0 for a bearing alone
-    log_area: float  # log of the detection's evidence under an intensity of one
-    log_stand_in: float  # log of its evidence under ``spread``
+    prior: GaussianPrior  # broad prior, for the factor graph
+    gain: Array  # (3, 3) Jacobian of the object's pose by the robot's
+    spread: Array  # (3, 3) covariance of the stand-in prior given the robot
+    noise: Array  # (3, 3) covariance given the robot and the detection
+    by_error: Array  # (3, 2) Jacobian of its position by the detection's whitened error; 0 for a bearing alone
+    log_area: float  # log evidence of the detection under a birth intensity of one
+    log_stand_in: float  # log evidence of the detection under the stand-in prior ``spread``
 
 
 def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_view_rad: float) -> Birth:
-    """The object that ``detection`` starts, seen from the predicted ``robot`` (3,).
+    """The birth by ``detection``, seen from the predicted pose ``robot`` (3,).
 
-    An intensity is one per square metre of the region for a detection with a range: its evidence per metre and radian
-    is then the range, a ring's area. It is one in the whole region for a bearing alone.
+    For a detection with a range an intensity of one is one object per square metre of the region; its evidence per
+    metre and radian is then the range (the area element of a ring). For a bearing alone it is one object in the whole
+    region.
     """
     prior = model.object_prior(detection, robot)
     gain = se2.adjoint(se2.between(prior.mean, robot))

@@ -1,4 +1,4 @@
-"""Hypotheses of an open world that have become near copies of each other, found among the candidates of a keyframe."""
+"""Merging of near-duplicate hypotheses of an open world, found among the candidates of a keyframe."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -19,27 +19,27 @@ from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObject
 from semantic_slam.inference.world.problem import Problem
 
 SURE = 0.5
-"""Existence from which on a hypothesis that lacks an object is no copy."""
+"""Existence above which an object must be present in both hypotheses for them to be copies."""
 MOVING = 0.5
-"""Probability of moving from which on a hypothesis in which the object stands still is none."""
+"""Probability of moving above which an object must not stand still in the other hypothesis."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecentAssociations:
-    """The detections of a hypothesis's last keyframes; R of them."""
+    """The associations of a hypothesis's last keyframes, R detections."""
 
-    objects: Array  # (R, 3) where the object of each lies now, NaN when given up
+    objects: Array  # (R, 3) current position of each one's object; NaN if dropped
     classes: Index  # (R,) -1 where classes are not enumerated
     confirms: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
-    sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of what is likely to exist, and stands
-    movers: dict[int, Array] = field(default_factory=dict)  # id -> (4,) position and its sigma of what moves instead
-    noise: int = 0  # under which the hypothesis began
-    ground: int = 0  # keyframe since which it has the robot on new ground
-    tentative: Collection[int] = ()  # objects that one recent detection started, and none was associated with since
+    sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of likely static objects
+    movers: dict[int, Array] = field(default_factory=dict)  # id -> (4,) position and its sigma of moving ones
+    noise: int = 0  # noise setting and start of the hypothesis
+    ground: int = 0  # keyframe since which the robot is on new ground
+    tentative: Collection[int] = ()  # objects with a single detection, a recent one
 
 
 class Candidates(Protocol):
-    """What is asked of K candidates of a keyframe with D detections."""
+    """The interface needed of K candidates of a keyframe with D detections."""
 
     @property
     def ids(self) -> NDArray[np.uint64]:
@@ -77,7 +77,7 @@ C = TypeVar("C", bound=Candidates)
 
 
 class Survivor(Protocol):
-    """What is asked of a hypothesis that goes on."""
+    """The interface needed of a hypothesis that survives."""
 
     @property
     def lineage(self) -> tuple[LineageStep, ...]:
@@ -85,15 +85,15 @@ class Survivor(Protocol):
 
 
 class Placed(Protocol):
-    """What is asked of the objects of a hypothesis."""
+    """The interface needed of the objects of a hypothesis."""
 
     @property
     def object_poses(self) -> Array:
-        """(O, 7) NaN where it has no such object."""
+        """(O, 7) poses; NaN where the hypothesis has no such object."""
 
     @property
     def object_covariances(self) -> Array:
-        """(O, 6, 6)."""
+        """(O, 6, 6) covariances of the poses."""
 
     @property
     def existence(self) -> Array:
@@ -105,7 +105,7 @@ class Placed(Protocol):
 
 
 class Distinct:
-    """Merging in a world of known objects, where no hypothesis becomes the copy of another."""
+    """No merging: in a world of known objects no hypothesis becomes the copy of another."""
 
     num_merged = 0
 
@@ -120,13 +120,13 @@ class Distinct:
         reported: ReportedObjects,
         registry: ObjectRegistry,
     ) -> None:
-        """Keep nothing: without merging no object's past is asked for later."""
+        """Do nothing."""
 
 
 class Copies:
-    """Finds near copies by what hypotheses' recent detections were associated with.
+    """Finds near copies by the recent associations of hypotheses.
 
-    ``num_merged`` counts those of the newest keyframe.
+    ``num_merged`` counts the hypotheses merged at the newest keyframe.
     """
 
     def __init__(self, problem: Problem):
@@ -139,7 +139,7 @@ class Copies:
         self._recent = {ROOT_ID + number: replace(nothing, noise=number) for number in range(len(problem.noises))}
 
     def merged(self, candidates: C) -> C:
-        """Candidates without near copies among those that pruning might keep."""
+        """The candidates, with near copies merged among those that pruning might keep."""
         log_weights = candidates.log_weights
         likely = np.flatnonzero(log_weights >= log_weights.max(initial=-np.inf) - self._ratio)
         self.num_merged = 0
@@ -153,7 +153,7 @@ class Copies:
         return candidates.take(rows, np.concatenate([merged.log_weights, log_weights[unlikely]]))
 
     def _compared(self, candidates: Candidates, likely: Index) -> MergeCandidates:
-        """What is compared of some candidates."""
+        """The properties by which some candidates are compared."""
         recent = [self._recent[int(candidates.parent_ids[row])] for row in likely]
         noise = np.array([[item.noise, item.ground] for item in recent])
         parents, numbers = np.unique(candidates.parent_ids[likely], return_inverse=True)
@@ -174,7 +174,7 @@ class Copies:
         )
 
     def _alike(self, recent: list[RecentAssociations]) -> NDArray[np.bool_]:
-        """(P, P) whether two hypotheses are sure of the same objects, which may differ in their numbers."""
+        """(P, P) whether two hypotheses agree on which objects surely exist; ids may differ."""
         alike = np.ones((len(recent), len(recent)), dtype=bool)
         if self.settings.merge_ghosts:
             return alike
@@ -191,7 +191,7 @@ class Copies:
         reported: ReportedObjects,
         registry: ObjectRegistry,
     ) -> None:
-        """Where the objects of the survivors' recent detections are; ``objects`` are over those ``reported``."""
+        """Record where the objects of the survivors' recent detections are; rows of ``objects`` are as ``reported``."""
         self._recent = {
             n: self._recently(survivor.lineage, objects[n], reported, registry) for n, survivor in live.items()
         }
@@ -231,14 +231,14 @@ class Copies:
 
 
 def _both_near(one: dict[int, Array], other: dict[int, Array], limit_m: float) -> bool:
-    """Whether each place that one has alone is near one of the other's, and the other way round."""
+    """Whether every position that only one of them has is near one of the other's, both ways."""
     mine = [one[n] for n in one.keys() - other.keys()]
     theirs = [other[n] for n in other.keys() - one.keys()]
     return _all_near(mine, other, limit_m) and _all_near(theirs, one, limit_m)
 
 
 def _all_near(points: list[Array], others: dict[int, Array], limit_m: float) -> bool:
-    """Whether each point has one of the others near it; a fourth number is how far off a point may well be."""
+    """Whether each point has one of the others near it; a fourth number is the point's own uncertainty [m]."""
     if not points or not others:
         return not points
     places, own = np.array(list(others.values()))[:, :3], np.array(points)

@@ -1,7 +1,7 @@
-"""Whether an object exists, as one hypothesis sees it: births, misses, and where a miss counts.
+"""Existence of objects within one hypothesis: births, missed detections, and what each says.
 
-Every object is a Bernoulli with existence r. Detections that belong to no known object come from clutter or from
-objects not detected so far, both Poisson with an intensity per square metre.
+Every object is a Bernoulli component with existence probability r. Detections that belong to no known object come from
+clutter or from objects not detected so far; both are Poisson, with intensities per square metre.
 """
 
 import numpy as np
@@ -12,9 +12,9 @@ LEAST_PROBABILITY = 1e-300
 
 
 def birth(born: Array, clutter: Array | float) -> tuple[Array, Array]:
-    """Intensity of a first detection [1/m^2], and existence of what it is a detection of.
+    """Intensity of detections that belong to no known object [1/m^2], and the existence of the object that one starts.
 
-    ``born`` intensities [1/m^2] of first detections of objects where the detection lies, ``clutter`` intensity of false
+    ``born``: intensities [1/m^2] of first detections of objects at the detection. ``clutter``: intensity of false
     alarms [1/m^2].
     """
     total = born + clutter
@@ -22,15 +22,16 @@ def birth(born: Array, clutter: Array | float) -> tuple[Array, Array]:
 
 
 def log_miss(existence: Array, detected: Array) -> Array:
-    """Log of 1 - r p_d, the probability that an object is not detected, p_d that of its detection if it exists.
+    """Log of 1 - r p_d, the probability of a missed detection; p_d is the detection probability if the object exists.
 
-    What cannot be has a log probability far below all others.
+    It is floored at ``LEAST_PROBABILITY``, so that an impossible miss has a finite log probability far below all
+    others.
     """
     return np.log(_missed(existence, detected))
 
 
 def existence_after_miss(existence: Array, detected: Array) -> Array:
-    """Existence of an object that was not detected, r (1 - p_d) / (1 - r p_d)."""
+    """Existence probability after a missed detection, r (1 - p_d) / (1 - r p_d)."""
     return existence * (1.0 - detected) / _missed(existence, detected)
 
 

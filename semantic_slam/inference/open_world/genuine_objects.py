@@ -1,7 +1,8 @@
-"""What scores tell of whether objects exist: of false alarms, and of what is mistaken again and again at one place.
+"""Evidence of detector scores on whether objects are genuine, or false alarms repeated at one place.
 
-The scores of an object's detections tell, see ``alarm_scores`` and ``detector_scores``. They repeat from one keyframe
-to the next as places do. Scores weigh no association here, which leaves some of what they tell unused.
+The scores of an object's detections are the evidence, see ``alarm_scores`` and ``detector_scores``. They are correlated
+from one keyframe to the next, as positions are. Scores do not weigh associations here, so some of their evidence is
+unused.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,32 +17,32 @@ from semantic_slam.inference.semantics.alarm_scores import AlarmScores
 from semantic_slam.inference.semantics.detector_scores import ScoreKinds, log_odds, moments_of
 
 MORE = 1.05
-"""Factor on the number of scores from which on their kinds are found anew."""
+"""Growth factor of the number of scores at which the clusters of scores are fitted again."""
 
 
 class GenuineObjects:
-    """Follows the scores of each live hypothesis's objects, keyframe by keyframe."""
+    """Accumulates the scores of each live hypothesis's objects, keyframe by keyframe."""
 
     def __init__(
         self, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration, *, counts_misses: bool = True
     ) -> None:
-        """Without ``counts_misses`` nothing shows what a false alarm is."""
+        """Without ``counts_misses`` there is no evidence of what a false alarm is, so those scores are not learned."""
         self._learns_kinds, self._learns_alarms = settings.learn_scores, settings.learn_alarm_scores and counts_misses
         self._errors = errors
-        self._news: list[float] = []  # of each keyframe, the share of a score that the keyframe before has not told
-        self._moments: list[Array] = []  # of each keyframe (D, 3)
-        self._odds: list[Array] = []  # of each keyframe (d,), those that are told
+        self._news: list[float] = []  # per keyframe: uncorrelated share of a score
+        self._moments: list[Array] = []  # per keyframe: (D, 3)
+        self._odds: list[Array] = []  # per keyframe: (d,) those given
         self._kinds: ScoreKinds | None = None
-        self._num_fitted = 0  # scores in them
-        self._of: dict[int, Array] = {}  # hypothesis -> (N, 3) sums of moments by object id, each as far as it is news
+        self._num_fitted = 0  # number of scores that the kinds were fitted to
+        self._of: dict[int, Array] = {}  # hypothesis -> (N, 3) sums of moments by object id
 
     @property
     def is_on(self) -> bool:
-        """Whether scores tell anything."""
+        """Whether scores are used as evidence."""
         return self._learns_kinds or self._learns_alarms
 
     def note(self, step: Step) -> None:
-        """Take in the scores of one more keyframe."""
+        """Record the scores of a new keyframe."""
         if not self.is_on:
             return
         odds = log_odds(np.asarray(step.scores, dtype=np.float64))
@@ -50,9 +51,9 @@ class GenuineObjects:
         self._odds.append(odds[np.isfinite(odds)])
 
     def shares(self, live: Mapping[int, Hypothesis], object_ids: Sequence[int], things: Array) -> Array | None:
-        """(H, O) of what places tell of each live hypothesis's objects, heaviest first, that scores leave; None: all.
+        """(H, O) factors on the existence of each live hypothesis's objects, heaviest first; None: all are 1.
 
-        ``things`` (H, O) is how likely each is a thing by its places, there yet or gone.
+        ``things`` (H, O) is the probability, by positions alone, that each is an object, present or departed.
         """
         if not self.is_on or not live:
             return None
@@ -65,7 +66,7 @@ class GenuineObjects:
         return None if kinds is None else kinds.genuine(moments)
 
     def _without_alarms(self, ids: Index, things: Array, moments: Array) -> Array | None:
-        """(H, O) shares by what the scores of the heaviest hypothesis's objects, those given up too, tell."""
+        """(H, O) factors learned from the scores of the heaviest hypothesis's objects, including dropped ones."""
         heaviest = next(iter(self._of.values()))
         known = np.zeros(max(len(heaviest), 1 + max(ids, default=-1)))
         known[ids] = np.clip(np.nan_to_num(things[0]), 0.0, 1.0)
@@ -75,7 +76,7 @@ class GenuineObjects:
         return np.asarray(alarms.weighed(things, moments) / np.maximum(things, np.finfo(float).tiny))
 
     def _kinds_so_far(self) -> ScoreKinds | None:
-        """The kinds of all scores so far, found anew as there are more scores."""
+        """The clusters of all scores so far, fitted again as scores grow in number."""
         counts = [len(own) for own in self._odds]
         if sum(counts) > MORE * self._num_fitted:
             self._kinds = ScoreKinds.of(np.concatenate(self._odds), np.repeat(self._news, counts))
@@ -83,7 +84,7 @@ class GenuineObjects:
         return self._kinds
 
     def _share_of_news(self, step: Step) -> float:
-        """Share of a score that the keyframe before has not told."""
+        """Share of a score that is uncorrelated with the keyframe before."""
         if not self._news:
             return 1.0
         control, errors = step.motion.control, self._errors
@@ -91,7 +92,7 @@ class GenuineObjects:
         return float(1.0 - errors.correlated_share * np.exp(-motion))
 
     def _sums(self, own: Hypothesis) -> Array:
-        """(N, 3) of all ids so far, from the parent's where that was live; what repeats counts less."""
+        """(N, 3) sums for all ids so far, continued from the parent's if it was live; correlated scores count less."""
         before = None if own.lineage[-1].changes else self._of.get(own.parent_id)
         earlier = np.zeros((0, 3)) if before is None else before
         since = 0 if before is None else len(own.lineage) - 1
@@ -104,11 +105,11 @@ class GenuineObjects:
         for taken, moments, news in rows:
             associated = np.array(taken.association, dtype=int)
             ids, told = associated[associated >= 0], moments[associated >= 0]
-            counts = np.where(sums[ids, :1] > 0.0, news, 1.0)  # the first score of an object repeats nothing
+            counts = np.where(sums[ids, :1] > 0.0, news, 1.0)  # an object's first score counts fully
             np.add.at(sums, ids, counts * told)
         return sums
 
 
 def _of_ids(sums: Array, ids: Index) -> Array:
-    """(O, 3) rows of ``sums`` (N, 3) of some ids, 0 of those beyond."""
+    """(O, 3) rows of ``sums`` (N, 3) for some ids; 0 for ids beyond."""
     return np.where((ids < len(sums))[:, None], sums[np.minimum(ids, len(sums) - 1)], 0.0)

@@ -1,10 +1,10 @@
-"""Hypotheses that have become near copies of each other: the heavier stays and takes the other's weight.
+"""Near-duplicate hypotheses: the heavier one stays and takes over the other's weight.
 
-Two are near copies when their robots stand together, when the objects that each recent detection was associated with
-lie together, and when these objects have the same classes. Which of the objects existed before does not matter, but
-whether a detection is the second of its object does: that one confirms that it exists, and a hypothesis in which
-it was a false alarm, or another object, must stay until misses or further detections decide. So must hypotheses that
-are sure of different objects, wherever these are.
+Two are near copies when their robots are close, when the objects associated with each recent detection are close, and
+when these objects have the same classes. Which of the objects existed before does not matter, but whether a detection
+is the second of its object does: it confirms existence, and a hypothesis in which the first was a false alarm, or
+another object, must stay until misses or further detections decide. So must hypotheses that are sure of different
+objects, wherever these are.
 """
 
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 
 @dataclass(frozen=True, kw_only=True)
 class MergeCandidates:
-    """What K hypotheses look like to a robot that compares them; R recent detections."""
+    """The properties by which K hypotheses are compared; R recent detections."""
 
     poses: Array  # (K, 7) robot in map
-    objects: Array  # (K, R, 3) where the object of each recent detection is, metres; NaN when given up
-    classes: Index  # (K, R + 2) its class, -1 where classes are not enumerated; the noise of odometry, and the ground
+    objects: Array  # (K, R, 3) object position of each recent detection [m]; NaN if dropped
+    classes: Index  # (K, R + 2) its class, -1 without classes; then noise setting and new ground
     confirms: NDArray[np.bool_]  # (K, R) whether the detection is the second one of its object
-    parents: Index  # (K,) from 0 on
+    parents: Index  # (K,) parent numbers from 0
     alike: NDArray[np.bool_]  # (P, P) whether two parents are sure of the same objects
-    is_spatial: bool = False  # robots are anywhere in space; False: x, y and yaw of their poses count
+    is_spatial: bool = False  # compare 3-D poses; False: x, y and yaw
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class Merged:
     """Hypotheses that remain after merging near copies, heaviest first."""
 
     kept: Index  # (S,)
-    log_weights: Array  # (S,) with what they took over
-    count: int  # taken over
+    log_weights: Array  # (S,) including what they took over
+    count: int  # number of hypotheses taken over
 
 
 def merge_copies(
     looks: MergeCandidates, log_weights: Array, ids: NDArray[np.uint64], limits: OpenWorldConfiguration
 ) -> Merged:
-    """Greedy, from the heaviest down; ties break by id."""
+    """Merge near copies greedily from the heaviest down; ties break by id."""
     order = np.lexsort((ids, -log_weights))
     if limits.merge_position_m <= 0.0:
         return Merged(order, log_weights[order], 0)
@@ -62,7 +62,7 @@ def merge_copies(
 
 
 def _near(poses: Array, looks: MergeCandidates, row: int, others: Index, limits: OpenWorldConfiguration) -> Index:
-    """Places among ``others`` (n,) of those that the hypothesis is a near copy of, ascending."""
+    """Indices into ``others`` (n,) of the hypotheses that this one is a near copy of, ascending."""
     away, turned = (_apart_in_space if looks.is_spatial else _apart)(poses[row], poses[others])
     found = np.flatnonzero((away <= limits.merge_position_m) & (turned <= limits.merge_heading_rad))
     if not len(found):
@@ -74,17 +74,17 @@ def _near(poses: Array, looks: MergeCandidates, row: int, others: Index, limits:
         same &= looks.alike[looks.parents[others], looks.parents[row]]
     found, others = found[same], others[same]
     apart = looks.objects[others] - looks.objects[row]
-    squared = apart[..., 0] ** 2 + apart[..., 1] ** 2 + apart[..., 2] ** 2  # NaN where given up: no distance
+    squared = apart[..., 0] ** 2 + apart[..., 1] ** 2 + apart[..., 2] ** 2  # NaN if dropped: ignored
     return np.asarray(found[~(squared > limits.merge_object_m**2).any(axis=1)])
 
 
 def _apart(pose: Array, others: Array) -> tuple[Array, Array]:
-    """(n,) metres and radians between a robot (3,) in the plane and others (n, 3)."""
+    """(n,) distance [m] and angle [rad] between a planar robot pose (3,) and others (n, 3)."""
     offset = others - pose
     return np.hypot(offset[:, 0], offset[:, 1]), np.abs(wrap_angle(offset[:, 2]))
 
 
 def _apart_in_space(pose: Array, others: Array) -> tuple[Array, Array]:
-    """(n,) metres and radians between a pose (7,) and others (n, 7)."""
+    """(n,) distance [m] and angle [rad] between a pose (7,) and others (n, 7)."""
     turned = so3.log(so3.product(so3.inverse(pose[3:]), others[:, 3:]))
     return np.sqrt(squared_norms(others[:, :3] - pose[:3])), np.sqrt(squared_norms(turned))

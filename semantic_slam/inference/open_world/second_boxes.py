@@ -1,7 +1,7 @@
-"""Second boxes of what is known already: a detector draws one thing in two halves, or two that stand together as one.
+"""Duplicate boxes of known objects: a detector may box one thing in two halves, or two adjacent things as one.
 
-Of an object that it detects a detector gives a second box with a probability ``second_box_share``, whose place is
-Gaussian about the object's, ``second_box_m`` to each side: false alarms that are not even, but stand beside things.
+A detected object gets a second box with probability ``second_box_share``, with a Gaussian position about the object's
+and standard deviation ``second_box_m``: false alarms that are not uniform, but beside objects.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from semantic_slam.inference.smoothing.component import Component, tracked_state
 def second_boxes(
     settings: OpenWorldConfiguration, component: Component, births: list[Birth], detected: Array
 ) -> tuple[Array, Array]:
-    """(G,) second boxes expected in a frame, and (D, G) intensities [1/m^2 or, in space, 1/m^3] at its detections.
+    """(G,) duplicate boxes expected in a frame, and (D, G) intensities [1/m^2 or, in space, 1/m^3] at detections.
 
     ``detected`` (O, G) are the detection probabilities of the component's objects.
     """
@@ -29,7 +29,7 @@ def second_boxes(
 
 
 def second_box_densities(settings: OpenWorldConfiguration, component: Component, births: Sequence[Birth]) -> Array:
-    """(D, O) densities [1/m^2 or, in space, 1/m^3] at D detections of second boxes of each of a component's objects."""
+    """(D, O) densities [1/m^2 or, in space, 1/m^3] of duplicate boxes of each object at D detections."""
     tracked = tracked_states(component)
     landmark = component.spaces.landmark
     places, own = landmark.position(np.array([born.prior.mean for born in births])), landmark.position_rows

@@ -1,4 +1,4 @@
-"""Fewer hypotheses while keyframes take too long."""
+"""A time budget per keyframe, kept by limiting the number of hypotheses."""
 
 import time
 from dataclasses import replace
@@ -7,7 +7,7 @@ from semantic_slam.configuration import PruningConfiguration
 
 
 class TimeBudget:
-    """Fewer hypotheses while keyframes take longer than the budget; ``budget_ms`` 0: no clock is read."""
+    """Limits the number of hypotheses by the time per keyframe; ``budget_ms`` 0: no limit, and no clock is read."""
 
     def __init__(self, budget_ms: float, limits: PruningConfiguration):
         self._budget_s, self._limits = budget_ms / 1e3, limits
@@ -19,19 +19,19 @@ class TimeBudget:
         return self._budget_s > 0.0
 
     def begin(self) -> None:
-        """A keyframe begins."""
+        """Start timing a keyframe."""
         if self.is_on:
             self._begun_s = time.perf_counter()
 
     def limits(self) -> PruningConfiguration:
-        """Limits for pruning now: as many hypotheses as the time per hypothesis so far admits."""
+        """Pruning limits for now: as many hypotheses as fit the budget at the time per hypothesis so far."""
         if not self.is_on or self._per_hypothesis_s <= 0.0:
             return self._limits
         affordable = max(1, int(self._budget_s / self._per_hypothesis_s))
         return replace(self._limits, max_hypotheses=min(affordable, self._limits.max_hypotheses))
 
     def end(self, num_hypotheses: int) -> None:
-        """A keyframe ends; keyframes far apart in cost are smoothed over about five."""
+        """Stop timing a keyframe; the time per hypothesis is smoothed over about five keyframes."""
         if self.is_on:
             taken = (time.perf_counter() - self._begun_s) / num_hypotheses
             known = self._per_hypothesis_s

@@ -1,4 +1,4 @@
-"""What first detections, later ones and misses of a stretch of a drive weigh, for objects at their estimated places."""
+"""Log likelihoods of first detections, later detections and misses over a stretch of a drive, at estimated places."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,36 +14,36 @@ from semantic_slam.inference.open_world.planar.unseen_ground import first_detect
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 BEYOND_M = 1.0
-"""Metres beyond the sensor's reach up to which objects count as perhaps in view."""
+"""Margin [m] beyond the sensor's reach within which objects count as possibly in view."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StretchAccount:
-    """One history from keyframe ``begin`` on; O objects, n detections, G settings of sensor and world."""
+    """The account of one history from keyframe ``begin`` on; O objects, G settings of sensor and world."""
 
     settings: OpenWorldConfiguration
     rates: DetectionRates  # G
-    region: SensorRegion  # as learned by the end
+    region: SensorRegion  # as known at the end
     path: Array  # (T, 3) robot at each keyframe
     begin: int
     ids: Index  # (O,) ascending
     places: Array  # (O, 2) metres
-    seen: Flags  # (O, T) in which keyframes
+    seen: Flags  # (O, T) whether detected in each keyframe
 
     @property
     def log_likelihoods(self) -> Array:
-        """(G,) of the stretch."""
+        """(G,) log likelihoods of all births, detections and misses of the stretch."""
         return np.asarray(self.by_object.sum(axis=0) + self._log_born)
 
     @cached_property
     def last_seen(self) -> Index:
-        """(O,) keyframe of the last detection; that before the first where there is none."""
+        """(O,) keyframe of the last detection; -1 without any."""
         times = np.arange(self.seen.shape[1])
         return np.asarray(np.where(self.seen, times, -1).max(axis=1, initial=-1))
 
     @cached_property
     def log_if_there(self) -> Array:
-        """(O, G) log likelihoods of later detections and misses of what exists; 0 of what is never in view."""
+        """(O, G) log likelihoods of later detections and misses, if the object exists; 0 where it is never in view."""
         found = np.zeros((len(self.places), len(self.rates)))
         near = np.flatnonzero(self._near)
         if not len(near):
@@ -58,14 +58,14 @@ class StretchAccount:
 
     @cached_property
     def by_object(self) -> Array:
-        """(O, G) log likelihoods of later detections and misses; 0 of what is never in view."""
+        """(O, G) log likelihoods of later detections and misses, with the object's existence integrated out."""
         there, now = self._there, np.any(self.seen[:, self.begin :], axis=1, keepdims=True)
         missed = np.log(np.maximum(there * np.exp(self.log_if_there) + 1.0 - there, LEAST_PROBABILITY))
         return np.asarray(np.where(now, np.log(there) + self.log_if_there, missed))
 
     @cached_property
     def _there(self) -> Array:
-        """(O, G) probability that they exist: what has been seen twice does, and so does what starts in the stretch."""
+        """(O, G) existence probability: 1 for an object seen twice or started in the stretch, else that of a birth."""
         density = self.rates.birth_density * self.rates.probability
         once = birth(density, self.rates.clutter_per_frame / self.region.area_m2)[1]
         sure = (self.seen.sum(axis=1) > 1) | (self._starts >= self.begin)
@@ -77,7 +77,7 @@ class StretchAccount:
 
     @cached_property
     def _near(self) -> Flags:
-        """(O,) whether the robot comes near them in the stretch, or sees them."""
+        """(O,) whether the robot comes near an object, or sees it, in the stretch."""
         away = self.places[:, None] - self.path[self.begin :, :2]
         reach = self.region.farthest_m + BEYOND_M
         near = (np.hypot(away[..., 0], away[..., 1]) < reach).any(axis=1)
@@ -85,7 +85,7 @@ class StretchAccount:
 
     @property
     def _log_born(self) -> Array:
-        """(G,) of first detections: as many as there are, and where they are."""
+        """(G,) log likelihood of the first detections in the stretch (births): their number and their places."""
         total, least = np.zeros(len(self.rates)), self.settings.least_undetected_share
         clutter = self.rates.clutter_per_frame / self.region.area_m2
         for keyframe in range(self.begin, len(self.path)):

@@ -1,6 +1,6 @@
-"""Detections of a history apart by what they were and what they are to be taken for: the parts that objects swap.
+"""Detections grouped by the object before and the object after a reassociation: atoms, the parts that objects swap.
 
-All that a revised history is made of follows from what it changes, so that whoever repeats it comes to the same.
+A revised history follows from its changes alone, so that repeating them gives an identical result.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,20 +14,20 @@ from semantic_slam.inference.smoothing.reassociation import Sighted
 from semantic_slam.inference.states.lineage import Reassigned
 
 Born = Callable[[int, int], int]
-"""Id of the object that a detection of a keyframe would start."""
+"""Id of the object that a detection (keyframe, number) would start."""
 
 
 @dataclass(frozen=True)
 class Atoms:
-    """n detections; each atom is of one object before, and of one afterwards."""
+    """n detections in atoms; each atom belongs to one object before the reassociation, and to one after."""
 
-    sighted: Sighted  # n, as before
-    atoms: Index  # (n,) id of each: that of the object before for its oldest part, else what the part would start
-    objects: Index  # (n,) afterwards
+    sighted: Sighted  # n detections with their objects before
+    atoms: Index  # (n,) atom ids: the object's for its oldest part, else the id that the part would start
+    objects: Index  # (n,) object ids after
 
     @classmethod
     def of(cls, sighted: Sighted, changes: Sequence[Reassigned], born: Born) -> Self:
-        """Parted where ``changes`` ask for it."""
+        """The atoms into which ``changes`` divide the objects."""
         objects = sighted.objects.copy()
         row_of = {pair: row for row, pair in enumerate(zip(sighted.keyframes, sighted.numbers, strict=True))}
         for keyframe, number, object_id, _ in changes:
@@ -36,12 +36,12 @@ class Atoms:
 
     @property
     def sources(self) -> dict[int, int]:
-        """Atom -> the object that it was of."""
+        """Atom id -> id of the object that it belonged to before."""
         return dict(zip(self.atoms.tolist(), self.sighted.objects.tolist(), strict=True))
 
     @property
     def joins(self) -> list[tuple[int, int]]:
-        """Pairs of atoms that are of one object afterwards: the oldest of each, and another one."""
+        """Pairs of atoms that become one object: the oldest atom of the object, and each of the others."""
         found = []
         for number in np.unique(self.objects[self.objects != self.atoms]).tolist():
             parts = _in_order(self.atoms[self.objects == number])
@@ -49,14 +49,14 @@ class Atoms:
         return found
 
     def changes(self) -> tuple[Reassigned, ...]:
-        """What is of another object than before."""
+        """The detections whose object changes, with their objects after and before."""
         rows = np.flatnonzero(self.objects != self.sighted.objects)
         columns = self.sighted.keyframes, self.sighted.numbers, self.objects, self.sighted.objects
         return tuple(sorted(zip(*(column[rows].tolist() for column in columns), strict=True)))
 
 
 def _parted(sighted: Sighted, objects: Index, born: Born) -> Index:
-    """(n,) atoms."""
+    """(n,) atom ids."""
     atoms = sighted.objects.copy()
     for number in np.unique(sighted.objects[objects != sighted.objects]).tolist():
         rows = np.flatnonzero(sighted.objects == number)
@@ -67,5 +67,5 @@ def _parted(sighted: Sighted, objects: Index, born: Born) -> Index:
 
 
 def _in_order(numbers: Index) -> list[int]:
-    """Different numbers in the order in which they come first."""
+    """Distinct numbers in order of first appearance."""
     return list(dict.fromkeys(numbers.tolist()))

@@ -1,8 +1,8 @@
-"""Which of many pairs of objects are one object each, jointly: closed form in the joint Gaussian of where all are.
+"""Joint compatibility of many object pairs: which are one object each, in closed form in the joint Gaussian of places.
 
-Alone a pair tells little: after a long drive much is near. With one transform of a stretch of the drive many pairs fall
-into place at once, or they do not. So each of some pairs is taken for granted in turn, and others join while they
-gain, the least ambiguous first, each given all before.
+A single pair says little: after a long drive much is near. But one transform of a stretch of the drive makes many pairs
+coincide at once, or none. So some pairs are assumed in turn, and others are added greedily while they gain: the least
+ambiguous first, each conditioned on those before.
 """
 
 from dataclasses import dataclass
@@ -12,26 +12,26 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 
 GATE = 16.0
-"""Squared Mahalanobis distance between two objects beyond which they are not one."""
+"""Squared Mahalanobis distance between two objects beyond which they are not merged."""
 EXACT_M2 = 1e-6
-"""Variance of objects that are one about each other [m^2]: keeps joint Gaussians regular."""
+"""Variance [m^2] of merged objects about each other: keeps joint Gaussians nonsingular."""
 MOST_STARTS, MOST_FOLLOWED = 12, 4
-"""Objects of the stretch whose pairs are taken for granted in turn, and pairs that are followed up of these."""
+"""Objects of the stretch whose pairs are assumed in turn, and how many of these pairs are followed up."""
 MOST_RIVALS = 60
-"""Pairs of which one looks how ambiguous they are, likeliest first."""
+"""Number of pairs, likeliest first, that are compared for ambiguity."""
 
 
 @dataclass(frozen=True)
 class JointPairs:
-    """N places with their joint Gaussian, and n pairs of them that may be one object."""
+    """N places with their joint Gaussian, and n pairs of them that may be one object each."""
 
     places: Array  # (N, 2) metres, in map
     covariance: Array  # (2 N, 2 N)
     pairs: Index  # (n, 2) older and younger
-    log_new: float  # log intensity of objects [1/m^2]: what a join gains besides
+    log_new: float  # log intensity of new objects [1/m^2], one fewer per join
 
     def best(self, starts: Index) -> tuple[float, Index]:
-        """Log evidence ratio of the best set of pairs (rows) against none; ``starts`` (s,) places of younger ones."""
+        """Log evidence ratio of the best set of pairs (rows) to none; ``starts`` (s,): younger places to start from."""
         near, best = self._gains(), (0.0, np.zeros(0, dtype=int))
         rows = np.flatnonzero(np.isin(self.pairs[:, 1], starts) & np.isfinite(near.gain))
         promise = np.array([near.gain[row] + self._promise(near, int(row)) for row in rows])
@@ -42,7 +42,7 @@ class JointPairs:
         return best
 
     def _gains(self) -> "_Gains":
-        """Every pair by itself."""
+        """Log gain of every pair by itself."""
         older, younger = self.pairs.T
         blocks = self.covariance.reshape(len(self.places), 2, len(self.places), 2).transpose(0, 2, 1, 3)
         cross = blocks[older, younger]
@@ -50,7 +50,7 @@ class JointPairs:
         return _Gains.of(self.places[younger] - self.places[older], spread, self.log_new)
 
     def _promise(self, near: "_Gains", row: int) -> float:
-        """What others gain, at most one for each younger object, each given one pair alone."""
+        """What the other pairs gain given one pair alone, at most one for each younger object."""
         older, younger = self.pairs.T
         by_pair = self._offset_covariance(*self.pairs[row])
         cross = by_pair[younger] - by_pair[older]
@@ -63,13 +63,13 @@ class JointPairs:
         return float(best.sum())
 
     def _offset_covariance(self, older: int, younger: int) -> Array:
-        """(N, 2, 2) of all places with the offset of a pair."""
+        """(N, 2, 2) covariance of all places with the offset of a pair."""
         count = len(self.places)
         columns = self.covariance.reshape(count, 2, count, 2)
         return np.asarray(columns[:, :, younger] - columns[:, :, older])
 
     def _followed(self, row: int) -> tuple[float, Index]:
-        """What a pair gains with all that join it one after another, and the rows of all."""
+        """Total gain of a pair and of all pairs that join it one after another, and the rows of all."""
         now, free, total = self, np.ones(len(self.pairs), dtype=bool), 0.0
         chosen: list[int] = []
         while row >= 0:
@@ -81,7 +81,7 @@ class JointPairs:
         return total, np.array(chosen, dtype=int)
 
     def _given(self, row: int) -> "JointPairs":
-        """The Gaussian once a pair is one object."""
+        """The joint Gaussian conditioned on a pair being one object."""
         older, younger = self.pairs[row]
         cross = self._offset_covariance(older, younger)
         spread = cross[younger] - cross[older] + EXACT_M2 * np.eye(2)
@@ -91,7 +91,7 @@ class JointPairs:
         return JointPairs(places, self.covariance - gain @ flat.T, self.pairs, self.log_new)
 
     def _clearest(self, free: Flags) -> int:
-        """Row of the pair that gains most beyond any other of the same older or younger object; -1: none gains."""
+        """Row of the least ambiguous pair: largest gain beyond any rival with an object in common; -1: none gains."""
         gain = np.where(free, self._gains().gain, -np.inf)
         rows = np.argsort(-gain, kind="stable")[:MOST_RIVALS]
         rows = rows[gain[rows] > 0.0]
@@ -105,7 +105,7 @@ class JointPairs:
 
 @dataclass(frozen=True)
 class _Gains:
-    """n pairs: from the older to the younger, and what joining them gains by their places; -inf outside the gate."""
+    """Offsets of n pairs, older to younger, and the log gain of merging each by its place; -inf outside the gate."""
 
     offset: Array  # (n, 2)
     spread: Array  # (n, 2, 2)

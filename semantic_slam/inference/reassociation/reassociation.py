@@ -1,11 +1,12 @@
-"""Histories in which detections of long ago are of other objects, weighed in closed form: in drives of any length.
+"""Loop-closure reassociation: detections of long ago are assigned to other objects, weighed in closed form.
 
-When the robot comes back after a long way it may take one place for another, or map it anew. So every while what it
-saw lately is parted from what it knew, which frees that stretch of the drive, and the best set of pairs that are one
-object is looked for in the joint Gaussian of both. The whole drive is solved again with them, and what that weighs
-against the history as it was is the ratio of two integrals, each a Gaussian at its own estimate, times what first
-detections, later ones and misses of the stretch weigh, and a detector's words. It enters beside that history, and
-pruning decides.
+A robot that comes back after a long way may take one place for another, or map it a second time. So at intervals the
+objects that it saw again lately are split from what was known before, which frees that stretch of the drive, and the
+best set of pairs of one object each is sought in the joint Gaussian of both. The whole drive is solved again with these
+pairs. The weight relative to the history as it was is the ratio of two integrals, each a Gaussian (Laplace) at its own
+estimate, times the likelihoods of first detections, later detections and misses of the stretch, and those of detector
+labels. The revised history enters beside the old one, and pruning decides. Nothing is replayed, so drives may be of any
+length.
 """
 
 from collections.abc import Sequence
@@ -27,27 +28,27 @@ from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.world.problem import Problem
 
 LEAST_SHARE = 0.2
-"""Weight of the hypotheses that are looked at: of the few that matter."""
+"""Least weight of a hypothesis to be examined; only few hypotheses matter."""
 LEAST_GAIN = 5.0
-"""Nats by which a revised history must be likelier to enter: by so much the account of a stretch may be off."""
+"""Log gain [nats] that a revised history needs to enter: the account of a stretch may be off by as much."""
 LEAST_CHANGED = 3
-"""Objects with other detections than before from which on a history is weighed: a place has several."""
+"""Number of objects with changed detections from which on a history is weighed: a place has several objects."""
 LONGEST = 8
-"""Looks over which the longest stretch that is looked at goes."""
+"""Length of the longest stretch examined, in intervals between looks."""
 
 
 class Reassociation:
-    """Looks for histories that are likelier so, and makes their components; a pure function of what it is given."""
+    """Looks for likelier reassociations and makes their components; a pure function of its inputs."""
 
     def __init__(self, problem: Problem, association: AssociationStrategy) -> None:
         self._problem, self._association = problem, association
         self._every = problem.revision.reassociate_every_keyframes
         semantics = problem.semantics
         self._retells = isinstance(semantics, RetellsViews) and semantics.retells
-        self.is_on = self._every > 0 and not problem.objects and association.counts_misses  # no map
+        self.is_on = self._every > 0 and not problem.objects and association.counts_misses  # without a prior map
 
     def looked_for(self, step: Step, parents: Parents) -> dict[int, RevisedComponent]:
-        """Place of a parent -> what is likelier than it."""
+        """Row of a parent -> a revised component likelier than it."""
         if step.index <= self._problem.revision.horizon or step.index % self._every:
             return {}
         likely = np.flatnonzero(parents.log_weights >= np.log(LEAST_SHARE)).tolist()
@@ -55,13 +56,13 @@ class Reassociation:
         return {place: own for place, own in found.items() if own is not None}
 
     def revised(self, step: Step, component: Component, changes: Sequence[Reassigned]) -> RevisedComponent:
-        """The component with ``changes``, from those alone. Raises LostComponentError."""
+        """The component with ``changes`` applied, a function of these alone. Raises LostComponentError."""
         atoms = Atoms.of(Sighted.of(component.smoother), changes, self._born)
         own = self._solver(step, component).revised(component, atoms)
         return self._retold(own) if component.views else own
 
     def _retold(self, own: RevisedComponent) -> RevisedComponent:
-        """With what the views tell of the objects that they are of now."""
+        """The revision with semantic views moved to the objects that they now belong to, and their evidence."""
         semantics, log_prior_of = self._problem.semantics, self._association.registry.log_class_prior_of
         assert isinstance(semantics, RetellsViews)
         gain, views = semantics.retold(own.component.views, own.changes, log_prior_of)
@@ -69,7 +70,7 @@ class Reassociation:
         return replace(own, component=replace(own.component, views=kept), log_gain=own.log_gain + gain)
 
     def _likelier(self, step: Step, component: Component) -> RevisedComponent | None:
-        """A history that gains enough; None: none is found."""
+        """A revised history that gains enough; None: none was found."""
         if component.smoother.in_charts is None or component.classes or (component.views and not self._retells):
             return None
         try:
@@ -81,7 +82,7 @@ class Reassociation:
         return own if own is not None and own.log_gain >= LEAST_GAIN else None
 
     def _changes(self, step: Step, component: Component) -> tuple[Reassigned, ...]:
-        """Changes that make the best set of pairs of a stretch; none where that is what the history has."""
+        """Changes that merge the best set of pairs of a stretch; none where the history has it already."""
         sighted = Sighted.of(component.smoother)
         stretch = Stretch.of(sighted, component.objects, step.index - self._length(step.index), self._born)
         if not stretch.looks_strange(component):
@@ -93,7 +94,7 @@ class Reassociation:
         return Atoms(sighted, stretch.objects, joined).changes()
 
     def _length(self, index: int) -> int:
-        """Keyframes that a look after so many goes back: longer ones are taken less often."""
+        """How many keyframes a look at keyframe ``index`` goes back: longer stretches are examined less often."""
         length = 2 * self._every
         while length < LONGEST * self._every and index % length == 0:
             length *= 2

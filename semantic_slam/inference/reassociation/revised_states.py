@@ -1,4 +1,4 @@
-"""What is known of objects and robot where detections of long ago are of other objects."""
+"""Objects, existence and tracked states after a reassociation of earlier detections."""
 
 from dataclasses import replace
 
@@ -19,9 +19,11 @@ from semantic_slam.inference.states.tracked_objects import HypothesisObjects, Tr
 def revised_objects(
     objects: HypothesisObjects, atoms: Atoms, before: StretchAccount, after: StretchAccount, log_weights: Array
 ) -> HypothesisObjects:
-    """The objects afterwards, each as the object was that its newest detection was of, under (G,) new weights.
+    """The objects after reassociation, each with the state of the object that its newest detection was of before.
 
-    Where that one was seen again since, and where the stretch shows now that it was not in view, by what misses weigh.
+    An object that was seen again later exists for sure. The existence of one without detections in the stretch is
+    updated by the ratio of miss likelihoods, as the path, and with it what was in view, has changed. ``log_weights``
+    (G,): the new weights of the settings.
     """
     source = dict(zip(after.ids.tolist(), after.ids.tolist(), strict=True))
     source |= dict(zip(atoms.objects.tolist(), atoms.sighted.objects.tolist(), strict=True))
@@ -44,9 +46,9 @@ def revised_objects(
 
 
 def revised_tracking(component: Component, smoother: Smoother, ids: Index) -> TrackedStates:
-    """Where robot and objects ``ids`` (O,) are; covariances of objects that stay are as they were when last near.
+    """Tracked states of the robot and of objects ``ids`` (O,) after reassociation.
 
-    Raises LostComponentError.
+    Covariances of objects that stay are those of when they were last near. Raises LostComponentError.
     """
     before, keyframe = tracked_states(component), component.keyframe
     storage, layout = smoother.spaces.storage, smoother.spaces.layout

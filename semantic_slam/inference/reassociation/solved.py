@@ -1,4 +1,4 @@
-"""A component with detections of long ago taken for other objects, and what that weighs."""
+"""Components solved again with reassociated detections, and their weight."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,23 +21,23 @@ from semantic_slam.inference.states.lineage import Reassigned
 
 @dataclass(frozen=True)
 class RevisedComponent:
-    """A component, and what was changed for it."""
+    """A component, the changes that made it, and its gain."""
 
     component: Component
     changes: tuple[Reassigned, ...] = ()
-    log_gain: float = 0.0  # log ratio of P(history, Z_1:k) to that without the changes
+    log_gain: float = 0.0  # log ratio of P(history, Z_1:k) with and without the changes
 
 
 @dataclass(frozen=True, kw_only=True)
 class Solver:
-    """Makes revised components, from what is changed alone."""
+    """Makes revised components, deterministically from the changes alone."""
 
     settings: OpenWorldConfiguration
     new_objects: NewObjectConfiguration
-    region: SensorRegion  # as it is known now
+    region: SensorRegion  # as known now
 
     def revised(self, component: Component, atoms: Atoms) -> RevisedComponent:
-        """The component with the objects of ``atoms`` afterwards. Raises LostComponentError."""
+        """The component with the objects that ``atoms`` have afterwards. Raises LostComponentError."""
         smoother = self._solved(component, atoms)
         before, after = self._accounts(component, smoother, atoms)
         accounted, log_weights = component.objects.rates.explained(after.log_likelihoods - before.log_likelihoods)
@@ -46,12 +46,12 @@ class Solver:
         started = len(np.unique(atoms.objects)) - len(np.unique(atoms.sighted.objects))
         places = log_evidence(smoother) - log_evidence(component.smoother) + started * self._log_object(component)
         own = replace(component, smoother=smoother, objects=objects, tracked=tracked, local=None)
-        if own.movers is not None:  # what may move stands among the objects
+        if own.movers is not None:  # what may move is also among the static objects
             own = replace(own, movers=own.movers.take(own.movers.decided | np.isin(own.movers.ids, objects.ids)))
         return RevisedComponent(own, atoms.changes(), float(places + accounted))
 
     def parted(self, component: Component, objects: Index, parts: Mapping[int, int]) -> Smoother:
-        """The drive with the detections of ``objects`` (n,); ``parts`` of objects begin where these are."""
+        """The drive with detections of ``objects`` (n,); ``parts`` start where the objects they split from are."""
         if not parts:
             return component.smoother
         states = component.states([object_key(source) for source in parts.values()])
@@ -60,7 +60,7 @@ class Solver:
         return reassociated(component.smoother, objects, {part: GaussianPrior(at, spread) for part, at in priors})
 
     def _solved(self, component: Component, atoms: Atoms) -> Smoother:
-        """The whole drive with the objects afterwards: parted first, then brought together, then named."""
+        """The whole drive with the objects afterwards: split into atoms, pulled together, then renamed."""
         new = {atom: source for atom, source in atoms.sources.items() if atom != source}
         smoother = self.parted(component, atoms.atoms, new)
         if atoms.joins:
@@ -70,7 +70,7 @@ class Solver:
         return smoother
 
     def _accounts(self, component: Component, smoother: Smoother, atoms: Atoms) -> Sequence[StretchAccount]:
-        """Accounts of the history as it was and as it is revised, from the first keyframe on at which they differ."""
+        """Accounts of the history before and after, from the first keyframe at which they differ."""
         begin = int(atoms.sighted.keyframes[atoms.objects != atoms.sighted.objects].min(initial=component.keyframe))
         keys = [robot_key(keyframe) for keyframe in range(component.keyframe + 1)]
         return [
@@ -88,19 +88,19 @@ class Solver:
         ]
 
     def _sigmas(self, component: Component) -> Array:
-        """(l,) of the prior of a new object."""
+        """(l,) standard deviations of the prior of a new object."""
         new, size = self.new_objects, component.spaces.layout.landmark
         return np.array([new.sigma_position_m] * 2 + [new.sigma_heading_rad] * (size - 2))
 
     def _log_object(self, component: Component) -> float:
-        """What an object adds to a log integral besides: one per square metre, and a heading that nothing measures."""
+        """Log term of a new object beyond the factors: intensity one per square metre, and an unmeasured heading."""
         return float(np.log(2.0 * np.pi) - np.log(self._sigmas(component)[2:]).sum())
 
 
 def _histories(component: Component, smoother: Smoother, atoms: Atoms) -> Iterator[tuple[Smoother, Index, Index]]:
-    """Smoother, ids of the objects and objects of the detections, before and afterwards.
+    """Smoother, object ids, and the object of each detection, before and after.
 
-    Objects that were given up count in neither.
+    Objects that were dropped count in neither.
     """
     before, old, new = component.objects.ids, atoms.sighted.objects, atoms.objects
     yield component.smoother, before, old

@@ -1,4 +1,4 @@
-"""The last stretch of a drive, parted from what was known before it, and which objects of both are one."""
+"""The last stretch of a drive, split from what was known before it, and which objects of the two parts are one."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -15,29 +15,30 @@ from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 ABSENT = 50
-"""Keyframes without a sighting of an object after which the next one is a return, by which a place may be mistaken."""
+"""Keyframes without a detection after which the next one is a return (loop closure), which may be mistaken."""
 LARGEST_DISTANCE_M = 8.0
-"""Metres between two objects of a parted drive up to which they may be one."""
+"""Distance [m] between two objects of a split drive up to which they may be one."""
 STRANGE_M, LEAST_STRANGE = 3.0, 4
-"""Metres from a known object, and how many objects must have been started so near to one, before one looks closer."""
+"""Distance [m] of a new object from a known one, and number of such new objects, from which on a stretch is
+suspicious."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """N objects with n detections, those that returned in the stretch being two: before it, and in it."""
+    """N objects of n detections, in which an object that returns in the stretch is two: before it, and in it."""
 
-    sighted: Sighted  # n, of the history as it is
-    objects: Index  # (n,) parted
-    started: dict[int, int]  # second parts -> objects that they were of
-    ids: Index  # (N,) ascending, without those that were given up
+    sighted: Sighted  # n detections of the history as it is
+    objects: Index  # (n,) object ids after splitting
+    started: dict[int, int]  # id of a second part -> id of the object it was split from
+    ids: Index  # (N,) ascending, without dropped objects
     first: Index  # (N,) keyframe of the first detection
     last: Index  # (N,)
-    times: Index  # (N,) detections
+    times: Index  # (N,) number of detections
     begin: int  # keyframe
 
     @classmethod
     def of(cls, sighted: Sighted, objects: HypothesisObjects, begin: int, born: Born) -> Self:
-        """From keyframe ``begin`` on."""
+        """The stretch from keyframe ``begin`` on."""
         parted, started = sighted.objects.copy(), dict[int, int]()
         late = np.unique(sighted.objects[sighted.keyframes >= begin])
         for number in late[np.isin(late, objects.ids)].tolist():
@@ -57,7 +58,7 @@ class Stretch:
         return cls(sighted, parted, started, ids[kept], first[kept], last[kept], times[kept], begin)
 
     def looks_strange(self, component: Component) -> bool:
-        """Whether several objects were started where others were known and have not been seen since."""
+        """Whether several objects were started next to known ones that have not been seen since."""
         known = np.isin(self.ids, component.objects.ids)
         young = known & (self.first >= self.begin) & (self.times > 1)
         old = known & (self.last + ABSENT < self.first[young].max(initial=-1))
@@ -70,7 +71,7 @@ class Stretch:
         return int(near.sum()) >= LEAST_STRANGE
 
     def best_joins(self, smoother: Smoother, log_new: float) -> Index:
-        """(m, 2) ids of objects of the parted drive that are one, the older first."""
+        """(m, 2) ids of pairs of the split drive to merge, the older first."""
         places = smoother.states([object_key(int(number)) for number in self.ids])[:, :2]
         pairs = self._pairs(places)
         if not len(pairs):
@@ -84,7 +85,7 @@ class Stretch:
         return np.asarray(self.ids[pairs[chosen]]).reshape(-1, 2)
 
     def joined(self, joins: Index) -> Index:
-        """(n,) objects of the detections where each pair of ``joins`` (m, 2) is one, by the older's name."""
+        """(n,) object ids of the detections with each pair of ``joins`` (m, 2) merged under the older id."""
         name = {int(younger): int(older) for older, younger in joins}
         found = self.objects.copy()
         for number in np.unique(found).tolist():
@@ -96,7 +97,7 @@ class Stretch:
         return found
 
     def _pairs(self, places: Array) -> Index:
-        """(n, 2) places among the ids of an object that started in the stretch, and one not seen for long then."""
+        """(n, 2) rows of pairs of an older object, unseen for long, and one that started in the stretch."""
         young = np.flatnonzero(self.first >= self.begin)
         away = places[young][:, None] - places
         may = np.hypot(away[..., 0], away[..., 1]) < LARGEST_DISTANCE_M
@@ -105,13 +106,13 @@ class Stretch:
         return np.stack([older, young[at]], axis=1)
 
     def _starts(self, rows: Index, younger: Index) -> Index:
-        """At most so many of the ``younger`` (s,) of some ``rows``, evenly over the stretch."""
+        """At most ``MOST_STARTS`` of the ``younger`` (s,) among ``rows``, evenly over the stretch."""
         order = younger[np.argsort(self.first[rows[younger]], kind="stable")]
         return np.asarray(order[np.unique(np.linspace(0, len(order) - 1, MOST_STARTS).astype(int))])
 
 
 def _in_map(smoother: Smoother, keys: list[int]) -> Array:
-    """(2 N, 2 N) joint covariance of the places of objects, along the axes of map. Raises LostComponentError."""
+    """(2 N, 2 N) joint covariance of object positions along the axes of map. Raises LostComponentError."""
     space, states = smoother.spaces.landmark, smoother.states(keys)
     size, count = space.tangent_size, len(keys)
     axes = np.tile(np.eye(2, size), (count, 1, 1))

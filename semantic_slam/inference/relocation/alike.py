@@ -1,4 +1,4 @@
-"""How well detections look like objects, whichever side of these they show: for proposals alone."""
+"""Class similarity of detections and objects, averaged over viewpoints; for proposals only."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ from semantic_slam.inference.states.object_views import class_posterior
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_density
 
 AZIMUTHS = 36
-"""Directions, evenly all around, over which class models are averaged."""
+"""Number of viewpoint directions, evenly spaced, over which class models are averaged."""
 MOST_NATS = 4.0
-"""What one look says at most."""
+"""Largest log ratio that one view may contribute."""
 
 
 def log_alike(
@@ -23,9 +23,9 @@ def log_alike(
     log_class_prior: Array,
     seen: Sequence[PlanarDetection],
 ) -> Array:
-    """(N, M) nats by which N detections look like M objects of a component, rather than like any.
+    """(N, M) log ratios [nats]: N detections as views of M objects of a component, relative to any object.
 
-    ``log_class_prior`` (M, C). Without viewpoint models of classes nothing is said.
+    ``log_class_prior`` (M, C). All 0 without viewpoint models of classes.
     """
     if model is None or not seen or not len(ids):
         return np.zeros((len(seen), len(ids)))
@@ -37,7 +37,7 @@ def log_alike(
 
 
 def _class_probabilities(component: Component, object_id: int, log_prior: Array) -> Array:
-    """(C,) of an object, from its class where that is enumerated, or else from the record of its views."""
+    """(C,) class probabilities of an object: its enumerated class, or else from the record of its views."""
     if object_id in component.classes:
         return np.asarray(np.eye(len(log_prior))[component.classes[object_id]])
     views = component.views.get(object_id)
@@ -45,7 +45,7 @@ def _class_probabilities(component: Component, object_id: int, log_prior: Array)
 
 
 def _by_class(model: ViewpointModel, seen: PlanarDetection) -> Array:
-    """(C,) log density of one look at each class from anywhere, up to a constant."""
+    """(C,) log density of one view under each class from anywhere, up to a constant."""
     count = len(model.class_names)
     around = np.tile(np.linspace(-np.pi, np.pi, AZIMUTHS, endpoint=False), count)
     views = Viewpoints(around, np.zeros(len(around)), np.ones(len(around)))

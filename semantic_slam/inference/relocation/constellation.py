@@ -1,8 +1,8 @@
-"""Where a map fits what a robot has mapped in a frame of its own: rigid motions that bring objects onto the map's.
+"""Constellation matching for global localisation: rigid motions that align a robot's own map with the given map.
 
-Two objects and two of the map with the same distance tell a motion; others then tell for it or not. The best motions
-are weighed with the joint Gaussian of the objects, which are named one by one. This proposes: what a proposal is worth,
-the replay of its history tells.
+Two objects and two of the map at the same distance from each other give a motion; other objects then support it or not.
+The best motions are weighed with the joint Gaussian of the objects, which are matched one by one. This only proposes:
+the replay of a proposed history determines its weight.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,19 +16,19 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import wrap_angle
 
 LEAST_BASE_M = 0.8
-"""Distance of two objects from which on they tell a heading."""
+"""Distance between two objects from which on they determine a heading."""
 LARGEST_MISFIT = 3.0
-"""Standard deviations of a distance that two pairs may differ by."""
+"""Largest difference between the distances of two pairs, in standard deviations."""
 MOST_MOTIONS = 6
-"""Motions that are weighed with the joint Gaussian."""
+"""Number of motions that are weighed with the joint Gaussian."""
 APART = np.array([0.5, 0.5, 0.15])
-"""x, y [m] and yaw [rad] by which two motions differ at least, in one of them."""
+"""Least difference in x, y [m] or yaw [rad] between two motions."""
 LARGEST_GATE_M = 4.0
-"""Distance up to which an object that is known badly may be one of the map."""
+"""Largest distance at which an uncertain object may match one of the map."""
 NEIGHBOUR_M = 1.0
-"""Distance on the map up to which objects may be mistaken for each other once the motion is known."""
+"""Distance on the map within which objects may be confused once the motion is known."""
 STEPS = 2
-"""Steps of Gauss and Newton for a motion."""
+"""Gauss-Newton steps for a motion."""
 
 
 @dataclass(frozen=True)
@@ -48,24 +48,24 @@ class Places:
 
 @dataclass(frozen=True)
 class Fit:
-    """A motion that brings objects onto the map, and which each of them then is."""
+    """A motion that aligns objects with the map, and the matches."""
 
     T_map_own: Array  # (3,)
-    names: dict[int, int]  # object -> object of the map, one to one in each stretch
-    points: Array  # (n, 2) where all objects are then, in their own frame
-    log_gain: float  # log evidence to that of as many objects that the map does not have, misses left out
+    names: dict[int, int]  # object -> map object, one to one within each stretch
+    points: Array  # (n, 2) positions of all objects then, in their own frame
+    log_gain: float  # log evidence relative to that many unmapped objects, without misses
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fitting:
-    """Objects in a frame of their own, a map, and what else bears on how they lie."""
+    """The matching problem: objects in their own frame, a map, and priors."""
 
     own: Places
     map_points: Array  # (M, 2)
     map_covariances: Array  # (M, 2, 2)
     log_new: float  # log density of an object that is not on the map, per square metre
     log_prior: Callable[[Array], Array]  # log density of motions (..., 3)
-    stretches: Index  # (n,) objects of two stretches of the drive may be one
+    stretches: Index  # (n,) stretch of the drive; objects of two stretches may be one
 
     def best(self, count: int) -> list[Fit]:
         """At most ``count`` fits of three or more objects, the best ones first."""
@@ -83,14 +83,14 @@ class Fitting:
         return list(unlike.values())[:count]
 
     def _motions(self) -> tuple[Array, Array]:
-        """(K, 3) motions from pairs of objects, and how well each fits the others."""
+        """(K, 3) motions from pairs of objects, and a score of how well each fits the others."""
         found = [(np.zeros((0, 3)), np.zeros(0))]
         found += [self._of_pair(one, other) for one, other in combinations(range(len(self.own)), 2)]
         motions, scores = zip(*found, strict=True)
         return np.concatenate(motions), np.concatenate(scores)
 
     def _of_pair(self, one: int, other: int) -> tuple[Array, Array]:
-        """Motions that bring two objects onto two of the map."""
+        """Motions that align two objects with two of the map, and their scores."""
         base = self.own.points[other] - self.own.points[one]
         length = float(np.hypot(*base))
         if length < LEAST_BASE_M:
@@ -110,7 +110,7 @@ class Fitting:
         return motions, self._scores(motions, (one, other), lengths[first, second] - length, along)
 
     def _scores(self, motions: Array, pair: tuple[int, int], stretch: Array, along: Array) -> Array:
-        """(K,) rough log gains of motions, given that the ``pair`` lies where the map has it."""
+        """(K,) rough log gains of motions, given that the ``pair`` coincides with its map objects."""
         rows = np.concatenate([np.arange(2 * n, 2 * n + 2) for n in pair])
         among = self.own.covariance[np.ix_(rows, rows)] + 1e-6 * np.eye(4)
         gain = np.linalg.solve(among, self.own.covariance[rows]).T  # (2 n, 4)
@@ -129,7 +129,7 @@ class Fitting:
         return np.asarray(gains.sum(axis=1) + self.log_prior(motions))
 
     def _fits(self, motion: Array) -> list[Fit]:
-        """The fit that objects named one by one lead to, and those that differ from it in one name or in two."""
+        """The fit by greedy matching, and those that differ from it in one match or two."""
         names = self._named(motion)
         if len(names) < 3:
             return []
@@ -144,7 +144,7 @@ class Fitting:
         return [best, *close]
 
     def _named(self, motion: Array) -> dict[int, int]:
-        """Object by object the one that gains most, given those before."""
+        """Matches made one by one, each the one that gains most given those before."""
         names: dict[int, int] = {}
         log_gain, points = -np.inf, self.own.points
         while True:
@@ -162,7 +162,7 @@ class Fitting:
             names, motion, log_gain, points = best.names, best.T_map_own, best.log_gain, best.points
 
     def _changed(self, names: dict[int, int]) -> list[dict[int, int]]:
-        """Names with one object of another name, or without one, or two objects' names exchanged."""
+        """Matches with one object matched otherwise or unmatched, or with two objects exchanged."""
         found: list[dict[int, int]] = []
         taken = self._taken(names)
         for n, m in names.items():
@@ -177,12 +177,12 @@ class Fitting:
         return found
 
     def _taken(self, names: dict[int, int]) -> dict[tuple[int, int], int]:
-        """(stretch, object of the map) -> the object that has its name."""
+        """(stretch, map object) -> the object matched to it."""
         return {(int(self.stretches[n]), m): n for n, m in names.items()}
 
     @cached_property
     def _gates(self) -> Array:
-        """(n,) metres from an object to what it may be."""
+        """(n,) largest distance [m] from an object to a match."""
         variances = np.diagonal(self.own.covariance).reshape(-1, 2).mean(axis=1)
         return np.asarray(np.maximum(NEIGHBOUR_M, np.minimum(np.sqrt(variances), LARGEST_GATE_M)))
 
@@ -191,7 +191,7 @@ class Fitting:
         return [int(m) for m in np.flatnonzero(away < NEIGHBOUR_M) if int(m) != number]
 
     def weighed(self, motion: Array, names: dict[int, int]) -> Fit:
-        """The motion that is best for these names, and their log gain with the motion integrated out."""
+        """The best motion for these matches, and their log gain with the motion integrated out."""
         order, chosen = list(names), list(names.values())
         rows = np.concatenate([np.arange(2 * n, 2 * n + 2) for n in order])
         points, among = self.own.points[order], self.own.covariance[np.ix_(rows, rows)]
@@ -220,20 +220,20 @@ class Fitting:
     def _turned_covariance(self, turn: float, among: Array, chosen: Sequence[int]) -> Array:
         count, rotation, names = len(chosen), _rotation(turn), np.asarray(chosen)
         blocks = rotation @ among.reshape(count, 2, count, 2).transpose(0, 2, 1, 3) @ rotation.T  # (n, n, 2, 2)
-        same = names[:, None] == names  # what the map has wrong of one is wrong of all that are it
+        same = names[:, None] == names  # objects matched to one map object share its error
         blocks = blocks + same[..., None, None] * self.map_covariances[names]
         covariance = blocks.transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)
         return np.asarray(covariance + 1e-6 * np.eye(len(covariance)))
 
 
 UNLIKELY = 5.0
-"""Nats behind a fit from which on one that differs in a name is left out."""
+"""Nats behind a fit beyond which a variant of it is dropped."""
 RIDGE = np.diag([1e-3, 1e-3, 1e-3])
-"""Information of a motion that one object alone leaves open: of thirty metres and radians."""
+"""Prior information of a motion, which a single object leaves undetermined: some thirty metres and radians."""
 
 
 def _differ(one: Array, other: Array) -> bool:
-    """Whether two motions (3,) are two."""
+    """Whether two motions (3,) are distinct."""
     offset = one - other
     offset[2] = wrap_angle(offset[2])
     return bool((np.abs(offset) > APART).any())

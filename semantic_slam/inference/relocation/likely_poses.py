@@ -1,4 +1,4 @@
-"""Poses from which what was detected since a keyframe, placed by odometry alone, fits what was mapped before it."""
+"""Likely poses of a carried robot: detections since a keyframe, placed by odometry, matched to the map before it."""
 
 from collections.abc import Sequence
 
@@ -16,18 +16,18 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
 PLACES = 24
-"""Poses that are told."""
+"""Number of poses returned."""
 NEWEST = 12
-"""Keyframes whose detections are fitted by themselves, too: it may take long until something mapped comes into view."""
+"""Newest keyframes that are also fitted by themselves: it may take long until a mapped object comes into view."""
 LEAST_SEEN = 3
-"""Detections from which on the robot may be found by them."""
+"""Number of detections from which on the robot may be localised by them."""
 LARGEST_SIGMA_M, LEAST_EXISTENCE = 1.0, 0.3
-"""Standard deviation of an object that tells where the robot is, and how likely it exists at least."""
+"""Largest standard deviation and least existence of an object that is used for localisation."""
 REACH_SIGMAS = 3.0
 
 
 def likely_poses(problem: Problem, registry: ObjectRegistry, component: Component, steps: Sequence[Step]) -> Array:
-    """(P, 3) poses at the first of some keyframes; the component is that before it."""
+    """(P, 3) poses at the first of ``steps``; ``component`` is that before it."""
     path, count = _path(steps), len(steps)
     if count <= NEWEST:
         return _fitting(problem, registry, component, _seen(steps, path), PLACES)
@@ -37,7 +37,7 @@ def likely_poses(problem: Problem, registry: ObjectRegistry, component: Componen
 
 
 def num_seen(steps: Sequence[Step]) -> int:
-    """Detections of some keyframes."""
+    """Number of detections in some keyframes."""
     return sum(len(step.detections) for step in steps)
 
 
@@ -48,7 +48,7 @@ def _fitting(
     what: tuple[Array, list[PlanarDetection]],
     most: int,
 ) -> Array:
-    """(P, 3) poses from which some detections, at places (N, 2) from there, fit the map best."""
+    """(P, 3) poses at which some detections, at places (N, 2) from there, fit the map best."""
     (places, seen), (ids, points, sigmas) = what, _known_well(component)
     if len(seen) < LEAST_SEEN or not ids or problem.carried is None:
         return np.zeros((0, 3))
@@ -68,7 +68,7 @@ def _path(steps: Sequence[Step]) -> Array:
 
 
 def _seen(steps: Sequence[Step], path: Array) -> tuple[Array, list[PlanarDetection]]:
-    """(N, 2) places of the detections of keyframes along a path (T, 3), and these."""
+    """(N, 2) positions of the detections of keyframes along a path (T, 3), and the detections."""
     pairs = [
         (pose, own)
         for pose, step in zip(path, steps, strict=True)
@@ -80,7 +80,7 @@ def _seen(steps: Sequence[Step], path: Array) -> tuple[Array, list[PlanarDetecti
 
 
 def _known_well(component: Component) -> tuple[list[int], Array, Array]:
-    """Ids of M objects that are likely to exist and whose places are known, these (M, 2), and their sigmas [m]."""
+    """Ids of M objects that are likely to exist and well localised, their positions (M, 2) and sigmas [m]."""
     known = component.objects
     ids = known.ids[known.existence > LEAST_EXISTENCE].tolist()
     spreads = [component.joint_covariance([object_key(n)])[:2, :2] for n in ids]

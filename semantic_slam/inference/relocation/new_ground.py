@@ -1,7 +1,7 @@
-"""Histories in which the robot was set down on new ground, followed beside the live ones until they weigh as much.
+"""Kidnapped to new ground: histories of a robot carried where nothing is known, followed beside the live ones.
 
-What was seen since has one explanation that needs nothing of what was mapped before. That the robot has not gone on may
-show late: each keyframe tells a little, and pruning would have forgotten that history by then.
+They explain everything since without what was mapped before. That the robot did not simply drive on may show late: each
+keyframe adds a little evidence, and pruning would have dropped such a history by then.
 """
 
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.carried import NEW_GROUND
 
 MOST = 6
-"""Histories that are followed at most."""
+"""Largest number of histories followed."""
 HOPELESS = 20.0
-"""Nats behind the best live hypothesis from which on one is given up."""
+"""Nats behind the best live hypothesis at which one is dropped."""
 RATHER_EXISTS = 0.5
 
 
 @dataclass(frozen=True)
 class Followed:
-    """One of these histories."""
+    """One history on new ground."""
 
     since: int  # keyframe before which the robot was carried
     progress: Progress
@@ -30,7 +30,7 @@ class Followed:
 
     @property
     def num_recognisable(self) -> int:
-        """What it holds to exist of objects that it has mapped since, or of those before, where these are fewer."""
+        """Number of existing objects mapped since it was carried, or before, whichever is smaller."""
         known = self.progress.component.objects
         before = np.isin(known.ids, list(self.progress.component.left_behind))
         exists = known.existence > RATHER_EXISTS
@@ -38,16 +38,16 @@ class Followed:
 
 
 class NewGround:
-    """Follows them."""
+    """Follows the histories on new ground."""
 
     def __init__(self, replay: Replay) -> None:
         self._replay = replay
         self.followed: list[Followed] = []  # the likeliest first
 
     def begin(self, lineage: Lineage, since: int) -> Array | None:
-        """Follow the history that is ``lineage`` before a keyframe, and on new ground from there on.
+        """Start the history that is ``lineage`` before a keyframe and on new ground from there on.
 
-        Returns the pose (3,) before it, at which its frame begins.
+        Returns the pose (3,) before it, the origin of its frame; None where it is impossible.
         """
         before = self._replay.before(lineage, since)
         if before is None:
@@ -60,7 +60,7 @@ class NewGround:
         return before.component.newest_robot()[:3]
 
     def go_on(self, log_best: float) -> None:
-        """Through all keyframes so far; those are given up that are far behind ``log_best``, log P(history, Z_1:k)."""
+        """Advance to the newest keyframe; drop those far behind ``log_best``, log P(history, Z_1:k) of the best one."""
         found = [own for own in map(self._advanced, self.followed) if own is not None]
         found = [own for own in found if own.progress.log_joint > log_best - HOPELESS]
         self.followed = sorted(found, key=lambda own: (-own.progress.log_joint, own.since))[:MOST]
@@ -75,5 +75,5 @@ class NewGround:
         return own
 
     def at(self, since: int) -> Followed | None:
-        """The history that is followed from a keyframe on."""
+        """The history on new ground from a keyframe on; None where there is none."""
         return next((own for own in self.followed if own.since == since), None)

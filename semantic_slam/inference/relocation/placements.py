@@ -1,8 +1,8 @@
-"""Histories that place a lost robot on the map: where its own objects fit, and what it would have missed there.
+"""Placements of a lost robot on the map: where its own objects fit, and which map objects it would have missed there.
 
-A placed history expects to detect what the map has in view, one that is not placed does not: how much a sensor misses
-looks different from there. Proposals are ranked by the geometry of the objects, and by detections and misses, summed
-over what the sensor may be, from the path as the history that is not placed has it.
+A localised history expects to detect the map objects in view, one that is not localised does not, so the same drive
+implies other detection rates. Proposals are ranked by object geometry, and by detections and misses summed over sensor
+settings, along the path of the history that is not localised.
 """
 
 from collections.abc import Collection, Sequence
@@ -26,44 +26,44 @@ from semantic_slam.inference.world.problem import Problem
 from semantic_slam.inference.world.starts import Starts
 
 LEAST_OBJECTS = 3
-"""Objects from which on the robot may be placed by them."""
+"""Number of objects from which on the robot may be localised by them."""
 LEAST_EXISTENCE = 0.5
 MOST_OF_START = 2
-"""Placements of one start in one look."""
+"""Most placements of one start pose in one look."""
 MOST_FITS = 12
-"""Fits of which detections and misses are looked at."""
+"""Number of fits whose detections and misses are evaluated."""
 
 Lineage = tuple[LineageStep, ...]
 
 
 @dataclass(frozen=True)
 class Placement:
-    """A history that places the robot, and what it may weigh."""
+    """A history that localises the robot, with its estimated gain."""
 
     lineage: Lineage
-    names: tuple[tuple[int, int], ...]  # object that the robot had started, and which of the map it is
-    log_gain: float  # to the history that it comes from, roughly
+    names: tuple[tuple[int, int], ...]  # pairs of an own object and the map object that it is
+    log_gain: float  # relative to the history that it comes from, roughly
 
     @property
     def what(self) -> tuple[int, tuple[tuple[int, int], ...]]:
-        """What tells it from others: how it begins, and what it names."""
+        """Identity of a placement: its start pose and its matches."""
         return self.lineage[0].mode, self.names
 
 
 @dataclass(frozen=True, kw_only=True)
 class Placements:
-    """The placements of one history that is not placed, of T keyframes."""
+    """The placements of one history that is not localised, of T keyframes."""
 
     problem: Problem
     starts: Starts
     steps: Sequence[Step]  # T
     lineage: Lineage  # T
-    component: Component  # after them
-    expected_births: float  # in them
+    component: Component  # after these keyframes
+    expected_births: float  # in these keyframes
     is_parted: bool = False  # every object was seen in one stretch alone: see ``stretches``
 
     def best(self, count: int, taken: Collection[int]) -> list[Placement]:
-        """At most ``count``, what may weigh most first; a start beside one that is ``taken`` is that one."""
+        """At most ``count`` placements, most promising first; a start near one already ``taken`` counts as that one."""
         if len(self._ids) < LEAST_OBJECTS:
             return []
         fits = self._fitting().best(MOST_FITS)
@@ -81,7 +81,7 @@ class Placements:
 
     @cached_property
     def _ids(self) -> list[int]:
-        """Objects that the robot has started, and that are likely to exist."""
+        """Likely existing objects that the robot has started itself."""
         known = self.component.objects
         likely = known.ids[known.existence > LEAST_EXISTENCE].tolist()
         return [n for n in likely if n not in self.component.elsewhere]
@@ -92,7 +92,7 @@ class Placements:
 
     @cached_property
     def _rates(self) -> DetectionRates:
-        """What the sensor and the world may be, before the drive."""
+        """Sensor and world settings as before the drive."""
         return DetectionRates.of(self.problem.open_world)
 
     @cached_property
@@ -102,20 +102,20 @@ class Placements:
 
     @cached_property
     def _log_intensities(self) -> Array:
-        """(G,) of first detections [1/m^2] under all that the sensor and the world may be."""
+        """(G,) log intensities of first detections [1/m^2], by setting."""
         clutter = self._rates.clutter_per_frame / self._regions[-1].area_m2
         return np.asarray(np.log(self._rates.probability * self._rates.birth_density + clutter))
 
     @cached_property
     def _map_places(self) -> tuple[Array, Array]:
-        """(M, 2) and (M, 2, 2) of the map's objects, ascending by id."""
+        """(M, 2) positions and (M, 2, 2) covariances of the map's objects, ascending by id."""
         entries = sorted(self.problem.objects, key=lambda entry: entry.object_id)
         places = [positions(entry.prior.mean[None], entry.prior.covariance) for entry in entries]
         return np.array([place.points[0] for place in places]), np.array([place.covariance for place in places])
 
     @property
     def _stretches(self) -> Index:
-        """(n,) the one in which each object was seen."""
+        """(n,) stretch in which each object was first detected; 0 where objects are not split by stretch."""
         if not self.is_parted:
             return np.zeros(len(self._ids), dtype=int)
         return np.asarray(stretches(self.steps)[self._detected.argmax(axis=1)])
@@ -139,7 +139,7 @@ class Placements:
 
     @cached_property
     def _log_new(self) -> float:
-        """Log intensity of first detections [1/m^2] to which gains of fits are relative."""
+        """Log intensity of first detections [1/m^2], the reference of the fits' gains."""
         return float(np.median(self._log_intensities))
 
     def _scores(self, fits: Sequence[Fit]) -> Array:
@@ -155,7 +155,7 @@ class Placements:
         return scores
 
     def _log_probability(self, births: int, log_likelihoods: Array) -> float:
-        """Log of the sum, over all that may be, of births and of detections and misses (P,) of what was born."""
+        """Log of the sum over settings of the probability of births, and of detections and misses (P,)."""
         density = self._rates.birth_density / self.component.objects.rates.moments("birth_density")[0]
         _, which = self._rates.sensors
         log_factors = births * self._log_intensities - self.expected_births * density + log_likelihoods[which]
@@ -171,7 +171,7 @@ class Placements:
 
     @cached_property
     def _detected(self) -> Flags:
-        """(n, T) in which keyframes each object was detected."""
+        """(n, T) whether each object was detected in each keyframe."""
         rows = [[number in step.association for step in self.lineage] for number in self._ids]
         return np.array(rows, dtype=bool)
 
@@ -195,7 +195,7 @@ class Placements:
         return np.asarray(self._sightings.log_likelihoods(view, detected, first).sum(axis=1))
 
     def _placement(self, fit: Fit, start: int, log_gain: float) -> Placement:
-        """The history from a start, with objects of the map in place of those that it had started."""
+        """The history from a start pose, with map objects in place of the matched ones that the robot had started."""
         names = {self._ids[own]: self._map_ids[on_map] for own, on_map in fit.names.items()}
         steps = [
             replace(step, association=tuple(names.get(number, number) for number in step.association))

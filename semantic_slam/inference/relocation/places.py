@@ -1,7 +1,7 @@
-"""Histories in which a robot that was carried is placed: those that catch up, and those that wait for evidence.
+"""Candidate poses of a carried robot: histories that catch up, and those that wait for more evidence.
 
-A look brings many, which go on together until they are through all keyframes. Those that weigh too little by then are
-followed on for a while: what is seen next may tell.
+A look starts many, which advance together until they have replayed all keyframes. Those that weigh too little by then
+are followed for a while longer, as later detections may decide.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -14,40 +14,40 @@ from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.carried import FIRST_POINT, carried_to
 
 AHEAD, HOPELESS = 2, 12.0
-"""Keyframes that places are replayed at a time, and nats behind the best of them from which on one is given up."""
+"""Keyframes that candidates are replayed at a time, and nats behind the best of them at which one is dropped."""
 FORGOTTEN, MOST = 20.0, 16
-"""Nats behind the best live hypothesis from which on one that is through is given up, and how many are kept."""
+"""Nats behind the best live hypothesis at which a candidate that caught up is dropped, and how many are kept."""
 STEPS_PER_KEYFRAME = 40
-"""Keyframes that are replayed in one, all that catch up together."""
+"""Keyframes replayed per new keyframe, over all candidates that catch up."""
 
 
 class Places:
-    """Follows them."""
+    """Follows the candidate poses of a carried robot."""
 
     def __init__(self, replay: Replay) -> None:
         self._replay = replay
-        self._behind: list[Progress] = []  # of the newest look, as far as one another
-        self.through: list[Progress] = []  # the likeliest first
+        self._behind: list[Progress] = []  # of the newest look, all at the same keyframe
+        self.through: list[Progress] = []  # caught up, the likeliest first
 
     @property
     def lineages(self) -> list[Lineage]:
-        """Lineages of all that are followed."""
+        """Lineages of all candidates that are followed."""
         return [own.lineage for own in (*self._behind, *self.through)]
 
     @property
     def is_looking(self) -> bool:
-        """Whether those of the newest look are not through yet."""
+        """Whether candidates of the newest look have not caught up yet."""
         return bool(self._behind)
 
     def begin(self, before: Progress, points: Iterable[int | None]) -> None:
-        """Begin with points of the lattice to which the robot was carried, in place of what has not caught up."""
+        """Start candidates at lattice points to which the robot was carried, replacing those not caught up yet."""
         found = [self._carried(before, point) for point in points if point is not None]
         self._behind = [own for own in found if own is not None]
 
     def go_on(self, log_best: float, log_unplaced: Callable[[int], float]) -> None:
-        """After another keyframe, ``log_best``: log P(history, Z_1:k) of the best live one.
+        """Advance after a new keyframe; ``log_best``: log P(history, Z_1:k) of the best live history.
 
-        ``log_unplaced``: what one weighs that recognises nothing, after so many keyframes.
+        ``log_unplaced``: log weight of a candidate that recognises nothing, by the number of keyframes.
         """
         caught_up = self._caught_up(log_unplaced)
         on = [own for own in map(self._to_newest, self.through) if own is not None]
@@ -55,12 +55,12 @@ class Places:
         self.through = _different(own for own in every if own.log_joint > log_best - FORGOTTEN)[:MOST]
 
     def give_up(self, numbers: Iterable[int]) -> None:
-        """Follow some of those that are through no more."""
+        """Stop following some candidates that have caught up."""
         gone = set(numbers)
         self.through = [own for own in self.through if own.number not in gone]
 
     def _caught_up(self, log_unplaced: Callable[[int], float]) -> list[Progress]:
-        """The histories of the newest look, when they are through; those that fall behind are given up."""
+        """Candidates of the newest look once they have caught up; unlikely ones are dropped on the way."""
         left, now = STEPS_PER_KEYFRAME, len(self._replay.steps)
         while self._behind and left > 0 and self._behind[0].at < now:
             at = min(self._behind[0].at + AHEAD, now)
@@ -90,12 +90,12 @@ class Places:
 
 @dataclass(frozen=True)
 class Account:
-    """What a history says: whether the robot was carried, what it has seen, and where it is.
+    """What a history claims: when the robot was carried, what it has seen, and where it is.
 
-    To which point of the lattice it was carried is left out: from those beside each other it comes to one place.
+    The lattice point it was carried to is left out: neighbouring points lead to one place.
     """
 
-    seen: tuple[tuple[tuple[int, ...], int], ...]  # association of each keyframe, and whether it was carried before it
+    seen: tuple[tuple[tuple[int, ...], int], ...]  # association, and whether carried before it, per keyframe
     pose: Array  # (3,)
 
     @classmethod
@@ -104,17 +104,17 @@ class Account:
         return cls(tuple((step.association, min(carried_to(step), FIRST_POINT)) for step in lineage[1:]), pose)
 
     def is_like(self, other: "Account") -> bool:
-        """Whether two histories are one: about one object a robot that sees nothing else may be anywhere."""
+        """Whether two histories are alike in what they saw and in pose: with one object alone many poses fit."""
         return self.seen == other.seen and not differ(self.pose, other.pose)
 
 
 def account(own: Progress | Revised) -> Account:
-    """What a history says that was replayed."""
+    """The account of a history that was replayed."""
     return Account.of(own.lineage, own.component.newest_robot()[:3])
 
 
 def _different(histories: Iterable[Progress]) -> list[Progress]:
-    """Histories that are unlike each other, of two that are alike the first one."""
+    """Histories that are unlike each other; of two alike the first is kept."""
     kept, accounts = list[Progress](), list[Account]()
     for own in histories:
         said = account(own)
@@ -125,7 +125,7 @@ def _different(histories: Iterable[Progress]) -> list[Progress]:
 
 
 def _likely(group: Sequence[Progress | None], log_least: float) -> list[Progress]:
-    """Histories through as many keyframes, without those that are far behind the best, or ``log_least``."""
+    """Histories at one keyframe, without those far behind the best of them or ``log_least``."""
     found = [own for own in group if own is not None]
     best = max([log_least, *(own.log_joint for own in found)])
     return [own for own in found if own.log_joint >= best - HOPELESS]

@@ -1,9 +1,9 @@
-"""A robot that was carried in mid-drive: histories in which it was, from a keyframe that the belief did not expect on.
+"""Kidnapped-robot recovery: histories in which the robot was carried just before a keyframe not expected by the belief.
 
-Where a keyframe was likelier under the reference model than under the belief, the robot may have been carried just
-before. Where objects come and go, a history is followed from there in which it is on new ground. Where it may have been
-set down on known ground is told by a vote of all that was detected since; the likeliest poses are replayed. All these
-enter with P(history, Z_1:k), as those of a lost robot do, once they weigh enough.
+Where a keyframe was likelier under the null model (the reference) than under the belief, the robot may have been
+carried just before it. Where objects come and go, a history on new ground is followed from there. Whether the robot may
+have been set down on known ground is told by a vote of all later detections, and the likeliest poses are replayed. All
+of these enter with P(history, Z_1:k), as those of a lost robot do, once they weigh enough.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,41 +24,41 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.starts import Starts
 
 LOOKS = (3, 6, 10, 15, 20, 27, 35)
-"""Keyframes after an unexpected one after which to look where the robot may have been carried to."""
+"""Keyframes after an unexpected one at which to search for poses on known ground."""
 SOON = 40
-"""Keyframes in which the robot is not carried twice, while there is a history in which it is not."""
+"""Keyframes within which the robot is not carried twice, as long as some history was not carried in them."""
 MARGIN = 1.0
-"""Nats below what would enter that a history is weighed exactly: what the best one weighs by itself is told roughly."""
+"""Nats below the entry threshold at which a history is weighed exactly: the best one's own weight is known roughly."""
 LEAST_OBJECTS = 2
-"""Objects of its own from which on a robot on new ground may be placed by them."""
+"""Number of recognisable objects from which on a robot on new ground may be localised by them."""
 
 
 @dataclass
 class _Suspect:
     """A keyframe before which the robot may have been carried."""
 
-    log_ratio: float  # of it and those after it that were unexpected, too, reference to belief
-    looks: int = 0  # of those due that are over
-    looked: int = 0  # keyframes at the last of them, or when a history entered that may explain it
-    num_seen: int = 0  # detections since, at the last of them
+    log_ratio: float  # reference to belief, summed over a run of unexpected keyframes
+    looks: int = 0  # number of the ``LOOKS`` that are done
+    looked: int = 0  # keyframe of the last look, or of the last history that entered
+    num_seen: int = 0  # detections since the suspect, at the last look
 
 
 class Recovery:
-    """Proposes and weighs histories in which the robot was carried."""
+    """Proposes and weighs histories in which the robot was carried (kidnapped)."""
 
     def __init__(self, replay: Replay, registry: ObjectRegistry) -> None:
         self._replay, self._registry = replay, registry
         self._new_ground = NewGround(replay) if replay.association.tracks_objects else None
         self._places = Places(replay)
         self._num_noted = 0  # keyframes
-        self._num_expected = 0  # the newest of them
-        self._misfit: _Suspect | None = None  # that goes on
-        self._suspects: dict[int, _Suspect] = {}  # by keyframe before which the robot may have been carried
-        self._begun = 0  # keyframes before which suspects are followed on new ground, where they may be
-        self._looked_at = 0  # keyframe of the suspect whose places catch up
-        self._log_best = self._log_ratio = 0.0  # log P(history, Z_1:k) of the best live one, and what enters beside it
-        self._log_surplus = 0.0  # of its weight, with that of near copies, to that, when it was told last
-        self._origins: dict[int, Array] = {}  # (3,) before each keyframe from which on a history is on new ground
+        self._num_expected = 0  # expected ones since the last unexpected one
+        self._misfit: _Suspect | None = None  # run of unexpected keyframes under way
+        self._suspects: dict[int, _Suspect] = {}  # keyframe before which the robot may have been carried -> suspect
+        self._begun = 0  # suspects before this keyframe are followed on new ground already
+        self._looked_at = 0  # keyframe of the suspect whose candidate poses are being replayed
+        self._log_best = self._log_ratio = 0.0  # log P(history, Z_1:k) of the best live one; entry threshold
+        self._log_surplus = 0.0  # log ratio of its weight with near copies to that, when last computed
+        self._origins: dict[int, Array] = {}  # keyframe -> (3,) last pose before carried to new ground
 
     @property
     def is_on(self) -> bool:
@@ -66,16 +66,16 @@ class Recovery:
         return self._replay.problem.carried is not None
 
     def note(self, log_ratio: float) -> None:
-        """Note how much likelier the newest keyframe was under the reference than under the belief, in nats."""
+        """Record by how many nats the newest keyframe was likelier under the reference than under the belief."""
         if not self.is_on:
             return
         self._num_expected += 1
-        if self._new_ground is not None or self._replay.steps[-1].detections:  # of what is not seen no map tells
+        if self._new_ground is not None or self._replay.steps[-1].detections:  # a fixed map needs detections
             self._judge(log_ratio)
         self._num_noted += 1
 
     def _judge(self, log_ratio: float) -> None:
-        """Begin a suspect, or go on with it, where the newest keyframe was not expected."""
+        """Start or extend a suspect where the newest keyframe was unexpected; else end the run of such keyframes."""
         if not log_ratio > 0.0:
             self._misfit = None
             return
@@ -90,9 +90,10 @@ class Recovery:
     def found(
         self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array], log_evidence: float, ratio: float
     ) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
+        """New hypotheses that weigh at least 1 / ``ratio`` of the best live one.
 
-        ``poses`` (7,) of the robot in each live one; ``log_evidence``: what weights are relative to.
+        ``poses``: pose (7,) of the robot in each live one. ``log_evidence``: the normaliser that live weights are
+        relative to.
         """
         if not self.is_on:
             return {}
@@ -129,19 +130,19 @@ class Recovery:
         }
 
     def frame(self, grounds: Sequence[int]) -> Starts:
-        """Where the frame may lie of a robot that was set down on new ground before some keyframes."""
+        """Start poses of the frame of a robot that was carried to new ground before the keyframes ``grounds``."""
         assert self._replay.problem.carried is not None
         return self._replay.problem.carried.frame(self._origins[grounds[0]], len(grounds))
 
     @property
     def _begins(self) -> list[int]:
-        """Suspects from which on the robot is not followed on new ground yet, where it may be on such."""
+        """Suspects from which new ground is not followed yet; none where the world is a fixed map."""
         return [] if self._new_ground is None else sorted(at for at in self._suspects if at >= self._begun)
 
     def _weigh(self, best: Hypothesis, log_evidence: float) -> bool:
-        """Tell what the best live hypothesis weighs by itself, without its near copies; whether that is possible.
+        """Compute the best live hypothesis's own weight, without merged near copies; whether that is possible.
 
-        What is kept of its replay is where looks begin.
+        Looks begin at the checkpoints of this replay.
         """
         followed = self._replay.followed(best.lineage)
         if followed is None:
@@ -151,7 +152,7 @@ class Recovery:
         return True
 
     def _weighing(self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array]) -> list[Revised]:
-        """The histories that may weigh enough, and are not among the live ones."""
+        """Histories that may weigh enough and are unlike every live one."""
         on_new_ground = [] if self._new_ground is None else [own.progress for own in self._new_ground.followed]
         least = self._log_best - self._log_ratio - MARGIN
         likely = [own for own in [*self._places.through, *on_new_ground] if own.log_joint >= least]
@@ -165,7 +166,7 @@ class Recovery:
         ]
 
     def _follow(self, live: Mapping[int, Hypothesis]) -> None:
-        """Follow the robot on new ground from the suspects on."""
+        """Start and advance histories on new ground from the suspects on."""
         if self._new_ground is None:
             return
         for since in self._begins:
@@ -182,7 +183,7 @@ class Recovery:
         self._origins = {at: own for at, own in self._origins.items() if at in held}
 
     def _due(self) -> int | None:
-        """The most promising of the keyframes that are to be looked at now, unless an earlier look goes on first."""
+        """The most promising keyframe to look at now; None where none is, or an earlier look is more promising."""
         now = len(self._replay.steps)
         self._suspects = {at: own for at, own in self._suspects.items() if self._is_open(at, own, now)}
         due = {at: self._promise(at) for at, own in self._suspects.items() if self._is_due(at, own, now)}
@@ -190,25 +191,25 @@ class Recovery:
         return None if at is None or due[at] <= self._promised() else at
 
     def _is_open(self, since: int, suspect: _Suspect, now: int) -> bool:
-        """Whether a suspect may be looked at yet, or again; among objects that all are on the map not for ever."""
+        """Whether a suspect has looks left; with a fixed map a suspect also expires."""
         return suspect.looks < len(LOOKS) and (self._new_ground is not None or now - since <= LOOKS[0] + LOOKS[-1])
 
     def _is_due(self, since: int, suspect: _Suspect, now: int) -> bool:
-        """Whether to look; among objects that all are on the map only where what is followed explains too little."""
+        """Whether a look is due; with a fixed map only where live histories leave unexpected keyframes."""
         if self._new_ground is not None:
             return now - since > LOOKS[suspect.looks]
         return now - max(since, suspect.looked) > LOOKS[0] and self._num_expected < now - suspect.looked
 
     def _promised(self) -> float:
-        """How promising what catches up is: it gives way where another keyframe is likelier by what was seen since."""
+        """How promising the look under way is: it gives way to a keyframe that became likelier meanwhile."""
         if not self._places.is_looking:
             return -np.inf
         return np.inf if self._new_ground is None else self._promise(self._looked_at)
 
     def _promise(self, since: int) -> float:
-        """How likely the robot was carried before a keyframe, where it may be placed by what it saw since; or -inf.
+        """Log weight of being carried before a keyframe, if what was seen since may localise the robot; else -inf.
 
-        Among objects that all are on the map: how unexpected that keyframe was.
+        With a fixed map: how unexpected that keyframe was.
         """
         if self._new_ground is None:
             return self._suspects[since].log_ratio
@@ -218,13 +219,13 @@ class Recovery:
         return own.progress.log_joint if own.progress.log_joint >= self._log_best - self._log_ratio else -np.inf
 
     def _not_carried_lately(self, live: Mapping[int, Hypothesis], since: int) -> Lineage:
-        """The likeliest history in which the robot was not carried lately before a keyframe, or else the likeliest."""
+        """The likeliest history not carried within ``SOON`` keyframes before this one, or else the likeliest."""
         lately = slice(max(since - SOON, 1), since)
         lineages = [own.lineage for own in live.values() if not any(map(carried_to, own.lineage[lately]))]
         return [*lineages, next(iter(live.values())).lineage][0]
 
     def _look(self, since: int, live: Mapping[int, Hypothesis]) -> None:
-        """Begin to replay histories in which the robot was carried just before a keyframe, if there is news since."""
+        """Begin to replay histories carried just before a keyframe, if there are new detections since the last look."""
         steps, suspect = self._replay.steps[since:], self._suspects[since]
         suspect.looks = sum(len(steps) > apart for apart in LOOKS)
         before = self._replay.before(self._not_carried_lately(live, since), since)
@@ -234,14 +235,14 @@ class Recovery:
         self._places.begin(before, self._points(before, since))
 
     def _points(self, before: Progress, since: int) -> list[int | None]:
-        """Points of the lattice that are likely, given what was seen."""
+        """Lattice points that are likely given the detections since."""
         problem, robot = self._replay.problem, before.component.newest_robot()[:3]
         assert problem.carried is not None
         poses = likely_poses(problem, self._registry, before.component, self._replay.steps[since:])
         return list(dict.fromkeys(problem.carried.point(se2.between(robot, pose)) for pose in poses))
 
     def _log_unplaced(self, at: int) -> float:
-        """What a history weighs that is placed and recognises nothing, after ``at`` keyframes."""
+        """Log weight of a history that is localised but recognises nothing, after ``at`` keyframes."""
         own = None if self._new_ground is None else self._new_ground.at(self._looked_at)
         carried = self._replay.problem.carried
         return -np.inf if own is None or carried is None else own.log_joints[at - 1 - own.since] + carried.log_place

@@ -1,8 +1,8 @@
-"""Where on the map a lost robot may be: histories in which what it has mapped in a frame of its own is on the map.
+"""Global localisation of a lost robot: histories that place what it has mapped in its own frame on the given map.
 
-Such a history begins at a start of its own, and names objects of the map in place of those that the robot had started.
-It is replayed from there, a few keyframes at a time, and enters with its P(history, Z_1:k) once it has caught up.
-Nothing is decided here: evidence decides between starts, and what is undecided stays so.
+Such a history begins at a start pose of its own, and names objects of the map in place of those that the robot had
+started. It is replayed from there, a few keyframes at a time, and enters with its P(history, Z_1:k) once it has caught
+up. Nothing is decided here: evidence decides between start poses, and what is ambiguous remains so.
 """
 
 from collections.abc import Mapping
@@ -21,25 +21,25 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 AGAIN = 30
 """Keyframes after which a placement that was tried may be tried again."""
 SELDOM = 2
-"""How many times as many keyframes there are between looks where all histories are placed."""
+"""Factor on the interval between looks once all hypotheses are localised."""
 MARGIN = 60.0
-"""Nats below what would enter that a placement is still replayed: what it may weigh is told roughly."""
+"""Nats below the entry threshold at which a placement is still replayed: its predicted weight is rough."""
 
 
 @dataclass(frozen=True)
 class _Lost:
-    """A history that does not place the robot."""
+    """A history in which the robot is not localised on the map."""
 
     lineage: Lineage
-    log_surplus: float  # of its weight, with that of near copies, to its own
+    log_surplus: float  # log ratio of its weight with merged near copies to its own
 
 
 class Relocation:
-    """Proposes and weighs histories in which a robot that is not placed is."""
+    """Proposes and weighs histories that localise a robot not yet localised on the map."""
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
         self.settings, self._replay, self._registry = settings, replay, registry
-        self._parted = Replay(replay.problem, replay.association, replay.steps)  # of histories that forget places
+        self._parted = Replay(replay.problem, replay.association, replay.steps)  # without returns after blind stretches
         self._looks = 0
         self._tried: dict[object, int] = {}
         self._lost: _Lost | None = None
@@ -47,13 +47,13 @@ class Relocation:
 
     @property
     def is_on(self) -> bool:
-        """Whether the robot was lost when it began."""
+        """Whether the robot started lost (unknown start pose)."""
         return self._replay.problem.starts is not None
 
     def placed(self, live: Mapping[int, Hypothesis], log_evidence: float, ratio: float) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh at least the ``ratio``-th part of the best live one.
+        """New hypotheses that weigh at least 1 / ``ratio`` of the best live one.
 
-        ``log_evidence``: what weights are relative to.
+        ``log_evidence``: the normaliser that live weights are relative to.
         """
         if not self.is_on:
             return {}
@@ -79,23 +79,23 @@ class Relocation:
         return found
 
     def _is_due(self, live: Mapping[int, Hypothesis]) -> bool:
-        """Whether the newest keyframe is one after which to look: more seldom where all histories are placed."""
+        """Whether a look is due at the newest keyframe: less often where all hypotheses are localised."""
         count, every = len(self._replay.steps), self.settings.lost_every_keyframes
         if not self._catching_up.is_idle or not 1 < count <= self.settings.horizon:
             return False
         apart = every if self._likeliest_lost(live) else SELDOM * every
-        return (count + every // 2) % apart == 0  # not in keyframes in which objects are merged
+        return (count + every // 2) % apart == 0  # not in the keyframes in which objects are merged
 
     def _likeliest_lost(self, live: Mapping[int, Hypothesis]) -> Hypothesis | None:
-        """The live hypothesis that weighs most of those that do not place the robot."""
+        """The heaviest live hypothesis that does not localise the robot."""
         is_placed = self._replay.problem.is_placed
         return next((own for own in live.values() if not is_placed(own.lineage)), None)
 
     def _look(self, live: Mapping[int, Hypothesis], log_evidence: float, log_least: float) -> None:
-        """Begin to replay the placements of the likeliest history that is not placed.
+        """Begin to replay placements of the likeliest history that is not localised.
 
-        When evidence has done away with all of these, its likeliest continuation is still followed, so that a robot
-        that was placed wrongly is found.
+        Once all of these are pruned, its likeliest continuation is still followed, so that a wrongly localised robot
+        recovers.
         """
         lost = self._followed(live, log_evidence)
         if lost is None:
@@ -123,20 +123,20 @@ class Relocation:
                 self._catching_up.add([placement.lineage])
 
     def _followed(self, live: Mapping[int, Hypothesis], log_evidence: float) -> Revised | None:
-        """The likeliest history that is not placed, replayed."""
+        """The likeliest history that is not localised, replayed up to now."""
         lost, before = self._likeliest_lost(live), self._lost
         known = lost or before
         followed = self._replay.followed(known.lineage) if known is not None else None
         if followed is None:
             return None
         surplus = before.log_surplus if before is not None else 0.0
-        if lost is not None:  # it may stand for near copies: what comes from it stands for as many
+        if lost is not None:  # its weight may include near copies, which its placements inherit
             surplus = lost.log_weight + log_evidence - followed.log_joint
         self._lost = _Lost(followed.lineage, surplus)
         return followed
 
     def _forgetful(self, lost: Revised) -> tuple[Revised, bool]:
-        """The history without what it has recognised after blind stretches, and whether there was anything."""
+        """The history without its returns (loop closures) after blind stretches, and whether there were any."""
         steps = self._replay.steps
         lineage = parted(lost.lineage, stretches(steps), self._registry.first_new_id)
         if lineage == lost.lineage:

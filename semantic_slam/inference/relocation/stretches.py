@@ -1,4 +1,4 @@
-"""Stretches of a drive that blind ones part, and a history that takes nothing after one for what was seen before it."""
+"""Stretches of a drive separated by blind ones, and the history that recognises nothing across a blind stretch."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,11 +11,11 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.states.lineage import LineageStep
 
 BLIND_SIGMA_M, AWAY_M = 0.5, 3.0
-"""Standard deviation that a motion between two keyframes leaves of a place so far away, which then may be another."""
+"""A motion is blind if it adds this standard deviation to a place this far away, which may then be mistaken."""
 
 
 def stretches(steps: Sequence[Step]) -> Index:
-    """(T,) how many blind stretches there were up to each keyframe."""
+    """(T,) number of blind motions up to each keyframe."""
     if not steps:
         return np.zeros(0, dtype=int)
     covariances = np.array([step.motion.covariance for step in steps])
@@ -24,9 +24,9 @@ def stretches(steps: Sequence[Step]) -> Index:
 
 
 def parted(lineage: Sequence[LineageStep], own: Index, first_new_id: Callable[[int], int]) -> tuple[LineageStep, ...]:
-    """The history in which every object is seen in one stretch alone; (T,) ``own`` stretches of the keyframes.
+    """The history in which every object is seen in one stretch only; (T,) ``own`` stretches of the keyframes.
 
-    What is seen again is started anew; ``first_new_id``: that of a keyframe's first detection.
+    An object seen again in another stretch is started anew; ``first_new_id``: id of a keyframe's first detection.
     """
     seen_in: dict[int, int] = {}
     names: dict[int, int] = {}

@@ -1,4 +1,4 @@
-"""What a belief says of a robot that is not placed on the map: its own frame may lie anywhere."""
+"""Moments in map of a robot that is not localised on it: its own frame may lie anywhere."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from semantic_slam.inference.world.starts import Starts
 
 
 def in_map(held: HeldComponent, starts: Starts, on_map: Flags) -> HeldComponent:
-    """A component with the moments that robot and objects have in map; (O,) those ``on_map`` stay as they are."""
+    """A component with robot and objects transformed to map; (O,) objects that are ``on_map`` stay as they are."""
     objects = held.objects
     pose, covariance = _moved(held.pose[None], held.covariance[None], starts)
     poses, covariances = objects.object_poses.copy(), objects.object_covariances.copy()
@@ -27,6 +27,6 @@ def in_map(held: HeldComponent, starts: Starts, on_map: Flags) -> HeldComponent:
 
 
 def _moved(poses: Array, covariances: Array, starts: Starts) -> tuple[Array, Array]:
-    """(n, 7) poses and (n, 6, 6) covariances in map."""
+    """(n, 7) poses and (n, 6, 6) covariances transformed to map."""
     means, spreads = starts.in_map(planar_from_pose_vector(poses), planar_from_covariance(covariances))
     return pose_vector_from_planar(means), covariance_from_planar(spreads)

@@ -1,4 +1,4 @@
-"""What hypotheses know of the objects' classes."""
+"""Class marginals of objects in each hypothesis, for a backend's report."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,9 @@ from semantic_slam.inference.world.objects import ReportedObjects
 def add_class_marginals(
     table: ObjectTable, components: Sequence[Component], reported: ReportedObjects, false_alarms: float
 ) -> None:
-    """Write what the enumerated classes, or else the records of the views, tell into ``table``.
+    """Write class probabilities and view statistics into ``table``, from enumerated classes or else from view records.
 
-    The table's rows are the components over the objects that are reported, as nothing was seen of them.
+    The table's rows are the components, over the reported objects, and hold the values of unseen objects before.
     ``false_alarms``: share of the views of known objects that are not recognised.
     """
     row_of, probabilities = reported.row_of, table.class_probabilities

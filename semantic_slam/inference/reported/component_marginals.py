@@ -1,4 +1,4 @@
-"""Where the hypotheses of a backend have robot and objects, over the objects that are reported."""
+"""Marginals of robot and objects in the hypotheses of a backend, aligned to the reported objects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,16 +17,19 @@ from semantic_slam.inference.world.objects import ReportedObjects
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentMarginals:
-    """Robot and n objects of one hypothesis, in rows as wide as the wider kind."""
+    """Marginals of robot and n objects in one hypothesis; rows are as wide as the wider kind of state."""
 
-    present: Index  # (n,) positions of its objects among those reported
+    present: Index  # (n,) rows of its objects among those reported
     states: Array  # (1 + n, s) the robot first
     covariances: Array  # (1 + n, w, w)
     existence: Array  # (n,)
 
 
 def component_marginals(component: Component, reported: ReportedObjects) -> ComponentMarginals:
-    """Marginals of a component, with what Gaussians and factors do not say. Raises LostComponentError."""
+    """Marginals of a component: its static objects and the movers that it has decided on. Raises LostComponentError.
+
+    A mapped object is represented by itself or by its displaced twin, whichever exists more likely.
+    """
     known_ids = component.object_ids
     present = [row for row, n in enumerate(reported.ids) if n in known_ids]
     ids = [held_as(component, reported.ids[row], reported) for row in present]
@@ -42,7 +45,7 @@ def component_marginals(component: Component, reported: ReportedObjects) -> Comp
 
 
 def held_as(component: Component, number: int, reported: ReportedObjects) -> int:
-    """The number under which a component has an object of the map: where the map has it, or where it was moved."""
+    """Id under which a component holds a mapped object: its own or that of its displaced twin, the likelier one."""
     other = reported.displaced.elsewhere.get(number)
     if other is None:
         return number
@@ -50,14 +53,14 @@ def held_as(component: Component, number: int, reported: ReportedObjects) -> int
 
 
 def existence_of(component: Component, number: int) -> float:
-    """That an object of a component exists there."""
+    """Probability of existence of an object in a component."""
     return float(component.objects.existence[component.objects.rows(np.array(number))])
 
 
 def _with_movers(
     known: ComponentMarginals, component: Component, movers: Movers, reported: ReportedObjects
 ) -> ComponentMarginals:
-    """With the objects that move, for sure in this hypothesis."""
+    """Add the objects that the hypothesis has decided to be movers."""
     own = movers.take(movers.decided)
     if not len(own):
         return known
@@ -71,18 +74,18 @@ def _with_movers(
 
 
 def mover_marginals(component: Component, movers: Movers, robot_covariance: Array) -> tuple[Array, Array, Array]:
-    """(T,) existence, (T, 3) states and (T, 3, 3) covariances of some of what may move in a component.
+    """(T,) existence, (T, 3) states and (T, 3, 3) covariances of the given movers of a component.
 
-    ``robot_covariance`` (3, 3) of the newest pose, in its tangent space.
+    ``robot_covariance`` (3, 3) is that of the newest pose, in its tangent space.
     """
     states, covariances = as_objects(movers.seen_from(component.newest_robot()), robot_covariance)
     return component.objects.rates.average(movers.existence), states, covariances
 
 
 def motion_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
-    """What (H,) hypotheses say of motion: (H, O) whether objects move and (H, O, 6) velocities, NaN for what is absent.
+    """(H, O) probabilities ``moving`` and (H, O, 6) ``object_velocities`` by hypothesis, NaN for absent objects.
 
-    Nothing at all where nothing may move. An object that may still stand still has no velocity yet.
+    {} if no object may move. An object that is not a decided mover has velocity 0.
     """
     if not components or components[0].movers is None:
         return {}
@@ -102,7 +105,7 @@ def motion_marginals(components: Sequence[Component], reported: ReportedObjects)
 
 
 def departure_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
-    """(H, O) ``missing``: that objects have left, NaN for what is absent; nothing where nothing leaves."""
+    """(H, O) probabilities ``missing`` that objects have left, NaN for absent objects; {} without departures."""
     if not components or components[0].objects.gone is None:
         return {}
     missing = np.full((len(components), len(reported.ids)), np.nan)
@@ -114,7 +117,7 @@ def departure_marginals(components: Sequence[Component], reported: ReportedObjec
 
 
 def _moving(movers: Movers, rates: DetectionRates) -> Array:
-    """(T,) probability that what may move does, if it exists."""
+    """(T,) probability that an object in the table of movers moves, if it exists."""
     exists = np.maximum(rates.average(movers.existence), LEAST_PROBABILITY)
     may_move = np.where(movers.decided, 1.0, rates.average(movers.existence * movers.moving) / exists)
     return np.asarray(may_move * movers.drives)
@@ -123,7 +126,7 @@ def _moving(movers: Movers, rates: DetectionRates) -> Array:
 def aligned_marginals(
     parts: Sequence[ComponentMarginals], num_objects: int, spaces: Spaces
 ) -> tuple[Array, Array, Array]:
-    """(H, 1 + O, s) states, (H, 1 + O, w, w) covariances and (H, O) existence, NaN for what is absent."""
+    """(H, 1 + O, s) states, (H, 1 + O, w, w) covariances and (H, O) existence, NaN for absent objects."""
     shape, width = (len(parts), 1 + num_objects), spaces.layout.width
     states = np.full((*shape, spaces.storage.width), np.nan)
     covariances = np.full((*shape, width, width), np.nan)

@@ -1,4 +1,4 @@
-"""What one hypothesis knows of the objects' descriptors: in a learned latent space, or of where their vectors lie."""
+"""Descriptor marginals of objects in one hypothesis: in a learned latent space, or mean directions of vectors."""
 
 from dataclasses import dataclass
 
@@ -22,9 +22,9 @@ class DescriptorMarginals:
 def descriptor_marginals(
     component: Component, reported: ReportedObjects, embeddings: EmbeddingModel | None = None
 ) -> DescriptorMarginals:
-    """Means as the smoother has them now, variances of the newest view, and the prior where nothing was seen.
+    """Descriptor means from the smoother and variances at the newest view; the prior for objects without views.
 
-    With ``embeddings``: the mean directions of the objects' views, NaN where nothing was seen.
+    With ``embeddings`` the mean directions of the objects' appearance vectors, NaN for objects without views.
     """
     if embeddings is not None:
         return _mean_directions(component, reported, embeddings)
@@ -49,7 +49,7 @@ def descriptor_marginals(
 def _mean_directions(
     component: Component, reported: ReportedObjects, embeddings: EmbeddingModel
 ) -> DescriptorMarginals:
-    """Their variances share evenly in what is expected of the squared error."""
+    """Mean directions of appearance vectors; the expected squared error is split evenly over the components."""
     size = embeddings.dimensions
     mean, variance = np.full((2, len(reported.ids), size), np.nan)
     for row, number in enumerate(reported.ids):

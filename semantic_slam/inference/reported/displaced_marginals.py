@@ -1,7 +1,8 @@
-"""What hypotheses say of the objects that a map has elsewhere: whether each was moved since the map was made.
+"""Probabilities that mapped objects were displaced since the map was made, in each hypothesis.
 
-Given what detections are of, which objects were moved is a sum in closed form, about the one way in which a hypothesis
-takes them. Summed over hypotheses it names what was moved, also where the right way of taking all objects was given up.
+Given the associations, the posterior over which objects were moved is a closed-form sum over alternatives to what the
+hypothesis assumes (see ``evidence/displaced``). Averaged over hypotheses it finds moved objects even where the history
+with the right assumption for all objects was pruned.
 """
 
 from collections.abc import Sequence
@@ -17,13 +18,16 @@ from semantic_slam.inference.world.objects import ObjectEntry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
 MOST = 8
-"""Objects that are weighed together, those farthest from where the map has them; of the others nothing is known."""
+"""Number of objects that are weighed jointly: those farthest from where the map has them.
+
+Of the others, those that the hypothesis assumes to be moved get 1, and the rest keep the prior.
+"""
 
 
 def displaced_marginals(
     problem: Problem, components: Sequence[Component], reported: ReportedObjects
 ) -> dict[str, Array]:
-    """(H, O) ``moved``, NaN for what no map has; nothing where the map is taken at its word."""
+    """(H, O) probabilities ``moved``, NaN for objects that are not mapped; {} without a displacement model."""
     apart = problem.unmapped_ids | problem.displaced.on_map.keys()
     mapped = [entry for entry in problem.objects if entry.object_id not in apart]
     share = problem.closed_world.displaced_share
@@ -37,7 +41,7 @@ def displaced_marginals(
 
 
 def _moved(problem: Problem, component: Component, mapped: Sequence[ObjectEntry]) -> Array:
-    """(n,) for the objects of the map. Raises LostComponentError."""
+    """(n,) probabilities that the mapped objects were moved, in one component. Raises LostComponentError."""
     landmark, settings = problem.spaces.landmark, problem.closed_world
     taken = _taken(problem, component, mapped)
     ids = [
@@ -69,7 +73,7 @@ def _moved(problem: Problem, component: Component, mapped: Sequence[ObjectEntry]
 
 
 def _taken(problem: Problem, component: Component, mapped: Sequence[ObjectEntry]) -> Flags:
-    """(n,) which objects of the map the history of a component has elsewhere."""
+    """(n,) mapped objects that the history of a component assumes to be displaced."""
     elsewhere = problem.displaced.elsewhere
     if not elsewhere:
         return np.zeros(len(mapped), dtype=bool)
@@ -77,5 +81,5 @@ def _taken(problem: Problem, component: Component, mapped: Sequence[ObjectEntry]
 
 
 def _farthest(distances: Array) -> Index:
-    """Which of (n,) objects are weighed, by how many standard deviations they are off; ascending."""
+    """Rows, ascending, of the objects that are weighed: those of the largest Mahalanobis ``distances`` (n,)."""
     return np.sort(np.argsort(-distances, kind="stable")[:MOST])

@@ -1,7 +1,7 @@
-"""Histories that are replayed beside the keyframes, a few keyframes of theirs in each, until they are level with these.
+"""Background replay: proposed histories are replayed a few keyframes at a time until they reach the newest keyframe.
 
-Through keyframes of which such a history says nothing, as those that come meanwhile, its likeliest continuations go on
-side by side; the likeliest one is what becomes of it.
+Through keyframes that such a history does not name, such as those that arrive meanwhile, its likeliest continuations
+are followed side by side; it ends as the likeliest of these.
 """
 
 from collections import deque
@@ -12,42 +12,42 @@ from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, R
 from semantic_slam.inference.smoothing.errors import LostComponentError
 
 STEPS_PER_KEYFRAME = 25
-"""Keyframes that are replayed in one, all histories that wait together: a fraction of a second of CPU."""
+"""Keyframes replayed per new keyframe, over all waiting histories: a fraction of a second of CPU."""
 
 
 BRANCHES = 4
-"""Continuations that go on side by side."""
+"""Continuations of one history that are followed side by side."""
 
 
 class Level(NamedTuple):
-    """A history that has caught up, or is impossible."""
+    """A history that has reached the newest keyframe, or has turned out to be impossible."""
 
-    asked: Lineage  # as it was when it began to wait
+    asked: Lineage  # as it was proposed
     own: Revised | None  # through all keyframes so far; None: impossible
 
 
 class CatchingUp:
-    """Histories that wait, the first one first."""
+    """A queue of histories waiting to be replayed, first in first out."""
 
     def __init__(self, replay: Replay) -> None:
         self._replay = replay
-        self._waiting: deque[tuple[Lineage, list[Progress]]] = deque()  # none yet: it has not begun
+        self._waiting: deque[tuple[Lineage, list[Progress]]] = deque()  # none before it begins
 
     @property
     def is_idle(self) -> bool:
-        """Whether none waits."""
+        """Whether the queue is empty."""
         return not self._waiting
 
     def add(self, lineages: Iterable[Lineage]) -> None:
-        """Let histories wait after those that do already."""
+        """Append histories to the queue."""
         self._waiting.extend((lineage, []) for lineage in lineages)
 
     def give_up(self) -> None:
-        """Let none wait any longer."""
+        """Empty the queue."""
         self._waiting.clear()
 
     def go_on(self, count: int = STEPS_PER_KEYFRAME) -> Iterator[Level]:
-        """Histories that are level after at most ``count`` keyframes more, also of what is added meanwhile."""
+        """Histories that reach the newest keyframe within ``count`` more replayed keyframes, also ones added since."""
         now = len(self._replay.steps)
         while self._waiting and count > 0:
             asked, front = self._waiting.popleft()
@@ -65,7 +65,7 @@ class CatchingUp:
                 self._waiting.appendleft((asked, front))
 
     def _next(self, asked: Lineage, front: Sequence[Progress]) -> list[Progress]:
-        """One keyframe more. Raises LostComponentError where that is impossible."""
+        """The continuations after one more keyframe. Raises LostComponentError where there is none."""
         if front[0].at < len(asked):
             return [self._replay.further(front[0])]
         return self._replay.branched(front, BRANCHES)

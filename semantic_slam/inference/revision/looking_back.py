@@ -1,4 +1,4 @@
-"""Looks back from one live history: what may be likelier is replayed, and enters with what it weighs."""
+"""One look back from a live history: alternatives that may be likelier are replayed and enter by their weight."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
@@ -29,33 +29,31 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 HOPELESS_DISTANCE = 8.0
-"""Mahalanobis distance between two objects, relative to each other, from which on a replay is spared.
-
-What speaks for a merge against it, a birth less and misses less, is tens of nats at most.
-"""
+"""Mahalanobis distance of two objects' relative position beyond which a merge of them is not replayed.  A merge gains
+at most tens of nats, by one birth and some misses fewer."""
 AGAIN = 3
-"""Rounds of revision after which what was tried, and seen since, may be tried again."""
+"""Rounds of revision after which a proposal that was tried, and whose objects were seen since, may be tried again."""
 
 
 class Kind(Enum):
-    """What a look may look for."""
+    """Kinds of alternatives that a look may search for."""
 
-    OTHERWISE = auto()  # objects that are one, that move or stand, and other returns; in space objects that are none
-    SECOND_BOXES = auto()  # in the plane, objects that are none, but second boxes of things beside them
+    OTHERWISE = auto()  # merges, moving/standing, other loop closures; in space: objects that do not exist
+    SECOND_BOXES = auto()  # in the plane: objects that are only duplicate boxes of things beside them
 
 
 @dataclass(frozen=True)
 class Present:
-    """What is live after the newest keyframe."""
+    """The state after the newest keyframe."""
 
     live: Mapping[int, Hypothesis]  # heaviest first
     ids: Sequence[int]  # O
-    objects: Mapping[int, ObjectTable]  # (O, ...) of each live one
-    log_evidence: float  # what weights are relative to
+    objects: Mapping[int, ObjectTable]  # (O, ...) table of each live hypothesis
+    log_evidence: float  # normaliser that live weights are relative to
 
 
 class LookingBack:
-    """Proposes and weighs histories that are likelier than one, which is replayed itself before."""
+    """Proposes and weighs alternatives to one history, which is itself replayed first."""
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
         self._settings, self._replay, self._registry = settings, replay, registry
@@ -63,31 +61,32 @@ class LookingBack:
         self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
         self._dissolving = Dissolving(settings.proposals, replay, registry)
         self._catching_up = CatchingUp(replay)
-        self._subject: Lineage = ()  # the history that is looked at
-        self._kinds: Set[Kind] = frozenset()  # what for
-        self._log_surplus = 0.0  # of its weight, with that of near copies, to its own
+        self._subject: Lineage = ()  # the history that alternatives are sought for
+        self._kinds: Set[Kind] = frozenset()  # kinds of alternatives sought
+        self._log_surplus = 0.0  # log ratio of its weight with merged near copies to its own
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing waits that an earlier look has found."""
+        """Whether no proposal of an earlier look is still being replayed."""
         return self._catching_up.is_idle
 
     def begin(self, present: Present, kinds: Set[Kind]) -> None:
-        """Look at the best history, unless it is for second boxes alone and nothing may be one."""
+        """Begin a look at the best history, unless only duplicate boxes are due and nothing is suspected to be one."""
         number, subject = next(iter(present.live.items()))
         if Kind.OTHERWISE in kinds or self._suspects(present, number):
             self._subject, self._kinds = subject.lineage, kinds
             self._catching_up.add([self._subject])
 
     def give_up(self) -> None:
-        """Nothing is revised any more."""
+        """Stop revising: drop checkpoints and pending proposals."""
         self._replay.forget()
         self._catching_up.give_up()
 
     def found(self, present: Present) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh as much as pruning asks beside the one that each revises.
+        """New hypotheses whose weight relative to the one that each revises is above the pruning ratio.
 
-        Its weight may stand for near copies that were merged into it; a revised one stands for as many.
+        The weight of the revised history may include near copies merged into it; a revision is scaled by the same
+        surplus.
         """
         live, found = present.live, dict[int, Hypothesis]()
         for asked, own in self._catching_up.go_on():
@@ -109,12 +108,12 @@ class LookingBack:
         return {number: own for number, own in found.items() if number not in live}
 
     def _heir(self, live: Mapping[int, Hypothesis]) -> Hypothesis:
-        """The likeliest continuation of what is looked at, or else the likeliest live history."""
+        """The likeliest live continuation of the history under look, or else the likeliest live hypothesis."""
         length, every = len(self._subject), list(live.values())
         return next((own for own in every if own.lineage[:length] == self._subject), every[0])
 
     def _is_likely(self, asked: Lineage, gain: float) -> bool:
-        """Whether a history weighs enough by its ``gain`` [nats] to what it revises; in space only if it gains."""
+        """Whether a revision enters, by its ``gain`` [nats] over what it revises; in space only if it is positive."""
         if not self._is_in_space:
             return gain >= -float(np.log(self._replay.problem.pruning.ratio))
         if gain <= 0.0:
@@ -128,7 +127,7 @@ class LookingBack:
         return self._replay.problem.spaces.name == "spatial"
 
     def _look(self, followed: Revised | None, present: Present) -> None:
-        """Let histories catch up that may be likelier than one that is live yet, and has caught up itself."""
+        """Queue alternatives to a history that has caught up, if it is still live."""
         if followed is None or followed.number not in present.live:
             return
         self._subject = followed.lineage
@@ -146,7 +145,7 @@ class LookingBack:
             self._catching_up.add(self._without_second_boxes(followed, present))
 
     def _without_second_boxes(self, followed: Revised, present: Present) -> list[Lineage]:
-        """Histories, not live ones, in which something that stands beside a thing is none, but second boxes of it."""
+        """Histories, not live ones, in which an object is removed as duplicate boxes of the thing beside it."""
         suspects = self._suspects(present, followed.number)
         if not suspects:
             return []
@@ -155,7 +154,7 @@ class LookingBack:
         return [own for own in found if self._replay.number_of(own) not in present.live][: self._settings.proposals]
 
     def _suspects(self, present: Present, number: int) -> Collection[int]:
-        """Objects of a live history that may be second boxes of what stands beside them."""
+        """Objects of a live history that may be duplicate boxes of what stands beside them."""
         ids, objects = present.ids, present.objects[number]
         exist = np.flatnonzero(objects.existence > HIDES).tolist()
         places = {ids[row]: objects.object_poses[row, :3] for row in exist}
@@ -164,7 +163,7 @@ class LookingBack:
         return seldom_beside(places, classes, present.live[number].lineage, size)
 
     def _proposals(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
-        """All pairs at once first, where there are several, and then one by one, the nearest first."""
+        """Histories with pairs of objects merged: first all pairs at once if several, then each, nearest first."""
         lineage = followed.lineage
         near = [pair for pair in near_pairs(ids, objects, lineage) if self._may_be_one(pair, lineage)]
         pairs = _not_hopeless(followed.component, self._tried.news(near, lineage))[: self._settings.proposals]
@@ -176,13 +175,13 @@ class LookingBack:
         return [merged(lineage, own) for own in chosen]
 
     def _may_be_one(self, pair: Pair, lineage: Lineage) -> bool:
-        """Whether the younger object of a pair is not on the map, and the older not where the robot never was."""
+        """Whether a pair may be merged: the younger is not on the map; if the older is, the robot is localised."""
         problem, (older, younger) = self._replay.problem, pair
         on_map = problem.map_ids
         return younger not in on_map and (older not in on_map or problem.is_placed(lineage))
 
     def _with_movers(self, followed: Revised) -> list[Lineage]:
-        """Histories in which objects are one that moves, or what moves stands: all at once first, where several do."""
+        """Histories in which objects are one moving object, or a moving one stands: all at once first, then each."""
         problem, now, lineage = self._replay.problem, len(self._replay.steps), followed.lineage
         movers = followed.component.movers
         if not self._replay.may_move or followed.component.tracked is None or movers is None:
@@ -200,7 +199,7 @@ class LookingBack:
     def _each_and_all(
         self, lineage: Lineage, groups: Sequence[Group], tried: Tried, changed: Callable[[Lineage, Group], Lineage]
     ) -> list[Lineage]:
-        """The history changed for each of the ``groups`` that were not ``tried``, and for all at once first."""
+        """The history changed for each of the ``groups`` not ``tried`` yet, and first for all at once where several."""
         chosen = tried.news(groups, lineage)[: self._settings.proposals]
         tried.note(chosen, len(self._replay.steps))
         found = [changed(lineage, group) for group in chosen]
@@ -210,10 +209,10 @@ class LookingBack:
 
 
 def _not_hopeless(component: Component, pairs: Sequence[Pair]) -> list[Pair]:
-    """Pairs that may be one by what the history knows of one relative to the other.
+    """Pairs that may be one object, given the covariance of their relative position.
 
-    A replay costs a hundred times as much as to ask, and most pairs that are near where the drive has been far from
-    its start are surely two.
+    A replay costs a hundred times as much as this test, and most pairs that are near each other where the drive has
+    been far from its start are surely two objects.
     """
     if not pairs:
         return []

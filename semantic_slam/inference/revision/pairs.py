@@ -1,4 +1,4 @@
-"""Pairs of objects of one history that may be one, and the histories in which they are."""
+"""Pairs of objects of one history that may be one and the same, and the histories in which they are merged."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,9 +15,9 @@ from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.lineage import movers_of
 
 LARGEST_DISTANCE = 4.0
-"""Mahalanobis distance between two objects up to which they may be one."""
+"""Mahalanobis distance between two objects up to which they may be merged."""
 LARGEST_DISTANCE_M = 3.0
-"""Metres between them."""
+"""Distance between them [m] up to which they may be merged."""
 LEAST_EXISTENCE = 0.1
 
 Pair = tuple[int, ...]
@@ -25,9 +25,9 @@ Pair = tuple[int, ...]
 
 
 def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> list[Pair]:
-    """Pairs (older, younger) of objects that may be one by where they are, never seen in one frame; nearest first.
+    """Pairs (older, younger) of objects near enough to be one and never seen in one frame; nearest first.
 
-    Those that may move are left out: where they are now is not where they were.
+    Objects that may move are left out: where they are now is not where they were.
     """
     places, spreads = objects.object_poses[:, :2], objects.object_covariances[:, :2, :2]
     movers = movers_of(lineage)
@@ -46,9 +46,10 @@ def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> li
 
 
 def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
-    """(n,) Mahalanobis distances of the places of the two objects of each pair, in their joint Gaussian.
+    """(n,) Mahalanobis distances of the relative position of each pair, in their joint Gaussian.
 
-    What both share, as the drift of a whole drive, does not count. Infinite where the Gaussian is not to be had.
+    Errors that both share, such as the drift of a whole drive, cancel. Infinite where the joint Gaussian cannot be
+    computed.
     """
     numbers, space = sorted({number for pair in pairs for number in pair}), component.spaces.landmark
     keys = [object_key(number) for number in numbers]
@@ -57,7 +58,7 @@ def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
     except LostComponentError:
         return np.full(len(pairs), np.inf)
     size = space.tangent_size
-    axes = np.tile(np.eye(2, size), (len(numbers), 1, 1))  # (N, 2, l) of the tangent spaces, in map
+    axes = np.tile(np.eye(2, size), (len(numbers), 1, 1))  # (N, 2, l) axes of the tangent spaces, in map
     if space.heading is not None:
         cos, sin = np.cos(states[:, space.heading]), np.sin(states[:, space.heading])
         axes[:, :, :2] = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
@@ -73,12 +74,12 @@ def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
 
 
 def seen_together(lineage: Lineage) -> set[Pair]:
-    """Pairs of objects that some frame shows both of."""
+    """Pairs of objects that were detected in one frame."""
     return {pair for step in lineage for pair in combinations(sorted(n for n in step.association if n >= 0), 2)}
 
 
 def merged(lineage: Lineage, pairs: Sequence[Pair]) -> Lineage:
-    """The history in which the younger object of each pair is the older one."""
+    """The history in which the younger object of each pair is merged into the older one."""
     names = {younger: older for older, younger in pairs}
     return tuple(
         replace(step, association=tuple(names.get(number, number) for number in step.association)) for step in lineage
@@ -86,7 +87,7 @@ def merged(lineage: Lineage, pairs: Sequence[Pair]) -> Lineage:
 
 
 def apart(pairs: Sequence[Pair], lineage: Lineage) -> list[Pair]:
-    """Pairs without an object in common, of which no frame would show one object twice."""
+    """Pairs that can be merged at once: no two share an object."""
     chosen: list[Pair] = []
     taken: set[int] = set()
     for pair in pairs:

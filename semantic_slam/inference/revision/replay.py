@@ -1,4 +1,4 @@
-"""Histories replayed from the prior: what each weighs, log P(history, Z_1:k), and the component it leads to."""
+"""Replay of association histories from the prior: log P(history, Z_1:k) and the component that each leads to."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,29 +19,29 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
 CHECKPOINT = 10
-"""Keyframes from one component that is kept along a replay to the next."""
+"""Keyframes between components that are kept along a replay (checkpoints)."""
 CLOSE = 4
-"""That many of them at the end of a replay stay as close; before, as far apart as twice as long ago asks for."""
+"""Number of checkpoints at full density at the end of a replay; spacing doubles as age doubles before that."""
 
 Lineage = tuple[LineageStep, ...]
 
 
 @dataclass(frozen=True)
 class Progress:
-    """A history replayed so far; beyond the steps that it names, its likeliest continuation is followed."""
+    """A history replayed up to some keyframe; beyond the steps it names, its likeliest continuation is followed."""
 
     lineage: Lineage
-    at: int  # keyframes replayed
-    number: int  # hypothesis id after these
+    at: int  # number of keyframes replayed
+    number: int  # hypothesis id after ``at`` keyframes
     component: Component
     log_joint: float  # log P(history, Z_1:at)
-    expected_births: float  # in all of them
-    replicates: Array  # (B,) of the weight, see ``Bagging``
+    expected_births: float  # summed over these keyframes
+    replicates: Array  # (B,) bootstrap replicates of the weight, see ``Bagging``
 
 
 @dataclass(frozen=True)
 class Revised:
-    """A history that was not followed before."""
+    """A history replayed through all keyframes, which was not followed before."""
 
     number: int  # its hypothesis id
     parent_id: int
@@ -54,25 +54,25 @@ class Revised:
 
 @dataclass
 class Replay:
-    """Replays histories, from where they part from what was replayed before."""
+    """Replays histories, starting from the latest checkpoint that they share with what was replayed before."""
 
     problem: Problem
     association: AssociationStrategy
-    steps: list[Step] = field(default_factory=list)  # so far
-    registry: ObjectRegistry | None = None  # what a history names and has given up begins anew by it; None: impossible
-    _kept: dict[int, Progress] = field(default_factory=dict)  # of the history that was followed last
-    _beside: dict[int, Progress] = field(default_factory=dict)  # of others since: one may be followed from now on
+    steps: list[Step] = field(default_factory=list)  # every keyframe so far
+    registry: ObjectRegistry | None = None  # gives new ids to dropped objects that a history names; None: impossible
+    _kept: dict[int, Progress] = field(default_factory=dict)  # checkpoints of the history followed last
+    _beside: dict[int, Progress] = field(default_factory=dict)  # checkpoints of other histories replayed since
 
     @property
     def may_move(self) -> bool:
-        """Whether there are detections of what may move."""
+        """Whether any detection so far has a label whose objects may move."""
         moving = self.problem.moving
         return moving.is_on and any(moving.shares(step.labels).any() for step in self.steps)
 
     def followed(self, lineage: Lineage) -> Revised | None:
-        """What a history weighs, with its likeliest continuation where it ends earlier; None: it is impossible.
+        """The weight of a history, continued by its likeliest steps where it ends early; None: it is impossible.
 
-        Some of it is kept, and nothing of what other histories do not share with it.
+        Its checkpoints are kept, and those of other histories that it does not share are dropped.
         """
         own = self.resumed(lineage)
         try:
@@ -84,13 +84,13 @@ class Replay:
         return self.finished(own)
 
     def keep_along(self, lineage: Lineage) -> None:
-        """Keep nothing of what other histories do not share with one."""
+        """Keep the checkpoints along ``lineage`` alone."""
         known, along, now = self._kept | self._beside, set(self._numbers(lineage)), len(self.steps)
         self._kept = {number: own for number, own in known.items() if number in along and stays(own.at, now)}
         self._beside.clear()
 
     def forget(self) -> None:
-        """Keep nothing of what was replayed: the next round begins at the prior."""
+        """Drop all checkpoints: the next replay begins at the prior."""
         self._kept.clear()
         self._beside.clear()
 
@@ -101,9 +101,9 @@ class Replay:
         return Progress(lineage, 0, ROOT_ID + beginning, root, log_weight, 0.0, self.problem.bagging.begun(log_weight))
 
     def advanced(self, own: Progress, count: int, *, in_place: bool = True) -> Progress:
-        """A history after at most ``count`` keyframes more. Raises LostComponentError where it is impossible.
+        """A history after at most ``count`` more keyframes. Raises LostComponentError where it is impossible.
 
-        ``in_place``: nobody needs it again as it was.
+        ``in_place``: its smoother may be consumed, as nobody needs the former state.
         """
         for step in self.steps[own.at : own.at + count]:
             named = own.lineage[own.at] if own.at < len(own.lineage) else None
@@ -117,13 +117,13 @@ class Replay:
         return own
 
     def resumed(self, lineage: Lineage) -> Progress:
-        """A history as far as it was replayed before, or before the first keyframe."""
+        """A history at the latest checkpoint along it, or else before the first keyframe."""
         known = self._kept | self._beside
         number = next((number for number in reversed(self._numbers(lineage)) if number in known), None)
         return self.begun(lineage) if number is None else replace(known[number], lineage=lineage)
 
     def further(self, own: Progress) -> Progress:
-        """A history after one keyframe more, some of which is kept: it may be followed from now on.
+        """A history after one more keyframe; checkpoints are kept, as it may be followed from now on.
 
         Raises LostComponentError where it is impossible.
         """
@@ -132,11 +132,11 @@ class Replay:
         return own
 
     def branched(self, front: Sequence[Progress], most: int) -> list[Progress]:
-        """The likeliest ``most`` continuations of some histories through one keyframe, the likeliest first.
+        """The ``most`` likeliest continuations of some histories through one keyframe, likeliest first.
 
-        Those that pruning would keep beside the best: all have come as far, and none names the next step. Some of them
-        is kept, as by :meth:`further`.
-        Raises LostComponentError where there is none.
+        Continuations below the pruning ratio relative to the best are dropped. All histories must have come equally
+        far, and none may name the next step. Checkpoints are kept as by :meth:`further`. Raises LostComponentError
+        where there is no continuation.
         """
         expander, numbers = Expander(self.problem, self.association), [own.number for own in front]
         held = [WeightedComponent(own.component, 0.0) for own in front]
@@ -159,7 +159,7 @@ class Replay:
         return found
 
     def before(self, lineage: Lineage, keyframe: int) -> Progress | None:
-        """A history before a keyframe, which nobody may advance in place; None where it is impossible."""
+        """A history just before a keyframe, which nobody may advance in place; None where it is impossible."""
         own = self.resumed(lineage[:keyframe])
         try:
             while own.at < keyframe:
@@ -176,9 +176,10 @@ class Replay:
         return own.number in self._kept or own.number in self._beside
 
     def carried(self, own: Progress, point: int) -> Progress:
-        """A history with the likeliest keyframe more, before which the robot was carried to a point.
+        """A history with its likeliest next keyframe, before which the robot was carried (kidnapped) to ``point``.
 
-        Raises LostComponentError where it is impossible.
+        ``point`` is one of the lattice of displacements, or new ground. Raises LostComponentError where it is
+        impossible.
         """
         return self._next(own, self.steps[own.at], None, point, in_place=False)
 
@@ -192,7 +193,7 @@ class Replay:
         return self._continued(own, expansion, row, certain(grown))
 
     def _continued(self, own: Progress, expansion: Expansion, row: int, component: Component) -> Progress:
-        """A history with one candidate more, which it names already or names now."""
+        """A history with one more candidate, which its lineage names already or is extended by."""
         parent, log_psi = int(expansion.assignments.parents[row]), float(expansion.log_psi[row])
         return Progress(
             lineage=own.lineage if own.at < len(own.lineage) else (*own.lineage, expansion.steps[row]),
@@ -205,18 +206,18 @@ class Replay:
         )
 
     def finished(self, own: Progress) -> Revised:
-        """What a history weighs that was replayed through all keyframes so far."""
+        """The result of a history that was replayed through all keyframes so far."""
         numbers = self._numbers(own.lineage)
         return Revised(
             own.number, numbers[-2], own.lineage, own.log_joint, own.component, own.expected_births, own.replicates
         )
 
     def number_of(self, lineage: Lineage) -> int:
-        """Id of the hypothesis that has a history."""
+        """Id of the hypothesis that has this history."""
         return self._numbers(lineage)[-1]
 
     def _row(self, own: Progress, step: Step, expansion: Expansion) -> int:
-        """Which candidate a history names. Raises LostComponentError where there is none."""
+        """Row of the candidate that the history names. Raises LostComponentError where there is none."""
         named = own.lineage[own.at]
         child = next_id(own.number, step.stamp_ns, named)
         if child not in expansion.ids:
@@ -232,7 +233,7 @@ class Replay:
 
 
 def begun_anew(own: Progress, object_ids: Collection[int], first_new_id: int) -> Progress:
-    """A history in which objects that it names next begin by the detection that names them, and were others before."""
+    """A history in which dropped objects start anew, under new ids, with the next detection that names them."""
     born = {n: first_new_id + number for number, n in enumerate(own.lineage[own.at].association)}
     anew = {n: born[n] for n in object_ids}
     rest = (
@@ -242,9 +243,9 @@ def begun_anew(own: Progress, object_ids: Collection[int], first_new_id: int) ->
 
 
 def stays(at: int, now: int) -> bool:
-    """Whether a component after ``at`` keyframes is kept when there are ``now``: a logarithmic number of them is.
+    """Whether the checkpoint after ``at`` keyframes is kept when there are ``now``; logarithmically many are.
 
-    A history that parts from the one they are along is then replayed from at most twice as long ago.
+    A history that branches off from the one they belong to is thus replayed from at most twice as long ago.
     """
     apart = CHECKPOINT
     while now - at > CLOSE * apart:

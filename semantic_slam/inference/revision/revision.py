@@ -1,9 +1,10 @@
-"""Association revised afterwards: histories in which two objects of a live one are the same, in which one moves, or in
-which the robot took one object for another when it came back; in space those in which an object is none.
+"""Hindsight revision: association histories that look likelier in retrospect are replayed and become hypotheses.
 
-A revised history is replayed from the prior, and so is the one that it comes from: it enters with the ratio of their
-P(history, Z_1:k), as if it had been followed all along. Nothing is optimised under it before. It is replayed beside the
-keyframes, a few keyframes of its own in each, and enters once it has caught up.
+Alternatives to a live history are: two of its objects are one; an object moves; the robot took one object for another
+when it came back (a wrong loop closure); in space also: an object does not exist. The revised history and the one that
+it comes from are both replayed from the prior, so the revised one enters with the ratio of their P(history, Z_1:k), as
+if it had been followed all along; no optimisation precedes. It is replayed in the background, a few of its keyframes in
+each new keyframe, and enters once it has caught up.
 """
 
 from collections.abc import Mapping
@@ -22,7 +23,7 @@ from semantic_slam.inference.world.problem import Problem
 
 
 class Revision:
-    """Looks back from the best history every few keyframes, up to a horizon."""
+    """Looks for alternatives to the best history every few keyframes, until the drive exceeds a horizon."""
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
         self._settings, self._replay = settings, replay
@@ -30,11 +31,11 @@ class Revision:
 
     @property
     def is_on(self) -> bool:
-        """Whether anything is ever revised."""
+        """Whether any kind of revision is enabled."""
         return self._settings.is_on
 
     def revised(self, present: Present) -> dict[int, Hypothesis]:
-        """New hypotheses that weigh as much as pruning asks beside the one that each revises."""
+        """New hypotheses, by id, whose weight relative to the one that each revises is above the pruning ratio."""
         count = len(self._replay.steps)
         if count > self._settings.horizon:
             self._looking_back.give_up()
@@ -43,7 +44,7 @@ class Revision:
         return self._looking_back.found(present)
 
     def _due(self, count: int) -> set[Kind]:
-        """What to look for after so many keyframes."""
+        """Kinds of alternatives to look for after ``count`` keyframes."""
         every = {
             Kind.OTHERWISE: self._settings.every_keyframes,
             Kind.SECOND_BOXES: self._settings.second_boxes_every_keyframes,
@@ -57,10 +58,10 @@ def with_revised(
     places: Mapping[int, Array],
     problem: Problem,
 ) -> dict[int, Hypothesis]:
-    """Live and revised hypotheses, heaviest first, as many as pruning keeps; weights in the live ones' unit.
+    """Live and revised hypotheses, heaviest first, as many as pruning keeps; weights in the unit of the live ones.
 
-    What goes for them is a variant, not what pruning keeps for being of another kind. ``places`` (3,) of the live ones'
-    robots [m].
+    A revised hypothesis displaces a near variant, and none that pruning keeps for its diversity (another place or
+    start). ``places``: positions (3,) [m] of the robot in the live hypotheses.
     """
     limits = problem.pruning
     every = sorted({**live, **found}.items(), key=lambda item: (-item[1].log_weight, item[0]))
@@ -75,13 +76,13 @@ def with_revised(
 
 
 def _place(own: Hypothesis, problem: Problem) -> Array:
-    """(3,) position [m] of the robot in a history that was replayed."""
+    """(3,) position [m] of the robot in a replayed history."""
     assert own.replayed is not None
     return np.asarray(problem.spaces.robot.poses(own.replayed.newest_robot()[None])[0, :3])
 
 
 def normalised(hypotheses: Mapping[int, Hypothesis]) -> tuple[dict[int, Hypothesis], float]:
-    """Hypotheses with weights that sum to one, and the log of what they summed to."""
+    """Hypotheses with weights that sum to one, and the log of the sum before."""
     weights: Array = np.array([own.log_weight for own in hypotheses.values()])
     total = float(np.logaddexp.reduce(weights))
     return {n: replace(own, log_weight=own.log_weight - total) for n, own in hypotheses.items()}, total

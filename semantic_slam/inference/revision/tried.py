@@ -1,4 +1,4 @@
-"""What was tried already: a history that lost is not replayed again before there is something new to say for it."""
+"""Memory of proposals: a rejected history is not replayed again before there is new evidence for it."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ Group = tuple[int, ...]
 
 
 class Tried:
-    """Groups of objects that were tried together, and after which keyframe."""
+    """Groups of objects that were proposed together, with the keyframe at which they were."""
 
     def __init__(self, patience: int) -> None:
         """``patience``: keyframes after which a group may be tried again, if one of its objects was seen since."""
@@ -16,11 +16,11 @@ class Tried:
         self._when: dict[Group, int] = {}
 
     def note(self, groups: Sequence[Group], now: int) -> None:
-        """Remember that groups are tried ``now``, after so many keyframes."""
+        """Record that the groups were tried at ``now``, a number of keyframes."""
         self._when |= dict.fromkeys(groups, now)
 
     def news(self, groups: Sequence[Group], lineage: Lineage) -> list[Group]:
-        """Groups that were not tried, or long ago, and seen since by a history."""
+        """Groups not tried yet, or tried at least ``patience`` keyframes ago and with an object seen since."""
         seen = last_seen(lineage)
         return [group for group in groups if self._is_news(group, seen, len(lineage))]
 
@@ -32,5 +32,5 @@ class Tried:
 
 
 def last_seen(lineage: Lineage) -> dict[int, int]:
-    """Object -> the keyframe at which it was detected last."""
+    """Object id -> the keyframe at which it was detected last."""
     return {number: keyframe for keyframe, step in enumerate(lineage) for number in step.association}

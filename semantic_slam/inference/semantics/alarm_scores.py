@@ -1,10 +1,10 @@
-"""What a detector's scores tell of what was seen little: a thing, or a false alarm.
+"""Detector scores as evidence for rarely seen objects: real thing or false alarm.
 
-What is a thing by all that places tell, whether it is there yet or has left, and what is none, show what scores things
-and false alarms have: log odds that are Gaussian about two means and as wide about one as about the other. Each object
-counts as one score, however often it was seen. Either mean leans on that of all, and how far there are two at all is
-decided by evidence, that of one Gaussian against that of two (approximated by Schwarz). Where things that were seen
-again and again have the scores of false alarms, scores tell nothing.
+The objects that positions show to be things, present or departed, and those they show to be none, give the score
+distributions of both: Gaussian log odds with two means and a common variance. Each object counts as one score, however
+often it was seen. Both means are shrunk to the common mean, and the probability that there are two is decided by
+evidence, one Gaussian against two (Schwarz's approximation). Where things that were seen repeatedly have the scores of
+false alarms, scores are uninformative.
 """
 
 from dataclasses import dataclass
@@ -17,25 +17,25 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.semantics.detector_scores import LEAST_SIGMA
 
 LEANING = 3.0
-"""Scores that the mean of all counts as, in that of things and in that of false alarms."""
+"""Number of scores that the common mean counts as, in the means of things and of false alarms."""
 PARAMETERS_APART = 1.0
-"""Parameters of two Gaussians that are as wide as one another, less those of one."""
+"""Number of parameters of two Gaussians with a common variance, minus those of one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AlarmScores:
-    """Gaussians of the log odds of the scores of false alarms, and of things."""
+    """Gaussians of the log odds of scores, of false alarms and of things."""
 
     means: Array  # (2,) of false alarms, and of things
     variance: float  # of either
-    probability: float  # that they are two
+    probability: float  # that the two differ
 
     @classmethod
     def of(cls, moments: Array, things: Array) -> Self | None:
-        """What the scores of N objects show, given up ones among them; None where they tell nothing.
+        """Fitted to the scores of N objects, including dropped ones; None where they are uninformative.
 
-        ``moments`` (N, 3): sums of :func:`~semantic_slam.inference.semantics.detector_scores.moments_of`;
-        ``things`` (N,): how likely each is a thing, as places have it.
+        ``moments`` (N, 3): sums of :func:`~semantic_slam.inference.semantics.detector_scores.moments_of`; ``things``
+        (N,): the probability that each is a thing, by positions.
         """
         each = moments / np.maximum(moments[:, :1], np.finfo(float).tiny)
         count, total, squared = each.sum(axis=0)
@@ -53,9 +53,9 @@ class AlarmScores:
         return cls(means=means, variance=variance, probability=float(expit(gain)))
 
     def weighed(self, things: Array, moments: Array) -> Array:
-        """(...,) how likely objects are things, by places (...,) and by the mean score of each, ``moments`` (..., 3).
+        """(...,) probability that objects are things, by positions (...,) and mean scores, ``moments`` (..., 3).
 
-        What has no score is as places have it.
+        Objects without a score keep the probability by positions.
         """
         count, total = moments[..., 0], moments[..., 1]
         has_score = count > 0.0

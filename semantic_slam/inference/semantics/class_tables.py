@@ -1,10 +1,9 @@
-"""Classes carried with the objects of a hypothesis instead of enumerated: a table over class and heading for each.
+"""Classes marginalised per object instead of enumerated: a table over class and heading for each.
 
-What a view looks like depends on the class and on the side that is seen. Where no map tells an object's heading, both
-are unknown together, and a Gaussian over the heading would not do: sides look alike. Given the positions of camera and
-object the views of one object are independent of everything else, so that p(class, heading | views) is a table, exact
-up to its grid, and the sum over it is the views' evidence for the association. Headings and classes tell nothing back
-to the positions.
+The appearance of a view depends on the class and the side seen. Where no map gives an object's heading, both are
+unknown jointly, and multimodally, as sides look alike. Given the positions of camera and object the views of one object
+are independent of everything else, so p(class, heading | views) is a table, exact up to its grid, and its sum is the
+views' evidence for the association. Headings and classes do not inform positions.
 """
 
 from dataclasses import dataclass, field
@@ -25,13 +24,13 @@ from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 HEADINGS = 72
-"""Cells of a table all around: 5 degrees each."""
+"""Number of heading cells of a table: 5 degrees each."""
 STEP_RAD = 2.0 * np.pi / HEADINGS
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What one detection says for every azimuth of the camera in the object's frame."""
+    """Likelihood of one detection for every azimuth of the camera in the object's frame."""
 
     log_likelihood: Array  # (C, HEADINGS)
     drawn: Array  # (HEADINGS, M, C) of draws of the measurement from the network, up to a constant
@@ -39,10 +38,10 @@ class _Seen:
 
 
 class ClassTables:
-    """Evidence of views under tables over class and heading."""
+    """Evidence of views by tables over class and heading."""
 
     def __init__(self, model: ViewpointModel, tempering: float, outliers: OutlierScores | None = None) -> None:
-        """``tempering``: so many views tell as much as one; ``outliers``: None if there are none."""
+        """``tempering``: number of views that count as one. ``outliers``: outlier scores; None: no outliers."""
         self._model, self._likelihoods = model, ClassLikelihoods(model, tempering, outliers)
         angles: Array = STEP_RAD * np.arange(HEADINGS, dtype=np.float64)
         self._around = Viewpoints(angles, np.zeros(HEADINGS), np.ones(HEADINGS))
@@ -72,7 +71,7 @@ class ClassTables:
         return SemanticEvidence.of(total, records)
 
     def _seen(self, given: SemanticInput, index: int) -> _Seen:
-        """One detection from all around."""
+        """The likelihood of one detection from all directions."""
         drawn = DrawnFeatures.of([given.step.detections[index]]).take(np.zeros(HEADINGS, dtype=int))
         log_likelihood, exact = self._likelihoods.of(drawn, self._around)
         return _Seen(log_likelihood.T, exact)
@@ -80,9 +79,9 @@ class ClassTables:
     def _added(
         self, given: SemanticInput, seen: _Seen, key: tuple[int, int, int], inside: bool
     ) -> tuple[float, ObjectViews]:
-        """Log evidence of one view of one object from the camera's cell around it, and the record with it.
+        """Log evidence of one view of one object from the camera's cell around it, and the updated record.
 
-        ``key``: parent, place of the object, and cell.
+        ``key``: parent, index of the object, and cell.
         """
         if key not in seen.known:
             parent, place, camera = key
@@ -111,7 +110,7 @@ class ClassTables:
 
 
 def _unseen(component: Component, object_id: int, num_classes: int) -> Array:
-    """(C, HEADINGS) log prior over headings: what a map states, or nothing."""
+    """(C, HEADINGS) log prior over headings: by the map, or uniform."""
     log_heading, heading = np.zeros(HEADINGS), component.tracked_heading(object_id)
     if heading is not None:
         away = wrap_angle(STEP_RAD * np.arange(HEADINGS, dtype=np.float64) - heading[0])

@@ -1,8 +1,8 @@
 """Semantics of correlated views, without factors: evidence averaged over samples of the track (Sec. 3.3.4).
 
-Track samples come from the geometric posterior. Each carries the unnormalised p(z_1:k | track, c); its average over
-the samples is the evidence in the hypothesis's weight, and its share of that sum weighs the sample when class and
-poses are stated. Every object has its evidence to itself, so the tracks relative to two objects count as independent.
+Track samples come from the geometric posterior. Each has the unnormalised p(z_1:k | track, c). The average over samples
+is the evidence in the hypothesis's weight; a sample's share of the sum is its importance weight when classes and poses
+are reported. Every object's evidence is computed by itself, so the tracks relative to two objects count as independent.
 """
 
 from collections import defaultdict
@@ -26,7 +26,7 @@ from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.model import Viewpoints
 
 LEAST_EFFECTIVE_SHARE = 0.2
-"""Share of the tracks that moments are taken from at least: fewer would claim a precision that they do not have."""
+"""Least share of effective tracks from which moments are taken: fewer would feign precision."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,22 +41,22 @@ class RecordedView:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedViews:
-    """One object in one continuation: all its views that still count, the newest last, along P tracks."""
+    """One object in one continuation: its views within the window, newest last, along P sampled tracks."""
 
     row: int
-    place: int  # of the object in the given's list
+    place: int  # index of the object in the input's list
     before: ObjectViews | None
     views: tuple[RecordedView, ...]  # V
     azimuth_rad: Array  # (P, V)
     detection: PlanarDetection  # the newest
-    flag: bool  # whose picture is one of a known object
+    flag: bool  # whether the newest view is inside the models' coverage
 
 
 class CorrelatedViews:
     """Weighs continuations by the evidence of their objects' views."""
 
     def __init__(self, model: CorrelatedModel, num_tracks: int, window: int, average: str, seed: int) -> None:
-        """``window`` W: views of an object that a new one correlates with; ``average``: evidence, or Eq. 3.20's."""
+        """``window`` W: number of views that a new one correlates with; ``average``: of evidence, or as in Eq. 3.20."""
         self._model, self._num_tracks, self._window, self._seed = model, num_tracks, window, seed
         self._thesis = average == "thesis"
 
@@ -125,7 +125,7 @@ class CorrelatedViews:
         return row.spaces.viewpoints(x, o, view.sensor).azimuth_rad
 
     def _evidence(self, sightings: list[TrackedViews]) -> list[tuple[TrackedViews, Evidence]]:
-        """Sights of as many views are looked at together."""
+        """Evidence of the sightings, batched by number of views."""
         by_length: dict[int, list[TrackedViews]] = defaultdict(list)
         for tracked in sightings:
             by_length[len(tracked.views)].append(tracked)
@@ -146,7 +146,7 @@ class CorrelatedViews:
         return self._model.evidence(azimuth, *(np.repeat(value, self._num_tracks, axis=0) for value in stacked))
 
     def _record(self, tracked: TrackedViews, evidence: Evidence, log_prior: Array) -> tuple[ObjectViews, Array]:
-        """The object's record with its newest view, and (P,) log of how well each track explains the views."""
+        """The object's record with its newest view, and (P,) log likelihood of the views along each track."""
         before = tracked.before
         base = np.zeros(len(log_prior)) if before is None or before.log_dropped is None else before.log_dropped
         by_track = base + evidence.log_likelihood  # (P, C)
@@ -174,7 +174,7 @@ class CorrelatedViews:
         return record, log_sum_exp(log_prior + by_track)
 
     def _averaged(self, by_track: Array, log_prior: Array) -> Array:
-        """(C,) log likelihood from that of (P, C) tracks; with Eq. 3.20 posteriors are averaged, tracks being equal."""
+        """(C,) log likelihood from (P, C) by track; with Eq. 3.20 posteriors are averaged with equal weights."""
         average = _mean(by_track)
         if not self._thesis:
             return average
@@ -198,7 +198,7 @@ def _with_corrections(
     by_track: list[dict[int, Array]],
     views: list[dict[int, ObjectViews]],
 ) -> SemanticEvidence:
-    """What the tracks' weights make of the robot's pose and of the poses of the objects seen."""
+    """Evidence with corrections of the robot's and objects' poses by the weights of the tracks."""
     effective, layout = np.full(len(rows), np.nan), given.stack.layout
     robot: list[Correction | None] = [None] * len(rows)
     for row, sampled in enumerate(rows):
@@ -227,7 +227,7 @@ def _effective_size(shares: Array) -> float:
 
 
 def _flattened(log_weights: Array, least_size: float) -> Array:
-    """Shares of the weights to the greatest power up to 1 that leaves ``least_size`` effective samples."""
+    """Normalised weights raised to the largest power up to 1 that leaves ``least_size`` effective samples."""
     if _effective_size(_shares(log_weights)) >= least_size:
         return _shares(log_weights)
     return _shares(log_weights * brentq(lambda power: _effective_size(_shares(power * log_weights)) - least_size, 0, 1))

@@ -1,4 +1,4 @@
-"""Descriptors and geometry of continuations as one Gaussian, from the smoothers of their parents."""
+"""Joint Gaussian of descriptors and geometry of continuations, from their parents' smoothers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from semantic_slam.inference.states.keys import descriptor_key, object_key, robo
 from semantic_slam.inference.states.layout import rows_of_blocks
 
 LEAST_SHARE = 1e-4
-"""Least share of its variance that a descriptor keeps where rounding would leave less than nothing."""
+"""Least share of its variance that a descriptor keeps where rounding would make it negative."""
 JITTER = 1e-9
-"""Relative to the prior variances; keeps the conditional covariances of descriptors positive definite."""
+"""Added relative to the prior variances: keeps conditional covariances of descriptors positive definite."""
 
 
 @dataclass(frozen=True)
 class PredictedDescriptors:
-    """One parent's descriptors of O objects, with the predicted tangent vector of robot and objects; r, l, L."""
+    """One parent's descriptors of O objects, joint with the predicted robot and objects; dimensions r, l, L."""
 
     mean: Array  # (O, L)
     covariance: Array  # (O L, O L)
@@ -33,7 +33,7 @@ class PredictedDescriptors:
     def of(
         cls, component: Component, given: SemanticInput, wanted: Sequence[int], observation: LatentObservation
     ) -> "PredictedDescriptors":
-        """Predicted descriptors of the objects of ``given``; those not at the places ``wanted`` keep their priors."""
+        """Predicted descriptors of the objects of ``given``; those not at the indices ``wanted`` keep their priors."""
         count, length = len(given.object_ids), observation.num_dimensions
         layout = component.spaces.layout
         priors = [observation.prior_of(n) for n in given.object_ids]
@@ -58,7 +58,7 @@ class PredictedDescriptors:
 def descriptor_problem(
     given: SemanticInput, observation: LatentObservation, rows: Index, active: NDArray[np.bool_]
 ) -> DescriptorProblem:
-    """The least-squares problems of some continuations of a given, over their ``active`` (B, n) detections.
+    """The least-squares problems of the continuations ``rows``, over their ``active`` (B, n) detections.
 
     Raises LostComponentError.
     """
@@ -92,8 +92,8 @@ def descriptor_problem(
 def _root(covariance: Array, scale: Array) -> Array:
     """(B, N, N) lower Cholesky factors; ``scale`` (B, N) variances before conditioning.
 
-    Marginals of a map that floats by metres are rounded to more than a descriptor's variance. What then comes out
-    negative is no knowledge, so that it is raised to a share of the variance before.
+    Marginals of a map that is uncertain by metres are rounded to more than a descriptor's variance. A negative result
+    is raised to a share of the variance before.
     """
     try:
         return np.asarray(np.linalg.cholesky(covariance + JITTER * scale[..., None] * np.eye(scale.shape[1])))
@@ -104,7 +104,7 @@ def _root(covariance: Array, scale: Array) -> Array:
 
 
 def _gathered(given: SemanticInput, observation: LatentObservation, rows: Index) -> tuple[Array, Array, Array]:
-    """(B, n, L) means, (B, n L, r + n l) covariances with the tangent vectors and (B, n L, n L) among each other."""
+    """(B, n, L) means, (B, n L, r + n l) cross-covariances with tangent vectors, (B, n L, n L) covariances."""
     stack = given.stack
     length, layout = observation.num_dimensions, stack.layout
     batch, count = len(rows), stack.active.shape[1]

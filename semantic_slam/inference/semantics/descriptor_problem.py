@@ -1,8 +1,8 @@
-"""Robot, objects and descriptors of many continuations, once their geometry is known: B least-squares problems.
+"""Robot, objects and descriptors of many continuations given their geometric posterior: B least-squares problems.
 
 The geometric posterior of continuation b is the Gaussian at its mode, and the descriptors are jointly Gaussian with it.
 In v ~ N(0, I) tangent vectors and descriptors are linear, t = t* + T v and e = e* + D v, so that the evidence of the
-features is the integral of N(v; 0, I) N(f; mu(x, o, e), Sigma), a damped Laplace approximation away.
+features is the integral of N(v; 0, I) N(f; mu(x, o, e), Sigma), computed by a damped Laplace approximation.
 """
 
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True, kw_only=True)
 class DescriptorProblem:
-    """B continuations of n detections; V coordinates, r and l dimensions of the tangent spaces, the wider w."""
+    """B continuations of n detections; V coordinates, r and l tangent dimensions, w the wider of both."""
 
     spaces: Spaces
     observation: LatentObservation
     seen: DetectionFeatures  # n
     active: NDArray[np.bool_]  # (B, n)
     slots: Index  # (B, n) block of the object of each detection
-    mean: Array  # (B, 1 + n, s) where tangent vectors are taken
+    mean: Array  # (B, 1 + n, s) base points of tangent vectors
     offset: Array  # (B, r + n l + n L) t*, e*
     gain: Array  # (B, r + n l + n L, V) T, D
 
@@ -68,7 +68,7 @@ class DescriptorProblem:
         return energy, gradient, np.eye(v.shape[1]) + transposed @ jacobian
 
     def azimuth_gain(self, v: Array) -> Array:
-        """(B, n, V) change of the direction of view per change of v."""
+        """(B, n, V) Jacobian of the direction of view by v."""
         x, o, _, chart = self._placed_states(v)
         batch, count = self.active.shape
         turn = self._by_row(azimuth_slopes(x, o, np.tile(self.seen.sensor, (batch, 1))))
@@ -86,14 +86,14 @@ class DescriptorProblem:
         return self.spaces.layout.blocks(self._variables(v)[:, : self.num_tangent])
 
     def _parts(self, v: Array) -> tuple[LatentLinearisation, Array]:
-        """Linearised features of all detections of all rows, (B n), and (B, 1 + n, w, w) tangent charts."""
+        """Linearised features of all detections of all rows, (B n), and (B, 1 + n, w, w) retraction Jacobians."""
         x, o, e, chart = self._placed_states(v)
         batch, count = self.active.shape
         part = self.observation.linearise(self.seen.take(np.tile(np.arange(count), batch)), x, o, e)
         return part, chart
 
     def _placed_states(self, v: Array) -> tuple[Array, Array, Array, Array]:
-        """(B n, s) robots and objects and (B n, L) descriptors of all detections, and the charts."""
+        """(B n, s) robots and objects and (B n, L) descriptors of all detections, and the retraction Jacobians."""
         batch, count = self.active.shape
         rows = np.arange(batch)[:, None]
         variables = self._variables(v)

@@ -1,8 +1,8 @@
-"""Views of objects whose heading nobody knows yet: modes over descriptor and heading, until one direction is left.
+"""Descriptor views of objects of unknown heading: modes over descriptor and heading, until one direction is left.
 
-Given the positions of camera and object the views of one object depend on nothing else, so that the modes carry all
-that they tell, and their sum is the views' evidence for the association. Once a single direction is left, all views
-enter the graph as factors.
+Given the positions of camera and object the views of one object are independent of everything else, so the modes hold
+all their information, and their sum is the views' evidence for the association. Once a single direction is left, all
+views enter the graph as factors.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from semantic_slam.latent.model import DescriptorBelief
 STEP_RAD = np.pi / 72.0
 """Directions from an object to the camera are rounded to this, so that hypotheses share their work."""
 SETTLED_SHARE, SETTLED_RAD = 0.98, 0.15
-"""Weight of the best direction, and its standard deviation, from which on the heading counts as known."""
+"""Weight of the best direction, and its standard deviation, at which the heading counts as known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ def update_unoriented(
     in_coverage: NDArray[np.bool_],
     views: Sequence[UnorientedView],
 ) -> list[tuple[ObjectViews, float]]:
-    """The records after each view, and its log evidence. Equal views are looked at once."""
+    """The records after each view, and its log evidence; equal views are computed once."""
     keys = [(id(view.start), view.number, round(view.bearing_rad / STEP_RAD), view.object_id) for view in views]
     first = {key: at for at, key in reversed(list(enumerate(keys)))}
     different = list(first.values())
@@ -120,7 +120,7 @@ def _record(heading: HeadingRecord, likelihood: Array, coverage: ViewCoverage) -
 
 
 class DescriptorTables:
-    """Evidence of views in an open world, where no map tells how objects are turned."""
+    """Evidence of views in an open world, where no map gives the headings of objects."""
 
     def __init__(self, observation: LatentObservation) -> None:
         self._observation = observation
@@ -170,7 +170,7 @@ class DescriptorTables:
         )
 
     def _before(self, component: Component, object_id: int) -> HeadingMixture:
-        """What a map states of the heading, or nothing."""
+        """The heading prior: by the map, or uniform."""
         prior = self._observation.prior_of(object_id)
         heading, variance = component.tracked_heading(object_id) or (0.0, 100.0)
         key = (float(heading), float(variance), *prior.mean[0].tolist())

@@ -1,4 +1,4 @@
-"""Semantics with a learned latent space: features weigh continuations, and enter the graph with descriptors."""
+"""Semantics with a learned latent space: features weigh continuations, and enter the graph with their descriptors."""
 
 from typing import Self
 
@@ -20,21 +20,21 @@ from semantic_slam.perception.uncertainty import mutual_information
 
 MAX_ITERATIONS = 12
 TOLERANCE = 0.01
-"""Nats that a further step may be expected to bring where a mode counts as found."""
+"""Expected gain [nats] of a further step below which a mode is converged."""
 SPREAD_RAD = 0.1
-"""Standard deviation of the direction of view from which on modes are searched for besides the nearest."""
+"""Standard deviation of the direction of view above which several modes are searched for."""
 SPREADS = (-1.5, 1.5)
 """Starts of that search, in standard deviations."""
 UNKNOWN_SHARE = 0.5
-"""Standard deviation of a descriptor's component, in those of its prior, up to which no guess is needed."""
+"""Standard deviation of a descriptor component, relative to its prior's, above which the encoder's guess is tried."""
 UNKNOWN_RAD = 0.5
-"""Standard deviation of an object's heading from which on it counts as unknown."""
+"""Standard deviation of an object's heading above which it counts as unknown."""
 DRAWS = 16
-"""Descriptors that the epistemic part of a class is told from."""
+"""Number of descriptor samples for the epistemic part of the class uncertainty."""
 
 
 class DescriptorViews:
-    """Evidence of the features about the geometric modes, with robot, objects and descriptors uncertain together."""
+    """Evidence of features about the geometric modes, with robot, objects and descriptors jointly uncertain."""
 
     def __init__(self, observation: LatentObservation) -> None:
         self._observation = observation
@@ -47,9 +47,9 @@ class DescriptorViews:
         return cls(models.latent)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """Evidence and records of K continuations; the views themselves enter by factors.
+        """Evidence and records of K continuations; the views themselves enter as factors.
 
-        Objects whose heading neither a map nor the graph knows have modes of their own until it is.
+        Objects whose heading neither a map nor the graph gives have heading modes of their own until it is known.
         """
         count = len(given.stack.mean)
         log_weights = np.zeros(count)
@@ -179,7 +179,7 @@ def _mode(problem: DescriptorProblem, start: Array) -> tuple[Array, Mode]:
 
 
 def started(problem: DescriptorProblem, v: Array) -> Array:
-    """(B, V) ``v`` with the descriptors that the encoder guesses from the features, where that explains them better."""
+    """(B, V) ``v`` with the encoder's guess of the descriptors, where that explains the features better."""
     size = problem.num_tangent
     batch, count = problem.active.shape
     own = problem.gain[:, size:, size:]
@@ -223,7 +223,10 @@ def posterior(problem: DescriptorProblem, v: Array, mode: Mode) -> tuple[Array, 
 
 
 def epistemic_parts(model: DescriptorModel, belief: DescriptorBelief, log_prior: Array) -> Array:
-    """(B,) nats between class and descriptor, NaN without classes: what a descriptor known exactly would still tell."""
+    """(B,) mutual information [nats] between class and descriptor, NaN without classes.
+
+    It is what exact knowledge of the descriptor would still say of the class.
+    """
     count, length = belief.mean.shape
     if not log_prior.shape[1]:
         return np.full(count, np.nan)

@@ -1,14 +1,15 @@
-"""A detector's words as evidence: names that the objects of a hypothesis carry, whatever their heading.
+"""Detector labels ("words") as class evidence, independent of the objects' headings.
 
-Given the positions of camera and object, and how the detector is set (``LabelModel``: how far its views repeat, whether
-scores tell more than words), the words of one object depend on nothing else. The setting is one for all objects of a
-hypothesis, which tell it together: with Z_o(r) the sum over classes of the words of object o under setting r,
+Given the positions of camera and object, and the detector's setting (``LabelModel``: how far its views repeat, whether
+scores say more than labels), the labels of one object are independent of everything else. The setting is common to all
+objects of a hypothesis, which inform it jointly: with Z_o(r) the sum over classes of the labels of object o under
+setting r,
 
     P(all words) = sum_r P(r) prod_o Z_o(r),    P(c | all words) ~ P(c) sum_r w_r P(words of o | c, r),
 
-w_r ~ P(r) prod of the Z(r) of all other objects. Ratios of the first are the evidence of associations. Names tell
-nothing back to the positions. Where boxes tell sizes (``SizeModel``), an object's boxes are evidence of its class as
-its words are, and besides of which object they are.
+w_r ~ P(r) prod of the Z(r) of all other objects. Ratios of the first are the evidence of associations. Labels do not
+inform positions. Where boxes give sizes (``SizeModel``), an object's boxes are evidence of its class as its labels are,
+and also of the association.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,11 +36,11 @@ from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
 from semantic_slam.viewpoint.size_model import SizeModel
 
 LEAST_LOG_WEIGHT = -700.0
-"""Nats behind the likeliest setting from which on others weigh no less: what no setting explains keeps a logarithm."""
+"""Floor [nats] of a setting's weight relative to the likeliest: what no setting explains keeps a finite logarithm."""
 
 
 class DetectorLabels:
-    """Evidence of a detector's words, with what each object was called so far as its record."""
+    """Evidence of detector labels; the record of an object is the labels it got so far."""
 
     def __init__(
         self,
@@ -50,16 +51,16 @@ class DetectorLabels:
         class_counts: float,
         keeps_boxes: bool = False,
     ) -> None:
-        """``class_counts``: objects per class that the model's shares of classes count as.
+        """``class_counts``: objects per class that the model's class frequencies count as.
 
-        ``keeps_boxes``: words may be told anew, of other objects; not where tracks are evidence, too.
+        ``keeps_boxes``: labels may later be reassigned to other objects; not where tracks are evidence, too.
         """
         self._model, self._sizes, self._tracks = model, sizes, tracks
         self._new_classes = NewClasses(shares=model.class_shares, counts=class_counts * len(model.class_shares))
         self._log_shares = np.log(model.class_shares)
         self.retells = keeps_boxes and tracks is None
         self._boxes = BoxModels(labels=model, sizes=sizes, keeps_boxes=self.retells)
-        self._spelt: tuple[DetectorWords, Array] | None = None  # the newest words, and what each tells by itself
+        self._spelt: tuple[DetectorWords, Array] | None = None  # cache: newest words, and (D, C) of each
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
@@ -69,7 +70,7 @@ class DetectorLabels:
         tracks = TrackLinks(errors) if errors > 0.0 else None
         repeats = (
             models.configuration.detection_errors.correlated_share > 0.0
-        )  # else long drives are not looked at anew
+        )  # otherwise there is no reassociation of long drives
         return cls(
             models.labels,
             _size_model(models),
@@ -79,7 +80,7 @@ class DetectorLabels:
         )
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """Log evidence of the words of each candidate, and the objects' records after it."""
+        """Log evidence of each candidate's labels, and the objects' records after it."""
         before, parents = [told_so_far(parent) for parent in given.parents], given.candidates.assignments.parents
         news, settings = self._news(given, before), np.array([self._of_all(own) for own in before])  # (P, R)
         after = settings[parents] + np.array([self._gained(own) for own in news]).reshape(settings[parents].shape)
@@ -101,7 +102,7 @@ class DetectorLabels:
     def retold(
         self, views: Mapping[int, ObjectViews], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
     ) -> tuple[float, dict[int, ObjectViews]]:
-        """What words gain where detections are of other objects, as ``changes`` have it, and the records then."""
+        """Log gain of reassigning the labels of detections by ``changes``, and the records afterwards."""
         before = {number: own.recent[0] for number, own in views.items()}
         after = retold_words(self._boxes, before, changes, log_prior_of, self._log_ratios(views))
         settings, revised = self._of_all(before), self._of_all(after)
@@ -109,14 +110,14 @@ class DetectorLabels:
         return float(gain), _views(after, revised)
 
     def _log_ratios(self, views: Mapping[int, ObjectViews]) -> Array:
-        """(C,) by which the class prior of what is first seen beside objects with ``views`` is not that of before."""
+        """(C,) log ratio of the class prior of a new object, beside objects with ``views``, to that before the run."""
         numbers = sorted(views)  # in one order, whoever rebuilt the hypothesis
         told = [views[number].recent[0].log_prior + views[number].log_likelihood for number in numbers]
         known = np.array(told).reshape(len(numbers), len(self._log_shares))
         return self._new_classes.log_ratios(class_posterior(np.zeros(len(self._log_shares)), known))
 
     def _is_untold(self, log_prior: Array) -> Flags:
-        """(M,) whether nothing tells of which classes objects are, from their (M, C) priors."""
+        """(M,) whether objects have the default class prior, from their (M, C) priors."""
         return np.asarray((log_prior == self._log_shares).all(axis=1))
 
     def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, ToldWords]]) -> Array:
@@ -140,10 +141,10 @@ class DetectorLabels:
         log_ranges: Array,
         variances: Array,
     ) -> Array:
-        """Log evidence of words one by one, as if each were the first of its object's class: enough to rank by."""
+        """Log evidence of labels pair by pair, each as if first of its object's class: sufficient for ranking."""
         if step.words is None or not len(step.detections):
             return np.zeros((len(step.detections), len(log_prior)))
-        if self._spelt is None or self._spelt[0] is not step.words:  # one hypothesis after the other asks for them
+        if self._spelt is None or self._spelt[0] is not step.words:  # shared by the hypotheses of a keyframe
             spelt = [self._word(step.words, number) for number in range(len(step.detections))]
             self._spelt = step.words, np.array(spelt)
         told = self._spelt[1]  # (D, C)
@@ -165,9 +166,9 @@ class DetectorLabels:
     def _log_sizes(
         self, model: SizeModel, shown: Array, variances: Array, views: Sequence[ObjectViews | None]
     ) -> Array:
-        """(D, M + 1, C) log densities of sizes (D, M + 1) that boxes show, as one of each object, and as one of none.
+        """(D, M + 1, C) log densities of apparent sizes (D, M + 1), as one of each object, and as one of none.
 
-        0 of those that show none.
+        0 for boxes without a size.
         """
         told = [None if own is None else own.recent[0].sizes for own in (*views, None)]
         known = [own or model.start() for own in told]
@@ -177,14 +178,14 @@ class DetectorLabels:
         return np.where(is_told, model.log_densities(means, spreads, sizes, variances[..., None]), 0.0)
 
     def _word(self, words: DetectorWords, number: int) -> Array:
-        """(C,) log probability of one word, whatever the setting."""
+        """(C,) log probability of one label, averaged over settings."""
         word = LabelWord(answer=int(words.answers[number]), shares=words.shares[number])
         view = LabelView(word=word, direction=0, log_range=0.0)
         first = self._model.weighed(self._model.start(), view, self._model.drawn(view))
         return finite_log_sum_exp(first.by_setting + self._model.settings.log_weights[:, None], axis=0)
 
     def _news(self, given: SemanticInput, before: list[dict[int, ToldWords]]) -> list[dict[int, NewWords]]:
-        """For each candidate, what is told of the objects of this keyframe with its words."""
+        """For each candidate, the updated label evidence of this keyframe's objects."""
         rows, ids, places = given.candidates.assignments, given.object_ids, view_places(given).tolist()
         parents, objects, news = rows.parents.tolist(), rows.objects.tolist(), [dict[int, NewWords]() for _ in places]
         ratios = [self._log_ratios(parent.views) for parent in given.parents]
@@ -199,7 +200,7 @@ class DetectorLabels:
                 earlier = last if new is None else new.told
                 is_first = earlier is None and untold[place]
                 of = parent if is_first else -1
-                key = (id(earlier), of, place, *where[number])  # hypotheses share what they have in common
+                key = (id(earlier), of, place, *where[number])  # shared between hypotheses
                 if key not in known:
                     shares = ratios[parent] if is_first else none
                     known[key] = box.weighed(last, earlier, place, shares, *where[number])
@@ -207,18 +208,18 @@ class DetectorLabels:
         return news
 
     def _of_all(self, told: dict[int, ToldWords]) -> Array:
-        """(R,) log probability of each setting with the evidence of all words of a hypothesis."""
+        """(R,) log probability of each setting, joint with all labels of a hypothesis."""
         every = [told[number].log_evidence for number in sorted(told)]  # in one order, whoever rebuilt the hypothesis
         return np.asarray(self._model.settings.log_weights + np.add.reduce(every))
 
     def _gained(self, news: dict[int, NewWords]) -> Array:
-        """(R,) log evidence of the words of a keyframe under each setting; 0 where it has none."""
+        """(R,) log evidence of a keyframe's labels under each setting; 0 without any."""
         gains = [own.gain for own in news.values()]
         return sum(gains[1:], gains[0]) if gains else np.zeros(self._model.num_settings)
 
 
 def _size_model(models: ClassModels) -> SizeModel | None:
-    """What sizes tell, None where they tell nothing."""
+    """The model of sizes; None where sizes are no evidence."""
     assert models.labels is not None
     new, share = models.configuration.new_objects, models.configuration.semantic_model.outlier_share
     if new.sigma_log_view <= 0.0:
@@ -228,7 +229,7 @@ def _size_model(models: ClassModels) -> SizeModel | None:
 
 
 def _views(told: dict[int, ToldWords], log_settings: Array) -> dict[int, ObjectViews]:
-    """The records of all objects, for each of which the others tell how the detector is set; ``log_settings`` (R,)."""
+    """The records of all objects, with settings weighed by the other objects' labels; ``log_settings`` (R,)."""
     if not told:
         return {}
     numbers, own = list(told), list(told.values())

@@ -1,10 +1,10 @@
-"""What a detector's scores tell of its detections: of what it looks for, or of what it mistakes for that.
+"""Detector scores as evidence: a target of the detector, or a systematic mistake.
 
-The log odds of scores are of two kinds, a Gaussian each, found by expectation-maximisation in the scores so far
-(Dempster, Laird, Rubin 1977); how far there are two kinds at all is decided by evidence, that of one Gaussian against
-that of two (approximated by Schwarz). The kind with the larger scores is what the detector looks for: it is seen from
-near and far, so that its scores spread no less than those of mistakes. What a detector is wrong in, it is in doubt
-about: on average it takes mistakes to be right with three to one at most.
+The log odds of scores are a mixture of two Gaussians, fitted by expectation-maximisation to the scores so far
+(Dempster, Laird, Rubin 1977); the probability that there are two is decided by evidence, one Gaussian against two
+(Schwarz's approximation). The component with the larger scores is the detector's target: it is seen from near and far,
+so its scores spread no less than those of mistakes. The detector is doubtful of its mistakes: their mean odds are at
+most three to one.
 """
 
 from dataclasses import dataclass
@@ -15,28 +15,31 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 
 LARGEST_LOG_ODDS = 20.0
-"""Log odds of a score of 1, and less those of 0."""
+"""Log odds of a score of 1, and minus those of 0."""
 LEAST_SIGMA = 0.1
-"""Standard deviation of the log odds of a kind at least."""
+"""Least standard deviation of the log odds of a component."""
 NUM_STEPS = 50
 """Steps of expectation-maximisation."""
 LEAST_SCORES = 100.0
-"""Scores, of those that do not repeat, below which nothing is told: those of a few objects look like kinds, too."""
+"""Number of effectively independent scores needed: those of a few objects look like two components, too."""
 PARAMETERS_APART = 3.0
-"""Parameters of two Gaussians and a share, less those of one Gaussian."""
+"""Number of parameters of two Gaussians and a share, minus those of one Gaussian."""
 LARGEST_DOUBT = float(np.log(3.0))
 """Largest mean log odds of mistakes."""
 
 
 def log_odds(scores: Array) -> Array:
-    """(D,) log odds of scores (D,) in [0, 1]; NaN where a detector tells none."""
+    """(D,) log odds of scores (D,) in [0, 1]; NaN where the detector gives none."""
     with np.errstate(divide="ignore"):
         told = np.log(scores) - np.log1p(-scores)
     return np.asarray(np.clip(told, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS))
 
 
 def moments_of(odds: Array) -> Array:
-    """(D, 3) what :meth:`ScoreKinds.log_ratio` needs of log odds (D,): number, sum, sum of squares; 0 where NaN."""
+    """(D, 3) sufficient statistics for :meth:`ScoreKinds.log_ratio` of log odds (D,).
+
+    These are number, sum and sum of squares; 0 where NaN.
+    """
     told = np.isfinite(odds)
     known = np.where(told, odds, 0.0)
     return np.stack([told.astype(np.float64), known, known**2], axis=-1)
@@ -44,16 +47,16 @@ def moments_of(odds: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreKinds:
-    """Gaussians of the log odds of what is mistaken, and of what the detector looks for."""
+    """Gaussians of the log odds of scores, of mistakes and of targets."""
 
     shares: Array  # (2,)
     means: Array  # (2,)
     sigmas: Array  # (2,)
-    probability: float  # that there are two kinds at all
+    probability: float  # that there are two components
 
     @classmethod
     def of(cls, odds: Array, weights: Array) -> Self | None:
-        """The kinds of log odds (N,) that count as ``weights`` (N,); None where few or similar ones tell nothing."""
+        """Fitted to log odds (N,) with ``weights`` (N,); None where too few or too similar."""
         total = float(weights.sum())
         if total < LEAST_SCORES:
             return None
@@ -84,9 +87,9 @@ class ScoreKinds:
         )
 
     def genuine(self, moments: Array) -> Array:
-        """(...,) probabilities that objects are what the detector looks for, from the ``moments`` (..., 3) of scores.
+        """(...,) probabilities that objects are targets, from the ``moments`` (..., 3) of their scores.
 
-        Moments are sums of :func:`moments_of`, of each score as far as it repeats no other. An object without any
+        Moments are sums of :func:`moments_of`, each score weighed by its uncorrelated share. An object without any
         scores is genuine.
         """
         against = np.log(self.shares[0]) - np.log(self.shares[1]) - self.log_ratio(moments)
@@ -94,7 +97,7 @@ class ScoreKinds:
         return np.asarray(np.where(moments[..., 0] > 0.0, 1.0 - self.probability * (1.0 - genuine), 1.0))
 
     def log_ratio(self, moments: Array) -> Array:
-        """(...,) log ratio of the densities of scores under the second kind and under the first."""
+        """(...,) log ratio of the density of scores as of a target to that as of a mistake."""
         count, total, squared = np.moveaxis(moments, -1, 0)
         under = [
             -count * np.log(sigma) - 0.5 * (squared - 2.0 * mean * total + count * mean**2) / sigma**2
@@ -104,6 +107,6 @@ class ScoreKinds:
 
 
 def _log_joint(odds: Array, shares: Array, means: Array, sigmas: Array) -> Array:
-    """(2, N) log densities of each kind, with its share."""
+    """(2, N) log densities of each component, with its share."""
     off = (odds - means[:, None]) / sigmas[:, None]
     return np.asarray(np.log(shares / sigmas)[:, None] - 0.5 * np.log(2.0 * np.pi) - 0.5 * off**2)

@@ -1,7 +1,7 @@
-"""Vectors of appearance as evidence: objects of a hypothesis look as they looked before, whatever their heading.
+"""Appearance embeddings as evidence: objects look as they looked before, whatever their heading.
 
-Given the positions of camera and objects the vectors of one object depend on nothing but what spreads are usual, which
-all objects of a hypothesis tell. They tell nothing back to the positions.
+Given the positions of camera and objects, the embeddings of one object depend only on which spreads are usual, and all
+objects of a hypothesis inform that. They do not inform positions.
 """
 
 from collections.abc import Mapping
@@ -21,10 +21,10 @@ from semantic_slam.viewpoint.labels.confusion import STEP_RAD
 
 
 class EmbeddingViews:
-    """Evidence of vectors of appearance, with what each object looked like so far as its record."""
+    """Evidence of appearance embeddings; the record of an object is its appearance so far."""
 
     def __init__(self, model: EmbeddingModel, known: Mapping[int, EmbeddingRecord]) -> None:
-        """``known``: object id -> what a map says of its looks."""
+        """``known``: object id -> appearance stored in a map."""
         self._model, self._known, self._nothing = model, known, model.start()
 
     @classmethod
@@ -34,7 +34,7 @@ class EmbeddingViews:
         return cls(models.embeddings, models.appearances)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """Log evidence of each candidate's vectors relative to the background, and the objects' records after it."""
+        """Log evidence of each candidate's embeddings relative to the background, and the records after it."""
         rows, told = given.candidates.assignments, given.step.vectors
         assert told is not None
         places = view_places(given)
@@ -57,7 +57,7 @@ class EmbeddingViews:
 
 @dataclass(frozen=True)
 class _View:
-    """A detection, from where it is seen, in steps."""
+    """A detection and its viewpoint, in discrete steps."""
 
     index: int
     direction: int
@@ -66,7 +66,7 @@ class _View:
 
 @dataclass(frozen=True, kw_only=True)
 class _Shared:
-    """What the objects of one parent have in common, and the views that were added to it."""
+    """What the objects of one parent share, and the views computed for it."""
 
     model: EmbeddingModel
     told: DetectionVectors
@@ -76,12 +76,12 @@ class _Shared:
     def with_view(
         self, record: EmbeddingRecord, object_id: int, view: _View, ratios: dict[tuple[int, _View], Array]
     ) -> tuple[float, ObjectViews]:
-        """Log evidence of a view of an object, and its views with it; ``ratios`` are shared by all parents."""
+        """Log evidence of a view of an object, and the updated record; ``ratios`` are shared by all parents."""
         key = id(record), object_id, view
         if key not in self.known:
             direction, log_range = STEP_RAD * view.direction, STEP_RAD * view.log_range
             vector, background = self.told.vectors[view.index], self.told.background
-            if (id(record), view) not in ratios:  # hypotheses share what they have in common
+            if (id(record), view) not in ratios:  # shared between hypotheses
                 found = record.log_ratios(vector, background, np.array([direction]), np.array([log_range]))
                 ratios[id(record), view] = found[:, 0]
             ratio, usual = ratios[id(record), view], self._usual(object_id)
@@ -90,15 +90,15 @@ class _Shared:
         return self.known[key]
 
     def _usual(self, object_id: int) -> Array:
-        """(R,) log probabilities of the settings of one object, by all others."""
+        """(R,) log probabilities of the settings for one object, by all others."""
         own = self.views.get(object_id)
         return self.model.usual(self._told if own is None else self._told - _record(own).told_settings)
 
     @cached_property
     def _told(self) -> Array:
-        """(R,) sum of what the views of all objects tell of the settings."""
+        """(R,) sum of the evidence of all objects' views on the settings."""
         told = np.zeros(len(self.model.settings[0]))
-        for number in sorted(self.views):  # so that the last digits do not depend on who was seen first
+        for number in sorted(self.views):  # fixed order, for bitwise equal sums
             told += _record(self.views[number]).told_settings
         return told
 
@@ -109,5 +109,5 @@ def _record(views: ObjectViews) -> EmbeddingRecord:
 
 
 def _views(record: EmbeddingRecord) -> ObjectViews:
-    """The record of an object's views; vectors name no class."""
+    """The record of an object's views; embeddings carry no class."""
     return ObjectViews(log_likelihood=np.zeros(0), mutual_information=float("nan"), recent=(record,))

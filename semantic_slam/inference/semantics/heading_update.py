@@ -1,4 +1,4 @@
-"""Heading mixtures after a view: every direction of every object in one batch of least-squares problems."""
+"""Update of heading mixtures by a view: every mode of every object in one batch of least-squares problems."""
 
 from dataclasses import dataclass, replace
 
@@ -13,15 +13,15 @@ from semantic_slam.inference.states.heading_mixture import HeadingMixture
 
 MAX_ITERATIONS = 8
 TOLERANCE = 0.05
-"""Nats that a further step may be expected to bring where a mode counts as found."""
+"""Expected gain [nats] of a further step below which a mode is converged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DirectionalView:
-    """One view of an object whose modes are known; F."""
+    """One view of an object with known heading modes."""
 
     modes: HeadingMixture
-    view: int  # among the detections
+    view: int  # index of the detection
     bearing_rad: float  # direction from the object to the camera, in map
     sigma_rad: float  # of that direction
 
@@ -29,7 +29,7 @@ class DirectionalView:
 def updated_mixtures(
     observation: LatentObservation, detections: DetectionFeatures, sightings: list[DirectionalView]
 ) -> list[tuple[HeadingMixture, float]]:
-    """Modes after each view, and the view's log evidence: all directions of all sightings in one batch."""
+    """Modes after each view, and the view's log evidence, in one batch."""
     if not sightings:
         return []
     sizes = [len(item.modes.log_weight) for item in sightings]
@@ -63,7 +63,7 @@ def updated_mixtures(
 
 
 def _padded(root: Array, size: int) -> Array:
-    """(B, size, L + 1) transposed roots above zeros: the view's own angle tells nothing of the object."""
+    """(B, size, L + 1) transposed roots above zeros: the bearing error is independent of the object."""
     padded = np.zeros((len(root), size, root.shape[1]))
     padded[:, : root.shape[1]] = np.swapaxes(root, 1, 2)
     return padded
@@ -81,7 +81,7 @@ class _Directions:
     sigma_rad: Array  # (B,)
 
     def start(self) -> Array:
-        """(B, L + 2): the descriptors that the encoder guesses where that explains the views better."""
+        """(B, L + 2) starts, with the encoder's guess of the descriptors where that explains the views better."""
         length = self.mean.shape[1] - 1
         none = np.zeros((len(self.mean), length + 2))
         guess = self.observation.model.encode(self.seen.feature)

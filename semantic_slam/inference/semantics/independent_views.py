@@ -1,4 +1,4 @@
-"""Records of views whose semantic measurements enter by factors, independent of each other."""
+"""Records of independent views whose semantic measurements enter the graph as factors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_densit
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 NUM_OFFSETS = 50
-"""Draws of a measurement from the network's uncertainty about it."""
+"""Number of samples of a measurement from the network's uncertainty."""
 
 
 def score_offsets(detection: PlanarDetection) -> Array:
-    """(M, F) draws of the features about their mean, the same wherever the detection is used: a fixed lattice.
+    """(M, F) samples of the features about their mean, from a fixed lattice, so that they are reproducible.
 
     A single one where the network is certain.
     """
@@ -34,7 +34,7 @@ def score_offsets(detection: PlanarDetection) -> Array:
 
 @dataclass(frozen=True)
 class DrawnFeatures:
-    """K semantic measurements with M draws of each; F components."""
+    """K semantic measurements with M samples of each; F components."""
 
     sensors: Array  # (K, 2) cameras in the body frame
     features: Array  # (K, F)
@@ -62,11 +62,14 @@ class ClassLikelihoods:
     """Densities of semantic measurements under every class of a viewpoint model."""
 
     def __init__(self, model: ViewpointModel, tempering: float, outliers: OutlierScores | None = None) -> None:
-        """``tempering``: so many views tell as much as one; ``outliers``: None if there are none; as in the factors."""
+        """As in the factors. ``tempering``: number of views that count as one; ``outliers``: None: no outliers."""
         self._model, self._power, self._outliers = model, 1.0 / tempering, outliers
 
     def of(self, drawn: DrawnFeatures, viewpoints: Viewpoints) -> tuple[Array, Array]:
-        """(K, C) of K measurements, each from its own viewpoint, and up to a constant (K, M, C) of draws of them."""
+        """(K, C) log densities of K measurements from their viewpoints, and (K, M, C) of their samples.
+
+        The latter are up to a constant.
+        """
         count, num_classes = len(viewpoints.azimuth_rad), len(self._model.class_names)
         repeated = Viewpoints(*(np.repeat(value, num_classes) for value in vars(viewpoints).values()))
         prediction = self._model.predict(np.tile(np.arange(num_classes), count), repeated)
@@ -87,7 +90,7 @@ class ClassLikelihoods:
     def _mixed(
         self, outliers: OutlierScores, drawn: DrawnFeatures, together: Array, exact: Array
     ) -> tuple[Array, Array]:
-        """Densities (K, C) and (K, M, C) of views that may be outliers; of all draws of one view each is, or none."""
+        """Outlier mixtures of (K, C) and (K, M, C) densities; all samples of one view are outliers, or none."""
         count, draws, size = drawn.offsets.shape
         log_outlier = outliers.log_density(drawn.features, drawn.covariances)[:, None]
         moved = (drawn.features[:, None] + drawn.offsets).reshape(-1, size)
@@ -100,10 +103,10 @@ class ClassLikelihoods:
 
 
 class IndependentViews:
-    """Class likelihoods at the modes, to tell the epistemic part and the coverage; no weight of its own."""
+    """Class likelihoods at the modes, for the epistemic part and the coverage; they add no weight."""
 
     def __init__(self, model: ViewpointModel, tempering: float, outliers: OutlierScores | None = None) -> None:
-        """``tempering``: so many views tell as much as one; ``outliers``: None if there are none; as in the factors."""
+        """As in the factors. ``tempering``: number of views that count as one; ``outliers``: None: no outliers."""
         self._model, self._likelihoods = model, ClassLikelihoods(model, tempering, outliers)
 
     @classmethod
@@ -113,7 +116,7 @@ class IndependentViews:
         return cls(models.viewpoint, models.tempering, models.outliers)
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """Records alone: these measurements have factors."""
+        """Records only: these measurements have factors."""
         return SemanticEvidence.silent(
             len(given.stack.mean), lambda rows: self._records(given.take(np.array(rows, dtype=int)))
         )
@@ -132,7 +135,7 @@ class IndependentViews:
     def _add(
         self, given: SemanticInput, rows: Index, numbers: Index, states: Array, views: list[dict[int, ObjectViews]]
     ) -> None:
-        """The records of the objects of some detections (K,), which ``views`` may hold from earlier ones."""
+        """Add the records of the objects of some detections (K,), continuing those already in ``views``."""
         stack, used = given.stack, given.used[numbers]
         places = stack.rows.objects[rows, numbers]
         object_ids = [given.object_ids[place] for place in places]
@@ -165,6 +168,6 @@ class IndependentViews:
 
 
 def _are_outliers(given: SemanticInput, rows: Index, numbers: Index) -> Flags:
-    """(K,) views of objects whose class stays open: these candidates are the ones in which they tell nothing."""
+    """(K,) which views are outliers in these candidates, and leave their object's class open."""
     classes = given.stack.rows.classes
     return np.zeros(len(rows), dtype=bool) if classes is None else np.asarray(classes[rows, numbers] < 0)

@@ -1,4 +1,4 @@
-"""Semantics as a strategy: one input, the candidates at their modes; one result, their evidence and the records."""
+"""Interface of semantics as a strategy: input are the candidates at their modes, output their evidence and records."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,7 +32,7 @@ LogPriorOf = Callable[[Sequence[int]], Array]
 
 
 def at_hand(views: list[dict[int, ObjectViews]]) -> Records:
-    """Records that were made with the weights of K candidates."""
+    """Records that were computed together with the weights of K candidates."""
     return lambda rows: [views[row] for row in rows]
 
 
@@ -43,13 +43,13 @@ class SemanticInput:
     step: Step
     parents: Sequence[Component]  # P
     candidates: Candidates
-    used: Index  # (n,) detections that take part
+    used: Index  # (n,) detections used
     log_class_prior: Array  # (O, C) of ``candidates.object_ids``
     new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
 
     @property
     def stack(self) -> KeyframeProblem:
-        """The least-squares problems of the candidates, which have been solved."""
+        """The solved least-squares problems of the candidates."""
         return self.candidates.solved()[0]
 
     @property
@@ -70,19 +70,19 @@ class SemanticInput:
 
 @dataclass(frozen=True, kw_only=True)
 class SemanticEvidence:
-    """What semantics say of K candidates.
+    """Semantic evidence of K candidates.
 
-    Records may be made when they are asked for, from the input; that is before parents are consumed.
+    Records may be computed on demand from the input; that must happen before parents are consumed.
     """
 
-    log_weights: Array  # (K,) evidence besides that of the factors
+    log_weights: Array  # (K,) evidence beyond that of the factors
     effective_sample_sizes: Array  # (K,) NaN where nothing was sampled
-    records: Records  # of those that grow
+    records: Records  # of the candidates that are grown
     robot: list[Correction | None]  # K
 
     @classmethod
     def of(cls, log_weights: Array, views: list[dict[int, ObjectViews]]) -> "SemanticEvidence":
-        """Evidence without samples and without corrections of the robot, with records at hand."""
+        """Evidence without samples and corrections of the robot, with precomputed records."""
         count = len(log_weights)
         return cls(
             log_weights=log_weights,
@@ -93,23 +93,23 @@ class SemanticEvidence:
 
     @classmethod
     def silent(cls, count: int, records: Records | None = None) -> "SemanticEvidence":
-        """Evidence of nothing besides the factors, with ``records`` if any."""
+        """No evidence beyond the factors, with ``records`` if any."""
         found = cls.of(np.zeros(count), [{}] * count)
         return found if records is None else replace(found, records=records)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClassModels:
-    """What a run's semantics are made from: the models that the configured kind has loaded."""
+    """The models that the configured kind of semantics has loaded."""
 
     configuration: Configuration
     viewpoint: ViewpointModel | None  # P(z | c, viewpoint)
     latent: LatentObservation | None  # P(f | viewpoint, e)
-    tempering: float  # so many views tell as much as one
+    tempering: float  # number of views that count as one
     labels: LabelModel | None = None  # P(words of a detector | class)
-    outliers: OutlierScores | None = None  # scores that no class explains; None: there are none, or no such models
+    outliers: OutlierScores | None = None  # outlier distribution of scores; None: no outliers, or no such models
     embeddings: EmbeddingModel | None = None  # P(vectors of appearance | one object)
-    appearances: Mapping[int, EmbeddingRecord] = field(default_factory=dict)  # by object id, of what a map describes
+    appearances: Mapping[int, EmbeddingRecord] = field(default_factory=dict)  # object id -> appearance stored in a map
 
 
 class Semantics(Protocol):
@@ -117,15 +117,15 @@ class Semantics(Protocol):
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
-        """The semantics of a run, of a registry's entry."""
+        """The semantics of a run, from a registry entry."""
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """A pure function of the candidates."""
+        """Evidence and records; a pure function of the candidates."""
 
 
 @runtime_checkable
 class RanksPairs(Protocol):
-    """Semantics that tell what pairs of detections and objects weigh, before joint assignments are made of them."""
+    """Semantics with evidence for single pairs of a detection and an object, before joint assignment."""
 
     def log_pairs(
         self,
@@ -136,23 +136,23 @@ class RanksPairs(Protocol):
         log_ranges: Array,
         variances: Array,
     ) -> Array:
-        """(D, M + 1) log evidence of D detections as one of each object, with its record so far, and as a new one.
+        """(D, M + 1) log evidence of D detections as one of each object with its record so far, and as a new one.
 
-        ``views`` of all objects of a hypothesis, of which M are asked for; ``log_prior`` (M + 1, C) of the classes of
-        these; ``log_ranges`` (D, M + 1) and their ``variances`` of these as each detection's camera sees them.
+        ``views`` of all objects of a hypothesis, of which M are asked for; ``log_prior`` (M + 1, C) of their classes;
+        ``log_ranges`` (D, M + 1) and their ``variances`` as seen from each detection's camera.
         """
 
 
 @runtime_checkable
 class RetellsViews(Protocol):
-    """Semantics whose views can be told anew, of other objects, long after they were taken."""
+    """Semantics whose views can be reassigned to other objects long after they were taken."""
 
-    retells: bool  # as they are set
+    retells: bool  # whether its configuration allows it
 
     def retold(
         self, views: Mapping[int, ObjectViews], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
     ) -> tuple[float, dict[int, ObjectViews]]:
-        """Log ratio of the evidence of all views with ``changes`` to that without, and the records with them."""
+        """Log evidence ratio of all views with ``changes`` to those without, and the records with them."""
 
 
 class NoSemantics:
@@ -160,9 +160,9 @@ class NoSemantics:
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
-        """There is nothing to take."""
+        """No models are needed."""
         return cls()
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """Evidence of nothing, for every candidate."""
+        """No evidence, for every candidate."""
         return SemanticEvidence.silent(len(given.candidates.assignments))

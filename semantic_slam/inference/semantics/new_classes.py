@@ -1,7 +1,8 @@
-"""The class of an object that a hypothesis adds: in a room full of chairs the next thing is likely to be one, too.
+"""Class prior of a new object given the others: in a room full of chairs the next thing is likely a chair, too.
 
-Shares of classes before a run count as some objects, and the objects of the hypothesis count besides, each by what is
-told of its class so far (Polya's urn, with expected counts). Every object keeps the shares that it was first seen with.
+Class frequencies from before a run count as some number of objects, and the objects of the hypothesis count in
+addition, each by its class posterior (Polya's urn with expected counts). Every object keeps the prior of its first
+detection.
 """
 
 from dataclasses import dataclass
@@ -13,12 +14,12 @@ from semantic_slam.geometry.arrays import Array
 
 @dataclass(frozen=True, kw_only=True)
 class NewClasses:
-    """C classes."""
+    """Class frequencies of C classes."""
 
     shares: Array  # (C,) before a run
-    counts: float  # objects that these count as
+    counts: float  # number of objects that they count as
 
     def log_ratios(self, known: Array) -> Array:
-        """(C,) log of how many times as likely a class is beside objects of ``known`` (N, C) ones as before the run."""
+        """(C,) log ratio of the class prior beside objects with posteriors ``known`` (N, C) to that before the run."""
         found = self.counts * self.shares + known.sum(axis=0)
         return np.asarray(np.log(found / (found.sum() * self.shares)))

@@ -1,4 +1,4 @@
-"""The words of one box, weighed as those of one object or another."""
+"""The label evidence of one new box, as one of each candidate object."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ from semantic_slam.viewpoint.size_model import SizeModel, SizeRecord
 
 @dataclass(frozen=True, kw_only=True)
 class BoxModels:
-    """What says how likely the boxes of an object are."""
+    """The likelihood models of the boxes of an object."""
 
     labels: LabelModel
-    sizes: SizeModel | None  # None: boxes tell no sizes
-    keeps_boxes: bool  # with what is told of each object: they may be taken for other objects' later on
+    sizes: SizeModel | None  # None: box sizes are not used
+    keeps_boxes: bool  # keep every box, as it may be reassigned later
 
     def weighed(
         self,
@@ -30,10 +30,10 @@ class BoxModels:
         log_ratios: Array,
         drawn: Array,
     ) -> NewWords:
-        """One more box of an object: what boxes told ``before``, and ``earlier`` with those of this keyframe.
+        """One more box of an object, given its records ``before`` this keyframe and ``earlier`` within it.
 
-        ``log_prior`` (C,) of the object's class as before the run, and ``log_ratios`` (C,) by which it differs where
-        the box is its first one; ``drawn`` as the label model finds it for the view.
+        ``log_prior`` (C,): the object's class prior before the run. ``log_ratios`` (C,): its change if this is the
+        first box. ``drawn``: as the label model computes it for the view.
         """
         ratios = log_ratios if earlier is None else earlier.log_ratios
         record = self.labels.start() if earlier is None else earlier.record
@@ -44,7 +44,7 @@ class BoxModels:
         return NewWords(words, sizes, evidence, before, earlier, priors, box, keeps_boxes=self.keeps_boxes)
 
     def _with_size(self, before: ToldWords | None, box: ToldBox) -> SizeRecord | None:
-        """What boxes tell of the size of one object with this one; as before where this one shows none."""
+        """The size record of one object with this box; unchanged where the box has no size."""
         if self.sizes is None:
             return None
         record = (before and before.sizes) or self.sizes.start()
@@ -54,7 +54,7 @@ class BoxModels:
 
 
 class BoxWords:
-    """What a detector calls one box of a keyframe."""
+    """The labels of one box of a keyframe."""
 
     def __init__(self, models: BoxModels, given: SemanticInput, index: int) -> None:
         words = given.step.words
@@ -76,10 +76,10 @@ class BoxWords:
         log_range: int,
         range_sigma: int,
     ) -> NewWords:
-        """As of the object in a place: what words told ``before``, and ``earlier`` with those of this keyframe.
+        """The box as one of the object at index ``place``, given its records ``before`` and ``earlier`` in the frame.
 
-        Seen from where ``view_places`` has it, in steps. ``log_ratios`` (C,) by which its class is likelier than before
-        the run, should it be seen for the first time.
+        The viewpoint is given in the steps of ``view_places``. ``log_ratios`` (C,): change of its class prior if this
+        is its first detection.
         """
         away = STEP_RAD * float(log_range)
         view = LabelView(word=self._word, direction=direction, log_range=away, stretch=self._stretch)
@@ -93,7 +93,7 @@ class BoxWords:
         return self._models.weighed(box, before, earlier, self._log_prior[place], log_ratios, self._drawn_by(view))
 
     def _drawn_by(self, view: LabelView) -> Array:
-        """Counts that the view draws from, found once for each sector."""
+        """Counts that the view draws from, computed once per sector."""
         sector = self._models.labels.sector_of(view)
         if sector not in self._drawn:
             self._drawn[sector] = self._models.labels.drawn(view)

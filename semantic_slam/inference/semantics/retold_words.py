@@ -1,4 +1,4 @@
-"""Words told anew, where detections of long ago are taken for other objects."""
+"""Label evidence recomputed after detections of long ago are reassigned to other objects."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -17,9 +17,9 @@ def retold_words(
     log_prior_of: LogPriorOf,
     log_ratios: Array,
 ) -> dict[int, ToldWords]:
-    """What words tell of each object where detections are of others, each seen from where it was seen then.
+    """The label record of each object after ``changes``, each box with its original viewpoint.
 
-    ``log_ratios`` (C,) are of the classes of objects that there were not, see :class:`NewClasses`.
+    ``log_ratios`` (C,) are those of the classes of new objects, see :class:`NewClasses`.
     """
     moved = {(keyframe, number): now for keyframe, number, now, _ in changes}
     touched = {number for _, _, *both in changes for number in both}
@@ -36,7 +36,7 @@ def retold_words(
 
 
 def _told(models: BoxModels, boxes: Sequence[ToldBox], log_prior: Array, log_ratios: Array) -> ToldWords:
-    """What the boxes of one object tell, one after another; ``log_prior`` (C,) of its class."""
+    """The label record of the boxes of one object in sequence; ``log_prior`` (C,) of its class."""
     first, *later = sorted(boxes, key=lambda box: box.detection)
     told = models.weighed(first, None, None, log_prior, log_ratios, models.labels.drawn(first.view)).told
     for box in later:

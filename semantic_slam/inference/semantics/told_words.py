@@ -1,4 +1,4 @@
-"""What a detector's words tell of one object: those so far, and those with one more box, which may not be kept."""
+"""Label records of one object: of the boxes so far, and tentatively with one more."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,37 +14,37 @@ from semantic_slam.viewpoint.size_model import SizeRecord
 
 @dataclass(frozen=True, kw_only=True)
 class ToldBox:
-    """One box: what it is called from where, and how large it looks."""
+    """One box: its label, viewpoint and apparent size."""
 
-    detection: tuple[int, int]  # keyframe, and place among its detections
+    detection: tuple[int, int]  # keyframe, and index among its detections
     view: LabelView
-    log_angle: float  # logarithm of its size per range; NaN: not told
+    log_angle: float  # log of apparent size (size / range); NaN: unknown
     range_sigma: float  # of the logarithm of the range
     track: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToldWords:
-    """What the words of one object tell; R settings of the detector, C classes."""
+    """Label evidence of one object; R settings of the detector, C classes."""
 
     record: LabelRecord
-    sizes: SizeRecord | None  # None: boxes tell no sizes
+    sizes: SizeRecord | None  # None: sizes are not used
     track: str  # of its newest box
     log_evidence: Array  # (R,) sum over classes
-    shares: Array  # (R, C) likelihood, as shares of the greatest under any setting
+    shares: Array  # (R, C) likelihood relative to the largest under any setting
     log_greatest: Array  # (C,)
-    log_prior: Array  # (C,) of its class, as any object's that nobody has seen, or as a map has it
-    log_ratios: Array  # (C,) by which that was another one when it was first seen, see :class:`NewClasses`
-    boxes: tuple[ToldBox, ...] = ()  # all, where they may be taken for other objects' later on
+    log_prior: Array  # (C,) of its class: the default, or the map's
+    log_ratios: Array  # (C,) its change at the first detection, see :class:`NewClasses`
+    boxes: tuple[ToldBox, ...] = ()  # all of them, where they may be reassigned later
 
 
 def told_so_far(parent: Component) -> dict[int, ToldWords]:
-    """What words tell of each object of a hypothesis that has any."""
+    """The label records of the objects of a hypothesis that have any."""
     return {number: views.recent[0] for number, views in parent.views.items()}
 
 
 class NewWords:
-    """What the words of one object tell with one more box, whose record is made where it is kept."""
+    """Label evidence of one object with one more box; its record is made only if it is kept."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class NewWords:
         *,
         keeps_boxes: bool,
     ) -> None:
-        """``priors``: as in :class:`ToldWords`, before the words and by what they were another one."""
+        """``priors``: ``log_prior`` and ``log_ratios`` of :class:`ToldWords`."""
         self._weighed, self._sizes, self._earlier, self._box = weighed, sizes, earlier, box
         self._log_evidence, self._priors, self._keeps_boxes = log_evidence, priors, keeps_boxes
         self.gain = log_evidence if before is None else log_evidence - before.log_evidence
@@ -66,7 +66,7 @@ class NewWords:
 
     @cached_property
     def told(self) -> ToldWords:
-        """What the words of the object tell with this box, and their record."""
+        """The label record of the object with this box."""
         logs = self._weighed.by_setting
         if self._sizes is not None:
             logs = logs + self._sizes.log_likelihood

@@ -1,8 +1,8 @@
-"""What the tracks of a detector's boxes tell: of which object a detection is.
+"""Tracks of a detector's boxes as association evidence.
 
-A box that goes on with the track of an object's newest one is of that object, but for a share of errors; so a box is of
-another object than the one whose track another box of the frame goes on with, and what begins an object is no box of a
-track that an object has. Tracks that nobody has had before tell nothing.
+A box that continues the track of an object's newest box is of that object, up to a share of errors. So a box is not of
+an object whose track another box of the frame continues, and a box that starts an object does not continue an object's
+track. New tracks carry no evidence.
 """
 
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 
 NO_TRACK = ""
-"""In place of a track's name, where none is told."""
+"""In place of a track's name, where none is given."""
 
 
 @dataclass(frozen=True)
 class TrackLinks:
-    """Evidence of tracks, a share of which go on with another object's box."""
+    """Evidence of tracks, a share of which wrongly continue with another object's box."""
 
     error_share: float
 
     def log_pairs(self, tracks: Sequence[str], known: Sequence[str]) -> Array:
-        """(D, M + 1) log evidence of D boxes of ``tracks`` as one of M objects with newest tracks, and as of none."""
+        """(D, M + 1) log evidence of D boxes of ``tracks`` as of M objects with newest tracks ``known``, or of none."""
         own, told = np.array([*known, NO_TRACK]), np.array(tracks, dtype=np.str_)[:, None]
         goes_on = (told == own) & (told != NO_TRACK)
         is_of_another = goes_on.any(axis=1, keepdims=True)

@@ -1,8 +1,8 @@
-"""Joint samples of a component's whole trajectory and its objects, and what they become with one more keyframe.
+"""Joint samples of a component's whole trajectory and its objects, and their update by one more keyframe.
 
-A component's Gaussian is that of its factors linearised at the estimate. A continuation measures only the newest
-robot pose and the objects that it associates; what it makes of the samples of those follows from its mode, and
-the earlier poses follow by their regression on them (Matheron's rule), which is exact for Gaussians.
+A component's Gaussian is that of its factors linearised at the estimate. A continuation measures only the newest robot
+pose and the objects that it associates; the samples of those are mapped by its mode and Hessian, and earlier poses
+follow by regression on them (Matheron's rule), which is exact for Gaussians.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True)
 class StateSamples:
-    """P samples of all states of a component, as deviations from the estimate in its tangent spaces, M together."""
+    """P samples of all states of a component, as deviations in the tangent spaces at the estimate, M in total."""
 
     rows: dict[int, slice]  # GTSAM key -> coordinates of its tangent space
     mean: dict[int, Array]  # GTSAM key -> (s,)
@@ -34,7 +34,7 @@ class StateSamples:
 
     @classmethod
     def of(cls, component: Component, num_samples: int, seed: int) -> "StateSamples":
-        """Draws keyed by ``seed`` and the state; raises LostComponentError where the system is indeterminate."""
+        """Samples seeded by ``seed`` and the state; raises LostComponentError where the system is indeterminate."""
         estimate = component.smoother.isam.calculateEstimate()
         keys = sorted(estimate.keys())
         ordering = gtsam.Ordering()
@@ -57,7 +57,7 @@ class StateSamples:
         return cls(rows, mean, deviations, root)
 
     def covariance_with(self, key: int) -> Array:
-        """(M, d) covariance of all states with one."""
+        """(M, d) covariance of all states with one of them."""
         rows = self.rows[key]
         unit = np.zeros((len(self.root), rows.stop - rows.start))
         unit[rows] = np.eye(unit.shape[1])
@@ -66,7 +66,7 @@ class StateSamples:
 
 @dataclass(frozen=True)
 class PredictedSamples:
-    """Samples of a parent carried to the next keyframe, before its measurements."""
+    """Samples of a parent predicted to the next keyframe, before its measurements."""
 
     past: StateSamples
     ahead: Array  # (P, r + O l) deviations of the robot at the keyframe and of the objects
@@ -100,12 +100,12 @@ class PredictedSamples:
 
 @dataclass(frozen=True, kw_only=True)
 class SampledRow:
-    """P samples of one continuation: states at the keyframe and, from them, of the past; n detections."""
+    """P samples of one continuation: states at the keyframe, and through them of the past; n detections."""
 
     states: Array  # (P, 1 + n, s) robot and the objects of the detections' slots
     deviations: Array  # (P, 1 + n, w) from the mode, in the tangent spaces there
-    change: Array  # (P, m) what the measurements changed about the samples, whitened
-    gain: Array  # (M, m) how the past follows
+    change: Array  # (P, m) change of the samples by the measurements, whitened
+    gain: Array  # (M, m) regression of the past on that change
     past: StateSamples
     spaces: Spaces
 
@@ -138,7 +138,7 @@ def sample_rows(given: SemanticInput, num_samples: int, seed: int) -> list[Sampl
 
 
 def _sampled_row(given: SemanticInput, predicted: PredictedSamples, row: int, mode: Array) -> SampledRow:
-    """The prior's whitened samples y become y* + H^(-1/2) y, where y* is the mode and H its Hessian."""
+    """The whitened prior samples y become y* + H^(-1/2) y, where y* is the mode and H its Hessian."""
     stack = given.stack
     layout = stack.layout
     own = stack.active[row] & (stack.slots[row] == np.arange(len(given.used)))

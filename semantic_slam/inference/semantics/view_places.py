@@ -1,4 +1,4 @@
-"""From where candidates have the camera look at their objects, in steps, so that hypotheses that agree share work."""
+"""Viewpoints of candidates on their objects, in discrete steps, so that hypotheses that agree share computation."""
 
 import numpy as np
 
@@ -9,17 +9,17 @@ from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, STEP_RAD
 
 LEAST_RANGE_M = 0.05
-"""Nearer views count as from there."""
+"""Range below which views count as from there."""
 WIDEST = 2.0
-"""Standard deviation of the logarithm of a range from which on it is as good as unknown."""
+"""Standard deviation of the log range above which the range counts as unknown."""
 
 
 def view_places(given: SemanticInput) -> Index:
-    """(K, n, 3) from where K candidates have the camera look at each of n objects: in steps, 0 where there is none.
+    """(K, n, 3) viewpoints of K candidates on each of n objects, in steps; 0 where there is none.
 
     The cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
-    logarithm of the distance in metres; and its standard deviation, 0 in the plane, where no ranges are wide. A turn
-    and a ratio of distances are in the same steps.
+    logarithm of the distance [m]; and its standard deviation, 0 in the plane, where ranges are well known. Directions
+    and log distances have the same step.
     """
     robot, objects = _states(given)
     told = [given.step.detections[index].sensor for index in given.used.tolist()]
@@ -45,7 +45,7 @@ def view_places(given: SemanticInput) -> Index:
 
 
 def _states(given: SemanticInput) -> tuple[Array, Array]:
-    """(K, 3) robots and (K, n, 2 or 3) objects of the detections at the modes, of whichever weighed the candidates."""
+    """(K, 3) robots and (K, n, 2 or 3) objects of the detections at the modes, however the candidates were weighed."""
     rows = given.candidates.assignments
     if given.candidates.problem is None:
         return rows.column("robot"), rows.column("object_states")

@@ -1,4 +1,4 @@
-"""Smoothers that grow together: what Python has to evaluate for them is evaluated for all at once."""
+"""Batched iSAM2 updates: what Python has to evaluate for several smoothers is evaluated for all of them at once."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,8 +24,9 @@ MAX_UPDATES = 8
 class Extension:
     """What a keyframe adds to a smoother: factors, new variables, and semantic measurements.
 
-    ``start``: states (s,) of variables that the semantic measurements concern, and where they are made. The estimate
-    may have ``jumped`` there; with descriptors, ``other_start`` are states from which an optimisation may end better.
+    ``start`` maps keys of the variables of the semantic measurements to states (s,): their linearisation point.
+    ``jumped``: these states may be far from the smoother's estimate, so that an incremental update will not do. With
+    descriptors, ``other_start`` holds states from which an optimisation may end in a better optimum.
     """
 
     graph: gtsam.NonlinearFactorGraph
@@ -34,54 +35,55 @@ class Extension:
     start: Mapping[int, Array]
     jumped: bool = False
     other_start: Mapping[int, Array] = field(default_factory=dict)
-    bounds: Mapping[int, float] = field(default_factory=dict)  # key -> metres from where it may be linearised
+    bounds: Mapping[int, float] = field(default_factory=dict)  # key -> largest distance from its linearisation point
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Fork:
-    """A smoother on its way to convergence."""
+    """A smoother that is being updated until it converges."""
 
     extension: Extension
     smoother: Smoother
     converged: bool
-    exact: Sequence[int] = ()  # semantic measurements whose exact factors are to become linear
-    made_at: Mapping[int, Array] = field(default_factory=dict)  # descriptors of the factors made in the round before
+    exact: Sequence[int] = ()  # rows of semantic measurements whose exact factors become linear
+    made_at: Mapping[int, Array] = field(default_factory=dict)  # descriptors at which the last round's factors are
 
 
 @dataclass(frozen=True)
 class _Remains:
-    """What an update that fails leaves of the smoother that it has consumed."""
+    """What a failed update leaves of the smoother that it has consumed."""
 
     isam: gtsam.ISAM2
-    num_factors: int  # before the update; it has added others after them
+    num_factors: int  # before the update, which appends its own after them
 
     @classmethod
     def of(cls, smoother: Smoother) -> "_Remains":
-        """Taken before the update."""
+        """A record taken before the update."""
         return cls(smoother.isam, int(smoother.isam.getFactorsUnsafe().size()))
 
     def kept(self, smoother: Smoother) -> gtsam.NonlinearFactorGraph:
-        """All factors that were there before but the semantic ones."""
+        """All factors from before the update but the semantic ones."""
         return smoother.factor_table.without(self.isam.getFactorsUnsafe(), self.num_factors)
 
 
 @dataclass(frozen=True)
 class _Stale:
-    """Linear factors of one smoother that are no longer where they were made."""
+    """Linear factors of one smoother whose linearisation points are out of date."""
 
     rows: list[int] = field(default_factory=list)
-    floats: bool = False  # because the map floats
-    urgent: bool = False  # so far that the next keyframe's update is too late
+    floats: bool = False  # because the map is not anchored
+    urgent: bool = False  # so far off that they cannot wait for the next keyframe
 
 
 def update_all(
     smoothers: Sequence[Smoother], extensions: Sequence[Extension], consumed: Collection[int] = ()
 ) -> list[Outcome]:
-    """Forks with their extensions, updated until no state is so far from where it is linearised that it matters.
+    """Each smoother updated with its extension until every state is close enough to its linearisation point.
 
-    Where the estimate jumped, does not converge, or is too poorly conditioned for an update, the whole is optimised. An
-    error stands for a smoother whose system is indeterminate. The rows ``consumed``, which nobody needs again, are not
-    forked. (Parents at which a window begins are needed; but their children have jumped.)
+    A full nonlinear optimisation replaces the incremental updates where the estimate jumped, where it does not
+    converge, or where an update finds the system too poorly conditioned. A LostComponentError in the result stands for
+    a smoother whose system is indeterminate. Smoothers are forked, except the rows ``consumed``, which nobody needs
+    afterwards. (A parent at which a window begins is still needed, but then its children have jumped.)
     """
     steady = {row: smoothers[row] for row, extension in enumerate(extensions) if not extension.jumped}
     remains = {row: _Remains.of(steady[row]) for row in consumed if row in steady}
@@ -94,9 +96,9 @@ def update_all(
 
 
 def _jumped(smoother: Smoother, extension: Extension, remains: _Remains | None) -> Smoother:
-    """Optimised from where the estimate jumped to; what the extension does not name begins where it was.
+    """The smoother optimised from where the estimate jumped to; variables without a new start begin as they were.
 
-    Of a smoother that an update has consumed in vain there are its ``remains``.
+    ``remains`` stands in for a smoother that a failed update has consumed.
     """
     if remains is None:
         origin, kept = smoother.isam.calculateEstimate(), smoother.kept()
@@ -115,7 +117,7 @@ def _jumped(smoother: Smoother, extension: Extension, remains: _Remains | None) 
 def _begun(
     smoothers: Mapping[int, Smoother], extensions: Mapping[int, Extension]
 ) -> dict[int, _Fork | LostComponentError]:
-    """Forks after one update, which consumes the smoothers and renews what has moved since it was made."""
+    """The smoothers after their first update, which consumes them and relinearises stale semantic factors."""
     if not smoothers:
         return {}
     before, additions = list(smoothers.values()), list(extensions.values())
@@ -144,9 +146,10 @@ def _begun(
 
 
 def _iterated(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outcome]:
-    """Updated on; the semantic factors of the objects that were observed are made anew where their views changed.
+    """The forks updated until they converge, ``MAX_UPDATES`` times at most, then optimised as a whole.
 
-    Exact factors of descriptors that have been seen so well that new ones are linear become linear.
+    Semantic factors of the objects observed are relinearised where their views changed. Exact factors of descriptors
+    that are by now known well enough for new factors to be linear are replaced by linear ones.
     """
     outcomes: dict[int, Outcome] = {row: fork for row, fork in forks.items() if isinstance(fork, LostComponentError)}
     pending = {row: fork for row, fork in forks.items() if isinstance(fork, _Fork)}
@@ -159,14 +162,14 @@ def _iterated(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outc
         renewed = dict(zip(pending, _renewed(list(pending.values()), [rows[row] for row in pending]), strict=True))
         outcomes |= {row: fork for row, fork in renewed.items() if isinstance(fork, LostComponentError)}
         pending = {row: fork for row, fork in renewed.items() if isinstance(fork, _Fork)}
-    # Poses at rest, and descriptors on their way: the next keyframe goes on.
+    # Poses have settled and only descriptors still move: the next keyframe continues.
     return outcomes | {
         row: _settled(fork) if fork.converged else _attempt(_whole, fork) for row, fork in pending.items()
     }
 
 
 def _settled(fork: _Fork) -> Outcome:
-    """A fork that has converged; optimised as a whole where a bound says that it has not where it matters."""
+    """A converged fork; optimised as a whole where a variable is beyond its bound from its linearisation point."""
     bounds = fork.extension.bounds
     if bounds:
         changes = fork.smoother.isam.getDelta()
@@ -182,15 +185,16 @@ def _whole(fork: _Fork) -> Smoother:
 
 
 def _starts(smoother: Smoother, origin: gtsam.Values, extension: Extension) -> list[gtsam.Values]:
-    """Starts of an optimisation: the extension's states, and its ``other_start``; all others are at ``origin``."""
+    """Starting points of an optimisation: ``origin`` changed to the extension's ``start`` or ``other_start``."""
     states = [extension.start, extension.other_start] if extension.other_start else [extension.start]
     return [changed(smoother.spaces, origin, start) for start in states]
 
 
 def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
-    """Stale factors of forks that go on; those of a converged fork wait until their object is seen again.
+    """Stale factors to relinearise in forks that continue; a converged fork's wait until their object is seen again.
 
-    Unless they are far off, or an update is due anyway. Under classes they wait in any case: their variables are poses.
+    They do not wait where they are far off, or where another update is due anyway. Without a latent space those of a
+    converged fork always wait: all its variables are poses.
     """
     going = {
         row: fork for row, fork in forks.items() if fork.smoother.semantics.latent is not None or not fork.converged
@@ -206,7 +210,7 @@ def _to_renew(forks: Mapping[int, _Fork]) -> dict[int, list[int]]:
 
 
 def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -> list[_Stale]:
-    """Which linear factors of what was observed are no longer where they were made; of all where the map floats."""
+    """Linear factors of observed objects with outdated linearisation points; of all where the map is not anchored."""
     tables = [own.factor_table for own in smoothers]
     stale = _moved(smoothers, [own.linear_rows(keys) for own, keys in zip(tables, observed, strict=True)])
     floating = [row for row, moved in enumerate(stale) if moved.floats]
@@ -217,7 +221,7 @@ def _stale(smoothers: Sequence[Smoother], observed: Sequence[Collection[int]]) -
 
 
 def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]:
-    """Linear factors among ``rows`` whose linearisation points have moved so far that they are to be made anew."""
+    """Linear factors among ``rows`` whose linearisation points have moved by more than a threshold."""
     some = [number for number, linear in enumerate(rows) if len(linear)]
     stale = [_Stale() for _ in rows]
     if not some:
@@ -234,9 +238,9 @@ def _moved(smoothers: Sequence[Smoother], rows: Sequence[Index]) -> list[_Stale]
 
 
 def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | LostComponentError]:
-    """Forks with these factors made anew, all linear, at the estimates; the second time on half-way there.
+    """Forks with these factors relinearised at the estimates; from the second time on half-way to them.
 
-    Gauss-Newton through a decoder may swing about its optimum.
+    Gauss-Newton through a decoder may oscillate about its optimum.
     """
     semantics = forks[0].smoother.semantics
     measurements = [fork.smoother.factor_table.linear(chosen) for fork, chosen in zip(forks, rows, strict=True)]
@@ -258,7 +262,7 @@ def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | 
 
 
 def _halfway(now: LinearisationPoints, fork: _Fork, measurements: Sequence[SemanticFactor]) -> LinearisationPoints:
-    """Between the estimates ``now`` and where the descriptors' factors were made in the round before."""
+    """Linearisation points half-way between the estimates ``now`` and the last round's, in the descriptors alone."""
     if not fork.made_at:
         return now
     descriptors = now.descriptors.copy()
@@ -270,7 +274,7 @@ def _halfway(now: LinearisationPoints, fork: _Fork, measurements: Sequence[Seman
 
 
 def _attempt(make: Callable[..., T], *arguments: object) -> T | LostComponentError:
-    """What is made, or why its system is indeterminate."""
+    """The result of ``make``, or the LostComponentError where its system is indeterminate."""
     try:
         with lost_where_indeterminate("an update"):
             return make(*arguments)

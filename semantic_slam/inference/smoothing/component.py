@@ -1,4 +1,7 @@
-"""One hypothesis's smoothed belief b[X_k] (Eq. 4.9): an iSAM2 that is forked when the hypothesis branches."""
+"""The Gaussian belief b[X_k] of one hypothesis (Eq. 4.9): its iSAM2, its objects, and all else that it assumes.
+
+A component is forked when its hypothesis branches.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -36,33 +39,33 @@ from semantic_slam.inference.states.tracked_objects import HypothesisObjects, Tr
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
-    """The smoother, the objects and what is known of them; an only child may consume its parent's smoother."""
+    """A hypothesis's smoother, its objects and what it assumes; an only child may consume its parent's smoother."""
 
     spaces: Spaces
     model: ObservationModel
     smoother: Smoother
     objects: HypothesisObjects
-    keyframe: int = -1  # newest, -1 before the first
+    keyframe: int = -1  # index of the newest; -1 before the first
     classes: dict[int, int] = field(default_factory=dict)  # object id -> enumerated class
     views: dict[int, ObjectViews] = field(default_factory=dict)  # object id -> record of its semantic views
-    robot_correction: Correction | None = None  # of the newest robot pose, by semantics that have no factor
-    window: Window | None = None  # None: the component is Gaussian
-    corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> of a Gaussian that does not suffice
-    tracked: TrackedStates | None = None  # None: marginals are read from the smoother when they are asked for
-    single_steps: bool = False  # one update per keyframe instead of updates until they converge
-    local: LocalMap | None = None  # after the newest keyframe; None: ask the smoother
-    noise: int = 0  # which of the noises that robot and sensor may have
-    start: int = 0  # where it began, of a robot that is lost
-    elsewhere: frozenset[int] = frozenset()  # objects of a map on which the robot is not placed: no detection is of one
-    left_behind: frozenset[int] = frozenset()  # likewise, when the robot was set down on new ground; none hides another
-    settings: NoiseSettings | None = None  # that number's; None: all as told
-    slip: Array | None = None  # (r, r) covariance by which the next motion slips; None: it does not
-    slipped: bool = False  # whether the newest motion did
-    movers: Movers | None = None  # objects that move, or may; None: nothing does
-    metre: Metre | None = None  # how well it is known; None: for sure
-    outliers: OutlierCounts = field(default_factory=OutlierCounts)  # in their place, so far
-    past: tuple[Array, ...] = ()  # (n, s) states of the first keyframes' robots, as they were when they were summarised
-    _moved: list[Motion] = field(default_factory=list, init=False, compare=False, repr=False)  # the last one, and how
+    robot_correction: Correction | None = None  # of the newest robot pose, by semantics without a factor
+    window: Window | None = None  # since it was last Gaussian; None: it is Gaussian now
+    corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> moment correction of its Gaussian
+    tracked: TrackedStates | None = None  # None: marginals are read from the smoother on demand
+    single_steps: bool = False  # one update per keyframe, not iterated
+    local: LocalMap | None = None  # marginals about the newest keyframe; None: ask the smoother
+    noise: int = 0  # which noise setting of robot and sensor it assumes
+    start: int = 0  # which start pose it assumes (global localisation)
+    elsewhere: frozenset[int] = frozenset()  # map objects while the robot is not localised on the map: never detected
+    left_behind: frozenset[int] = frozenset()  # likewise, of a robot carried to new ground; these occlude nothing
+    settings: NoiseSettings | None = None  # of ``noise``; None: all as configured
+    slip: Array | None = None  # (r, r) covariance that slip adds to the next motion; None: it does not slip
+    slipped: bool = False  # whether the newest motion did so
+    movers: Movers | None = None  # objects that move or may move; None: nothing moves
+    metre: Metre | None = None  # uncertainty of the global scale; None: the scale is known
+    outliers: OutlierCounts = field(default_factory=OutlierCounts)  # detections with outlying positions, so far
+    past: tuple[Array, ...] = ()  # (n, s) marginalised robot poses, frozen at their last estimate
+    _moved: list[Motion] = field(default_factory=list, init=False, compare=False, repr=False)  # cache of ``moved_by``
 
     @classmethod
     def root(
@@ -75,7 +78,7 @@ class Component:
         existence: dict[int, float] | None = None,
         joint: JointPrior | None = None,
     ) -> "Component":
-        """The prior of Eq. 4.3, of some objects jointly; descriptors enter with the first view of their object."""
+        """The prior of Eq. 4.3, ``joint`` over some objects; descriptor variables enter with an object's first view."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         together = joint.object_ids if joint is not None else ()
         for key, prior in [(robot_key(-1), robot), *((object_key(n), prior) for n, prior in objects.items())]:
@@ -94,34 +97,34 @@ class Component:
 
     @property
     def object_ids(self) -> frozenset[int]:
-        """Ids of its objects, without those that it takes to move."""
+        """Ids of its objects, without those that it has decided are moving."""
         return self.objects.id_set
 
     @property
     def every_id(self) -> frozenset[int]:
-        """Ids of its objects."""
+        """Ids of all its objects, moving ones included."""
         moving = frozenset[int]() if self.movers is None else self.movers.decided_ids
         return self.object_ids | moving if moving else self.object_ids
 
     def newest_robot(self) -> Array:
-        """(s,) estimate of the robot at the newest keyframe."""
+        """(s,) estimate of the robot's pose at the newest keyframe."""
         return np.asarray(self.states([robot_key(self.keyframe)])[0, : self.spaces.storage.robot])
 
     @property
     def oldest(self) -> int:
-        """Keyframe of the oldest robot pose that is still estimated; -1: all are."""
+        """Keyframe of the oldest robot pose that is still a variable; -1 where none has been marginalised."""
         return sum(len(part) for part in self.past) - 1
 
     def path(self) -> Array:
-        """(1 + k, s) robot at every keyframe from the first one on; what was summarised is as it was then."""
+        """(1 + k, s) robot pose at every keyframe from the first; marginalised poses as they were when marginalised."""
         keys = [robot_key(keyframe) for keyframe in range(self.oldest, self.keyframe + 1)]
         parts = [*self.past, self.states(keys)[:, : self.spaces.storage.robot]]
         return np.concatenate(parts)[1:]
 
     def without_past(self, oldest: int) -> "Component":
-        """The component with the poses before keyframe ``oldest`` summarised. Raises LostComponentError.
+        """The component with the poses before keyframe ``oldest`` marginalised (fixed lag). Raises LostComponentError.
 
-        No window may reach back so far.
+        No window may reach back before ``oldest``.
         """
         keys = [robot_key(keyframe) for keyframe in range(self.oldest, oldest)]
         frozen = self.states(keys)[:, : self.spaces.storage.robot]
@@ -133,7 +136,7 @@ class Component:
         )
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(n, s) estimates, as wide as the wider of robots and objects."""
+        """(n, s) estimates, padded to the wider of robot and object states."""
         return self.smoother.states(keys)
 
     def joint_covariance(self, keys: Sequence[int]) -> Array:
@@ -141,10 +144,10 @@ class Component:
         return self.smoother.joint_covariance(keys)
 
     def joint_of_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
-        """(n, s) states and (n l, n l) covariance of some of its objects, in the tangent spaces there.
+        """(n, s) states and (n l, n l) joint covariance of some of its objects, in the tangent spaces there.
 
-        With what their Gaussians and their factors do not say, beside which correlations stay as they are. Raises
-        LostComponentError.
+        Includes the moment corrections that their Gaussians and factors lack (correlations are kept), and the
+        uncertainty of the global scale. Raises LostComponentError.
         """
         keys, space = [object_key(n) for n in object_ids], self.spaces.landmark
         size = space.tangent_size
@@ -164,7 +167,8 @@ class Component:
     def robot_and_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
         """(1 + n, s) states, the robot's first, and (1 + n, w, w) covariances of some of its objects.
 
-        With what their Gaussians and their factors do not say. Raises LostComponentError.
+        Includes the moment corrections that their Gaussians and factors lack, and the uncertainty of the global scale.
+        Raises LostComponentError.
         """
         keys = [robot_key(self.keyframe), *(object_key(n) for n in object_ids)]
         states, covariances = self._uncorrected(keys, object_ids)
@@ -180,7 +184,7 @@ class Component:
         return states, covariances if self.metre is None else self.metre.widened(states, covariances)
 
     def _uncorrected(self, keys: Sequence[int], object_ids: Sequence[int]) -> tuple[Array, Array]:
-        """States and covariances of robot and objects as they are tracked, or else read from the smoother."""
+        """States and covariances of robot and objects: the tracked ones, or else read from the smoother."""
         if self.tracked is None:
             return self.states(keys), self.smoother.joint_blocks(keys)
         rows = self.objects.rows(np.array(object_ids, dtype=int))
@@ -189,32 +193,32 @@ class Component:
         return states, spaces.layout.stacked_squares(tracked.robot_covariance, tracked.covariances[rows])
 
     def _corrections(self) -> list[tuple[int, Correction]]:
-        """Corrections of the Gaussians by GTSAM keys, in the order in which they apply."""
+        """Moment corrections of the Gaussians, with their GTSAM keys, in the order in which they apply."""
         semantic = [(object_key(number), views.correction) for number, views in self.views.items()]
         every = [*self.corrections.items(), *semantic, (robot_key(self.keyframe), self.robot_correction)]
         return [(key, correction) for key, correction in every if correction is not None]
 
     def tracked_heading(self, object_id: int) -> tuple[float, float] | None:
-        """Mean [rad] and variance of an object's heading as it is tracked; None for an object that is new."""
+        """Mean [rad] and variance of an object's tracked heading; None for a new object, or if nothing is tracked."""
         if self.tracked is None or object_id not in self.object_ids:
             return None
         row = int(self.objects.rows(np.array(object_id)))
         return float(self.tracked.states[row, 2]), float(self.tracked.covariances[row, 2, 2])
 
     def sensed(self, detections: Sequence[Any]) -> Sequence[Any]:
-        """Detections as this hypothesis takes them, with the noise that it takes them to have."""
+        """The detections with the noise that this hypothesis assumes."""
         if self.settings is None or self.settings.as_told:
             return detections
         return [detection.taken_as(self.settings) for detection in detections]
 
     def log_change(self, detections: Sequence[Any]) -> float:
-        """Log density of detections as they were measured, per that of what :meth:`sensed` makes of them."""
+        """Log density of the detections as measured, relative to that of :meth:`sensed` (ranges from depths)."""
         if self.settings is None or not self.settings.ranges_are_depth:
             return 0.0
         return float(sum(detection.log_change(self.settings) for detection in detections))
 
     def moved_by(self, motion: Motion) -> Motion:
-        """Odometry with the noise, and by the clock, that this hypothesis takes it to have; asked for several times."""
+        """Odometry with the noise and clock offset that this hypothesis assumes; cached for the newest motion."""
         if not self._moved or self._moved[0] is not motion:
             self._moved[:] = motion, self._moved_by(motion)
         return self._moved[1]
@@ -232,20 +236,21 @@ class Component:
         return Motion(line.control, motion.covariance + line.covariance, change)
 
     def on_new_ground(self) -> "Component":
-        """The component of a robot that is set down where it has not looked, and meets nothing that it knew."""
+        """The component of a robot carried (kidnapped) to new ground, where it meets no object known before."""
         moving = None if self.movers is None else self.movers.take(np.zeros(0, dtype=int))
         tracked = tracked_states(self).with_trail_left_behind()
         return replace(self, left_behind=self.object_ids, tracked=tracked, movers=moving)
 
     def fork(self) -> "Component":
-        """A copy whose smoother grows apart from this one's."""
+        """A copy with a fork of the smoother, independent of this one."""
         return replace(self, smoother=self.smoother.fork())
 
     def child(self, update: ComponentUpdate, smoother: Smoother, max_fresh: int, *, far: bool = False) -> "Component":
-        """The component of one continuation, whose ``smoother`` has its factors. Raises LostComponentError.
+        """The component of one continuation, with a ``smoother`` that has its factors. Raises LostComponentError.
 
-        Where states are tracked, ``max_fresh`` objects at most get fresh marginals besides those observed; ``far``:
-        the local map does not tell where they are.
+        Where states are tracked, marginal covariances of all objects are recomputed if there are at most ``max_fresh``,
+        else those of the objects observed. ``far``: the robot's mode is far from the prediction, so that the local map
+        does not hold.
         """
         objects, keyframe = self.objects.updated(update.existence), self.keyframe + 1
         classes, views = self.classes | update.assigned_classes, self.views | update.views
@@ -276,14 +281,14 @@ class Component:
 
 
 def tracked_states(component: Component) -> TrackedStates:
-    """The states that an open world's components track."""
+    """The tracked states of a component of an open world."""
     assert component.tracked is not None
     return component.tracked
 
 
 @dataclass(frozen=True)
 class WeightedComponent:
-    """A hypothesis as a backend holds it."""
+    """A hypothesis as a backend holds it: its component and log weight."""
 
     component: Component
     log_weight: float

@@ -19,29 +19,29 @@ from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentUpdate:
-    """One continuation of a component, with the modes at which its new factors are created; s numbers of a state."""
+    """One continuation of a component, with the modes at which its factors are linearised; states have s numbers."""
 
     observed: Sequence[AssociatedDetection]  # of objects that stand still
     objects: Sequence[Array]  # (s,) mode of the object of each entry of ``observed``
     robot: Array  # (s,) mode
-    predicted: Array  # (s,) of the robot, by odometry alone
+    predicted: Array  # (s,) predicted robot state, by odometry alone
     new_objects: dict[int, GaussianPrior]
     existence: ExistenceUpdate
     views: dict[int, ObjectViews] = field(default_factory=dict)  # new records of the objects seen
     robot_correction: Correction | None = None
     window: Window | None = None  # since the component was last Gaussian; None: it is
-    smoothed: dict[int, Array] = field(default_factory=dict)  # GTSAM key -> (s,) mode, where the window was looked at
-    corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> of the Gaussian at that mode
-    local: LocalMap | None = None  # after the detections, where updates are not iterated
-    errors: ErrorTransition | None = None  # to those of this frame's detections, where they repeat
+    smoothed: dict[int, Array] = field(default_factory=dict)  # GTSAM key -> (s,) mode, if the window was searched
+    corrections: dict[int, Correction] = field(default_factory=dict)  # GTSAM key -> moment correction there
+    local: LocalMap | None = None  # updated by the detections, where updates are not iterated
+    errors: ErrorTransition | None = None  # of correlated errors to this frame's detections
     movers: Movers | None = None  # afterwards; None: nothing moves
-    carried_errors: CarriedErrors | None = None  # as the motion leaves them, where this frame has no detections
+    carried_errors: CarriedErrors | None = None  # correlated errors after the motion, if nothing is detected
 
     outliers: OutlierCounts | None = None  # afterwards; None: as before
 
     @property
     def assigned_classes(self) -> dict[int, int]:
-        """Object id -> class that is enumerated for it here."""
+        """Object id -> class enumerated for it in this keyframe."""
         return {item.object_id: item.assigned_class for item in self.observed if item.assigned_class >= 0}
 
     @property

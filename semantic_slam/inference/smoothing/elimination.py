@@ -1,4 +1,4 @@
-"""In which order iSAM2 eliminates: last what is read most, for its joint covariance then lies in few cliques."""
+"""Elimination order of iSAM2: what is read most comes last, so that its joint covariance lies in few cliques."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -10,11 +10,11 @@ from semantic_slam.inference.smoothing.semantic_factors import SemanticFactor
 from semantic_slam.inference.states.keys import letter_of
 
 MOST_JOINT = 24
-"""States up to which their joint covariance costs less than those of single states."""
+"""Number of states up to which their joint covariance costs less than single marginals."""
 
 
 def last_eliminated(keys: Sequence[int], measurements: Sequence[SemanticFactor] = ()) -> tuple[int, ...]:
-    """All objects among some keys and the newest robot, and descriptors of the objects just seen."""
+    """All objects among some keys and the newest robot, and the descriptors of objects just seen; none if too many."""
     return _ordered(tuple(keys), tuple(item.descriptor_key for item in measurements if item.descriptor_key is not None))
 
 
@@ -29,7 +29,7 @@ def _ordered(keys: tuple[int, ...], descriptors: tuple[int, ...]) -> tuple[int, 
 
 @lru_cache(maxsize=64)
 def groups(last: tuple[int, ...]) -> Any:
-    """GTSAM's order of elimination with these keys last; None: its own."""
+    """GTSAM's ordering constraint with these keys last; None: GTSAM's own order."""
     if not last:
         return None
     groups = gtsam.KeyGroupMap()

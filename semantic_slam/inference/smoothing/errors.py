@@ -1,4 +1,4 @@
-"""Why a hypothesis has to be given up."""
+"""Errors of smoothing, above all those for which a hypothesis has to be dropped."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -7,11 +7,11 @@ from semantic_slam.errors import SemanticSlamError
 
 
 class LostComponentError(SemanticSlamError):
-    """A component's linear system is indeterminate; its hypothesis has to be given up."""
+    """A component's linear system is indeterminate; its hypothesis has to be dropped."""
 
 
 class UnknownObjectsError(LostComponentError):
-    """A lineage names objects that its hypothesis does not know, or not near by."""
+    """A lineage names objects that its hypothesis does not know, or that are not near."""
 
     def __init__(self, object_ids: Sequence[int]) -> None:
         super().__init__("a lineage names an object that its hypothesis does not know")
@@ -19,14 +19,14 @@ class UnknownObjectsError(LostComponentError):
 
 
 class ConsumedSmootherError(Exception):
-    """A smoother was asked after an update had consumed it: a mistake in the program, not in its data."""
+    """A smoother was used after an update had consumed it: a programming error, not one of the data."""
 
 
 @contextmanager
 def lost_where_indeterminate(what: str) -> Iterator[None]:
-    """GTSAM's complaint about a system that cannot be solved, as LostComponentError: ``what`` failed.
+    """Turns GTSAM's error on an unsolvable system into LostComponentError, saying that ``what`` failed.
 
-    GTSAM throws RuntimeError; a mistake in a model that a user brings is not one of its complaints, and is let through.
+    GTSAM throws RuntimeError. An error in a model that a user supplies is not one of GTSAM's, and passes through.
     """
     try:
         yield
@@ -37,5 +37,5 @@ def lost_where_indeterminate(what: str) -> Iterator[None]:
 
 
 def first_line(fault: BaseException) -> str:
-    """What GTSAM says, in short."""
+    """The first line of GTSAM's message."""
     return next((line for line in str(fault).splitlines() if line.strip()), type(fault).__name__)

@@ -1,4 +1,4 @@
-"""The states of all variables of a smoother, read at once."""
+"""The states of all variables of a smoother, read from iSAM2 in one call."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """n poses and m descriptors, whose keys come first."""
+    """n robot and object states and m descriptors; keys of descriptors come first."""
 
     keys: Index  # (m + n,) ascending
     descriptors: Array  # (m, L)
@@ -24,7 +24,7 @@ class Estimate:
 
     @classmethod
     def of(cls, spaces: Spaces, values: gtsam.Values, num_descriptors: int) -> "Estimate":
-        """The estimate in GTSAM's values, whose other variables come before these."""
+        """The estimate in GTSAM ``values``; variables of other kinds have smaller keys and are left out."""
         descriptors = gtsam.utilities.extractVectors(values, DESCRIPTOR) if num_descriptors else np.zeros((0, 0))
         poses, keys = spaces.states(values), np.array(values.keys(), dtype=int)
         return cls(
@@ -43,7 +43,7 @@ class Estimate:
         return np.asarray(self.poses[rows - len(self.descriptors)])
 
     def points(self, keys: Index) -> LinearisationPoints:
-        """Linearisation points of some semantic measurements' variables, (B, 2) keys or with descriptors (B, 3)."""
+        """Linearisation points of the variables of semantic measurements: keys (B, 2), or with descriptors (B, 3)."""
         rows = np.searchsorted(self.keys, keys)
         states = self.storage.joined(self.poses[rows[:, :2] - len(self.descriptors)])
         if len(self.descriptors):

@@ -1,4 +1,4 @@
-"""From what a keyframe adds to a component to what it adds to the component's smoother (Eqs. 4.9-4.11)."""
+"""Factors and variables that a continuation of a component adds to its smoother (Eqs. 4.9-4.11)."""
 
 from collections.abc import Mapping, Sequence
 
@@ -25,17 +25,17 @@ from semantic_slam.inference.states.keys import (
 from semantic_slam.inference.states.object_views import ObjectViews
 
 JUMP = 0.5
-"""Change of the robot's predicted state, metres or radians, from which on the whole graph is optimised at once."""
+"""Change of the robot's predicted state [m or rad] from which on the whole graph is reoptimised."""
 RANGE_SHARE = 0.1
-"""Share of an object's range by which it may be off where it is linearised, if rays alone tell where it is."""
+"""Largest distance of an object known along rays alone from its linearisation point, as a share of its range."""
 TURN_RAD = 0.3
-"""Change of an object's heading from which on it is, too."""
+"""Change of an object's heading [rad] from which on the whole graph is reoptimised."""
 
 
 def extension(component: Component, shared: KeyframeFactors, update: ComponentUpdate, *, moved: bool) -> Extension:
     """Factors, variables and semantic measurements of one continuation.
 
-    ``moved``: its robot's mode is elsewhere than odometry has it.
+    ``moved``: the mode of its robot is far from the odometry prediction.
     """
     graph, values = new_factors(component, shared, update)
     classed, jumped = classed_measurements(component, update), _jumped(component, update, moved)
@@ -66,9 +66,9 @@ def linearisation_start(component: Component, update: ComponentUpdate) -> dict[i
 def new_factors(
     component: Component, shared: KeyframeFactors, update: ComponentUpdate
 ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """Odometry, gravity, geometry and priors of new objects; and values of the new keys, the robot's where its mode is.
+    """Odometry, gravity, geometry and priors of new objects, and initial values of new keys (the robot's at its mode).
 
-    What the keyframe measures is not among them where the smoother holds its measurements linear.
+    Where the smoother holds measurements linear in charts, odometry, gravity and detections are not among the factors.
     """
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     if component.smoother.in_charts is None:
@@ -95,7 +95,7 @@ def _add_errors(
     graph: gtsam.NonlinearFactorGraph,
     values: gtsam.Values,
 ) -> None:
-    """Add the errors of a keyframe's detections that repeat."""
+    """Add the variables and factor of a keyframe's correlated detection errors."""
     graph.add(shared.errors(errors))
     keys = error_keys(keyframe, errors.count)
     for key, part in zip(keys, vector_parts(keys), strict=True):
@@ -103,7 +103,7 @@ def _add_errors(
 
 
 def classed_measurements(component: Component, update: ComponentUpdate) -> list[SemanticFactor]:
-    """The semantic measurements of the next keyframe under an enumerated class."""
+    """The semantic measurements of the next keyframe with an enumerated class."""
     key = robot_key(component.keyframe + 1)
     classed = [item for item in update.observed if item.assigned_class >= 0]
     return [
@@ -118,7 +118,7 @@ def classed_measurements(component: Component, update: ComponentUpdate) -> list[
 
 
 def descriptor_measurements(views: Mapping[int, ObjectViews]) -> list[SemanticFactor]:
-    """The semantic measurements that enter the graph with new records of objects."""
+    """The semantic measurements that enter the graph with new view records of objects."""
     return [
         SemanticFactor(
             robot_key=robot_key(keyframe),
@@ -142,7 +142,7 @@ def _with_descriptors(
     entering: Sequence[SemanticFactor],
     start: Mapping[int, Array],
 ) -> dict[int, Array]:
-    """Add the variables E(n) that ``entering`` views need; states of all their variables that ``start`` lacks."""
+    """Add the descriptor variables E(n) of ``entering`` views; states of their variables that ``start`` lacks."""
     states: dict[int, Array] = {}
     for number, record in views.items():
         key, guess = descriptor_key(number), record.descriptor
@@ -162,7 +162,7 @@ def _with_descriptors(
 
 
 def _turned_only(component: Component, views: Mapping[int, ObjectViews]) -> dict[int, Array]:
-    """Where descriptors and the objects that their views turn begin, if all else stays as it was."""
+    """Initial descriptors and headings of the objects that new views turn, with all else unchanged."""
     states: dict[int, Array] = {}
     for number, record in views.items():
         guess, pose_key = record.descriptor, object_key(number)
@@ -175,7 +175,7 @@ def _turned_only(component: Component, views: Mapping[int, ObjectViews]) -> dict
 
 
 def _turns_an_object(component: Component, views: Mapping[int, ObjectViews]) -> bool:
-    """Whether views that enter now turn an object: linear factors do not tell true from so far away."""
+    """Whether new views turn an object so far that linear factors do not hold."""
     return any(
         record.descriptor is not None
         and record.descriptor.heading_rad is not None
@@ -186,7 +186,7 @@ def _turns_an_object(component: Component, views: Mapping[int, ObjectViews]) -> 
 
 
 def _turn(component: Component, object_id: int, heading_rad: float) -> float:
-    """Between an object's estimated heading and another; infinite for a new object."""
+    """Angle between an object's estimated heading and another one [rad]; infinite for a new object."""
     key = object_key(object_id)
     if not component.smoother.has(key):
         return np.inf
@@ -194,9 +194,10 @@ def _turn(component: Component, object_id: int, heading_rad: float) -> float:
 
 
 def _bounds(component: Component, update: ComponentUpdate) -> dict[int, float]:
-    """How far objects that are seen along rays alone may be from where they are linearised: a share of their range.
+    """Largest distance from the linearisation point of objects seen along rays alone: a share of their range.
 
-    What tells of the range is the less linear the nearer they are, by metres alone nobody would see that.
+    The nearer an object, the less linear are the measurements that determine its range; a threshold in metres would not
+    show that.
     """
     if component.spaces.name != "spatial":
         return {}
@@ -214,7 +215,7 @@ def _bounds(component: Component, update: ComponentUpdate) -> dict[int, float]:
 
 
 def _jumped(component: Component, update: ComponentUpdate, moved: bool) -> bool:
-    """Whether the continuation's mode is elsewhere than the estimate, or should be met exactly."""
+    """Whether the continuation's mode is far from the estimate, or is to be reached exactly."""
     if update.window is not None or moved:
         return True
     past = [key for key in update.smoothed if component.smoother.has(key)]

@@ -1,4 +1,4 @@
-"""The semantic factors of a graph: which measurement each is of, where it was made, what is added and made anew."""
+"""The semantic factors of a graph: the measurement and linearisation point of each, and what is added or replaced."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -47,7 +47,7 @@ class FactorTable:
         indices: Sequence[int],
         points: LinearisationPoints,
     ) -> "FactorTable":
-        """The table with some factors made anew."""
+        """The table with some factors relinearised."""
         if not rows:
             return self
         all_measurements, all_indices, exact = list(self.measurements), list(self.indices), self.exact.copy()
@@ -62,24 +62,24 @@ class FactorTable:
         )
 
     def exact_rows(self, descriptor_keys: Collection[int | None]) -> list[int]:
-        """Which measurements of these descriptors have exact factors."""
+        """Rows of measurements of these descriptors that have exact (callback) factors."""
         rows: list[int] = np.flatnonzero(self.exact).tolist()
         return [row for row in rows if self.measurements[row].descriptor_key in descriptor_keys]
 
     def linear_rows(self, objects: Collection[int] | None = None) -> Index:
-        """Which measurements, of some objects' keys or of all, have linear factors."""
+        """Rows of measurements with linear factors, of the objects with some keys or of all."""
         linear = ~self.exact
         if objects is not None and len(linear):
             linear &= np.logical_or.reduce([self.keys[:, 1] == key for key in objects])
         return linear.nonzero()[0]
 
     def linear(self, rows: Sequence[int]) -> list[SemanticFactor]:
-        """Measurements of the ``rows`` as they are to get linear factors."""
+        """Measurements of the ``rows``, marked for linear factors."""
         measurements = [self.measurements[row] for row in rows]
         return [replace(item, exact=False) if item.exact else item for item in measurements]
 
     def without(self, graph: gtsam.NonlinearFactorGraph, num_factors: int | None = None) -> gtsam.NonlinearFactorGraph:
-        """All factors of ``graph`` but the semantic ones; of its first ``num_factors`` where that is said."""
+        """All factors of ``graph`` but the semantic ones; of its first ``num_factors`` where given."""
         graph = gtsam.NonlinearFactorGraph(graph)
         semantic, kept = set(self.indices), gtsam.NonlinearFactorGraph()
         for i in range(graph.size() if num_factors is None else num_factors):
@@ -98,7 +98,7 @@ def keys_of(measurements: Sequence[SemanticFactor]) -> Index:
 
 @dataclass(frozen=True)
 class AddedFactors:
-    """New semantic measurements, their factors and where these are made."""
+    """New semantic measurements, their factors and linearisation points."""
 
     measurements: Sequence[SemanticFactor]
     factors: Sequence[Any]
@@ -107,7 +107,7 @@ class AddedFactors:
 
 @dataclass(frozen=True)
 class RelinearisedFactors:
-    """Semantic measurements whose factors are replaced by linear ones, and where these are made."""
+    """Semantic measurements whose factors are replaced by linear ones, and the new linearisation points."""
 
     rows: Sequence[int]
     factors: Sequence[Any]

@@ -1,4 +1,4 @@
-"""Components grow together: the children of one keyframe, whose smoothers converge in the same rounds."""
+"""Batched growth: the children of one keyframe are updated together, their smoothers iterating in the same rounds."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
 
 Outcome = Component | LostComponentError
 Noise = tuple[int, bool]
-"""Which of the noises a component takes robot and sensor to have, and whether its next motion slips."""
+"""Which noise setting a component assumes for robot and sensor, and whether it assumes slip in the next motion."""
 
 
 def grow(
@@ -34,10 +34,11 @@ def grow(
     in_place: bool = False,
     max_fresh: int = 0,
 ) -> list[Outcome]:
-    """A child of each parent; an error stands for one that is indeterminate.
+    """One child per parent; a LostComponentError in its place where its system is indeterminate.
 
-    Parents stay as they were, unless an only child may consume its parent's smoother ``in_place``. Where states are
-    tracked, ``max_fresh`` objects at most get fresh marginals besides those observed.
+    Parents stay usable, unless ``in_place`` lets an only child consume its parent's smoother. Where states are tracked,
+    marginal covariances of all objects are recomputed if there are at most ``max_fresh``, else those of the objects
+    observed.
     """
     if not parents:
         return []
@@ -52,7 +53,7 @@ def _converged(
     in_place: bool,
     max_fresh: int,
 ) -> list[Outcome]:
-    """Outcomes of updates taken together, until they converge."""
+    """Children whose updates are iterated together until they converge."""
     moved = _moved(parents, updates)
     extensions = [
         extension(parent, shared[_noise(parent)], update, moved=bool(far))
@@ -73,9 +74,10 @@ def _stepped(
     in_place: bool,
     max_fresh: int,
 ) -> list[Outcome]:
-    """Outcomes of one update each, one after another, the next keyframe going on; a last child may consume a parent.
+    """Children after one update each, not iterated: the next keyframe continues. A parent's last child may consume it.
 
-    Descriptors stay with their records: they enter with a turn of their object, which one update cannot make.
+    Descriptors are no variables here, but stay with the objects' view records: they would enter with a turn of their
+    object, which one update cannot make.
     """
     last = {id(parent.smoother): place for place, parent in enumerate(parents)} if in_place else {}
     moved = _moved(parents, updates)
@@ -93,22 +95,23 @@ def _stepped(
 
 
 def only_children(parents: Sequence[object]) -> list[int]:
-    """Which of some parents have one child."""
+    """Rows of the parents that have one child alone."""
     times = Counter(id(parent) for parent in parents)
     return [row for row, parent in enumerate(parents) if times[id(parent)] == 1]
 
 
 def certain(outcome: Outcome) -> Component:
-    """The component. Raises LostComponentError where it is indeterminate."""
+    """The component of an outcome. Raises LostComponentError where it is indeterminate."""
     if isinstance(outcome, LostComponentError):
         raise outcome
     return outcome
 
 
 def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> Flags:
-    """(K,) whether the mode of the robot is elsewhere than odometry has it; far, where updates are not iterated.
+    """(K,) whether the mode of the robot's pose is far from the odometry prediction.
 
-    Where errors repeat, what a detection tells besides is so sharp that less is far.
+    The limit is higher where updates are not iterated. Where detection errors are correlated, detections are so precise
+    beyond them that another limit holds: ``AT_ONCE`` relinearisation thresholds.
     """
     space = parents[0].spaces.robot
     predicted, modes = (np.array([getattr(update, name) for update in updates]) for name in ("predicted", "robot"))
@@ -123,7 +126,7 @@ def _noise(parent: Component) -> Noise:
 
 
 def _shared(parents: Sequence[Component], motion: Motion) -> dict[Noise, KeyframeFactors]:
-    """The factors of the keyframe under each of the noises that odometry may have."""
+    """The keyframe's factors under each noise setting that some parent assumes."""
     by_noise = {_noise(parent): parent for parent in parents}
     return {
         noise: KeyframeFactors(component.spaces, component.model, component.keyframe + 1, motion)
@@ -132,7 +135,7 @@ def _shared(parents: Sequence[Component], motion: Motion) -> dict[Noise, Keyfram
 
 
 def _attempt(make: Callable[..., Component], *arguments: object) -> Outcome:
-    """A component that is lost on the way stands for itself alone."""
+    """The component that ``make`` returns, or its LostComponentError: one lost component does not affect the others."""
     try:
         return make(*arguments)
     except LostComponentError as fault:

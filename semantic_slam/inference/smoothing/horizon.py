@@ -1,18 +1,18 @@
-"""When the poses of long ago are summarised, and which."""
+"""Fixed-lag schedule: when old poses are marginalised (summarised), and which."""
 
 from semantic_slam.configuration import Configuration, HistoryConfiguration
 from semantic_slam.errors import InputError
 
 SHARE = 4
-"""A summary comes once in so many parts of the horizon: it costs as much as some updates."""
+"""Marginalisations per horizon: one costs as much as several updates."""
 LEAST = 20
-"""Shortest horizon, keyframes."""
+"""Shortest horizon [keyframes]."""
 ASK_OLD_POSES = ("gp_correlated", "latent")
-"""Class models whose views are weighed anew together with those of long ago, at the poses of these."""
+"""Class models that evaluate views jointly with old ones, at the old poses."""
 
 
 def check_horizon(configuration: Configuration) -> None:
-    """Raises InputError where poses would be summarised that something else asks for."""
+    """Raises InputError where marginalised poses would still be needed by another setting."""
     horizon, revision = configuration.history.horizon_keyframes, configuration.revision
     if horizon == 0:
         return
@@ -42,12 +42,12 @@ def check_horizon(configuration: Configuration) -> None:
 
 
 def apart(settings: HistoryConfiguration) -> int:
-    """Keyframes from one summary to the next."""
+    """Keyframes between marginalisations."""
     return max(settings.horizon_keyframes // SHARE, 1)
 
 
 def oldest_kept(settings: HistoryConfiguration, keyframe: int) -> int | None:
-    """The keyframe from which on poses stay, after a ``keyframe`` that summarises; None: it does not."""
+    """The keyframe from which on poses are kept, after a ``keyframe`` at which to marginalise; None: it is not one."""
     horizon, count = settings.horizon_keyframes, keyframe + 1
     if horizon == 0 or count % apart(settings) or count < horizon + apart(settings):
         return None

@@ -1,4 +1,4 @@
-"""GTSAM's iSAM2 as we set it up, and who owns one."""
+"""GTSAM's iSAM2 as configured here, and its single owner."""
 
 import gtsam
 import numpy as np
@@ -9,28 +9,29 @@ from semantic_slam.inference.states.keys import DESCRIPTOR, VECTOR_SIZES
 from semantic_slam.inference.states.spaces import Spaces
 
 WILDFIRE_THRESHOLD = 1e-9
-"""Back-substitution goes on until changes are below this, so that estimates are those of the whole system."""
+"""Change below which back-substitution stops; so small that estimates solve the whole system."""
 STEPPED_SKIP, STEPPED_WILDFIRE = 10, 5e-3
-"""Where updates are not iterated: keyframes from one relinearisation to the next, and change below which
-back-substitution stops, metres or radians."""
+"""Where updates are not iterated: keyframes between relinearisations, and change [m or rad] below which
+back-substitution stops."""
 AT_ONCE = 2.0
-"""Thresholds by which a keyframe moves the robot from where odometry has it, where errors of detections repeat, from
-which on all is linearised anew at once: the next keyframes would else be weighed as if it had not come back."""
+"""With correlated detection errors: distance of the robot's mode from the odometry prediction, in relinearisation
+thresholds, from which on all is relinearised at once. Otherwise the next keyframes would be weighed as if the loop had
+not closed."""
 NEVER = 1 << 30
-"""Updates from one relinearisation to the next where measurements are made linear in charts that stay."""
+"""Updates between relinearisations where measurements are linear in fixed charts: iSAM2 itself relinearises nothing."""
 STIFF_WILDFIRE = 1e-3
-"""That change where errors of detections repeat: what is left of a detection's error is a third of the whole."""
+"""Back-substitution threshold with correlated detection errors: the white part of an error is a third of the whole."""
 
 
 class OwnedIsam:
-    """An iSAM2, which one smoother at a time reads and updates."""
+    """An iSAM2 that a single smoother at a time reads and updates."""
 
     def __init__(self, isam: gtsam.ISAM2) -> None:
         self._isam: gtsam.ISAM2 | None = isam
 
     @property
     def isam(self) -> gtsam.ISAM2:
-        """The iSAM2. Raises ConsumedSmootherError where it was handed on."""
+        """The iSAM2. Raises ConsumedSmootherError once it was handed on."""
         if self._isam is None:
             raise ConsumedSmootherError("this smoother was consumed by its update; fork() it before, to keep it")
         return self._isam
@@ -40,13 +41,13 @@ class OwnedIsam:
         return OwnedIsam(gtsam.ISAM2(self.isam))
 
     def hand_on(self) -> "OwnedIsam":
-        """The iSAM2 handed on to another owner; this one raises from now on."""
+        """The iSAM2 moved to a new owner; this one raises from now on."""
         other, self._isam = OwnedIsam(self.isam), None
         return other
 
 
 def new_isam(spaces: Spaces, descriptor_threshold: Array, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
-    """An empty one that relinearises at every update; (L,) thresholds of descriptors where there are any."""
+    """An empty iSAM2 that relinearises at every update; (L,) thresholds for descriptors where there are any."""
     parameters = gtsam.ISAM2Params()
     parameters.setFactorization(factorization)
     parameters.relinearizeSkip = 1
@@ -63,9 +64,10 @@ def new_isam(spaces: Spaces, descriptor_threshold: Array, factorization: str = "
 
 
 def single_step_isam(spaces: Spaces, *, errors_repeat: bool, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
-    """An empty one for one update per keyframe: relinearised seldom, back-substituted to millimetres.
+    """An empty iSAM2 for one update per keyframe: rare relinearisation, back-substitution to millimetres.
 
-    Where ``errors_repeat`` it relinearises nothing: measurements are made linear in charts that stay.
+    Where ``errors_repeat`` (correlated detection errors) it never relinearises: measurements are linear in fixed
+    charts.
     """
     parameters = gtsam.ISAM2Params()
     parameters.setFactorization(factorization)

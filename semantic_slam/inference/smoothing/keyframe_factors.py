@@ -1,4 +1,4 @@
-"""The factors of one keyframe that its hypotheses share: GTSAM never changes them."""
+"""The factors of one keyframe that its hypotheses share; GTSAM never modifies them."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +17,7 @@ from semantic_slam.inference.states.spaces import Spaces
 
 
 class KeyframeFactors:
-    """Odometry to a keyframe, gravity there, and geometry of its detections; each is made once."""
+    """Odometry to a keyframe, gravity there, and geometry of its detections; each factor is made once."""
 
     def __init__(self, spaces: Spaces, model: ObservationModel, keyframe: int, motion: Motion) -> None:
         self._motion = motion
@@ -29,13 +29,13 @@ class KeyframeFactors:
 
     @property
     def has_biases(self) -> bool:
-        """Whether what odometry always gets wrong is estimated."""
+        """Whether constant errors of odometry (biases) are estimated."""
         return self._motion.by_bias is not None
 
     def odometry(self, component: Component) -> Any:
-        """Factor of the motion from the keyframe before, and of the odometry's biases where those are estimated.
+        """Factor of the motion from the previous keyframe, and of odometry biases where those are estimated.
 
-        Components share it unless each has a clock of its own.
+        Components share it unless each has a clock offset of its own.
         """
         name = 0 if self._motion.shifts is None else id(component)
         if name not in self._odometry:
@@ -43,7 +43,7 @@ class KeyframeFactors:
         return self._odometry[name]
 
     def level(self) -> Any | None:
-        """Factor of the direction of gravity, where it is told."""
+        """Factor of the direction of gravity; None where it is not measured."""
         if self._level is None and self._motion.gravity is not None:
             self._level = self._motion.gravity.factor(robot_key(self._keyframe))
         return self._level
@@ -63,7 +63,7 @@ class KeyframeFactors:
         return self._geometry[name]
 
     def measured(self, component: Component, update: ComponentUpdate) -> list[Measured]:
-        """The motion and the detections that are associated with objects, where errors repeat."""
+        """The motion and the associated detections, for a smoother that holds measurements linear in charts."""
         motion = component.moved_by(self._motion)
         found: list[Measured] = [Motions.one(self._keyframe, motion.control, motion.covariance, motion.by_bias)]
         if update.observed and update.errors is not None:
@@ -87,10 +87,10 @@ class KeyframeFactors:
         )
 
     def errors(self, transition: ErrorTransition) -> Any:
-        """Factor of the errors that repeat, from those of the newest frame before.
+        """Factor of the correlated errors, from those of the newest frame before.
 
-        Hypotheses share it that take the sensor to be as noisy, for what it gets wrong all the way counts in that, and
-        the robot to have moved alike, for errors repeat the less the further it went: each may have a clock of its own.
+        Hypotheses share it if they assume equal sensor noise, which scales the constant sensor errors, and equal
+        motion, as the correlation decays with distance travelled: each may have a clock offset of its own.
         """
         name = transition.matrix.tobytes(), transition.noise.tobytes()
         if name not in self._errors:

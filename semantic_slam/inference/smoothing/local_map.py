@@ -1,12 +1,12 @@
-"""The joint covariance of the robot and the objects around it, carried from keyframe to keyframe as a filter does.
+"""Local map: joint covariance of the robot and nearby objects, propagated from keyframe to keyframe as in an EKF.
 
-Marginals of old objects lie deep in the Bayes tree of a long drive and cost more than everything else. Once the joint
-Gaussian of robot and neighbourhood is known, odometry and detections of the neighbourhood change it in closed form;
-it is taken from the smoother again when another object comes near, when the estimate jumps, and after a while.
+Marginals of old objects lie deep in the Bayes tree of a long drive and would cost more than everything else. Once the
+joint Gaussian of robot and neighbourhood is known, odometry and detections update it in closed form. It is read from
+the smoother again when another object comes near, when the estimate jumps, and after a while.
 
-Where estimates change, the error of a position counts without what the robot's heading error turns it by: a filter
-that linearises at ever new estimates otherwise learns of the heading of the whole map, which nothing measures
-(Barrau and Bonnabel, An EKF-SLAM algorithm with consistency properties, 2015).
+Where estimates change, position errors are taken without the part that the robot's heading error causes (an invariant
+error). A filter that relinearises at ever new estimates otherwise gains spurious information on the heading of the
+whole map, which nothing measures (Barrau and Bonnabel, An EKF-SLAM algorithm with consistency properties, 2015).
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from semantic_slam.inference.models.spatial.gravity import Gravity
 from semantic_slam.inference.states.layout import Layout
 
 LARGEST_AGE = 25
-"""Keyframes after which the smoother is asked again."""
+"""Keyframes after which the covariance is read from the smoother again."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,12 @@ class LocalDetection:
     object_id: int
     by_robot: Array
     by_object: Array
-    by_errors: Array  # by the frame's errors that repeat
+    by_errors: Array  # by the frame's correlated errors
 
 
 @dataclass(frozen=True)
 class LocalStart:
-    """An object at ``state`` (s,) that follows from robot and errors: o = G x + H f + e."""
+    """A new object at ``state`` (s,), linear in robot and correlated errors: o = G x + H f + e."""
 
     object_id: int
     state: Array
@@ -45,14 +45,14 @@ class LocalStart:
 
 @dataclass(frozen=True, kw_only=True)
 class LocalMap:
-    """M objects; r and l dimensions of the tangent spaces of robot and objects.
+    """M objects about the robot, which have r and l tangent dimensions.
 
-    p biases of odometry, and q errors that repeat, of the newest frame's detections.
+    Also p biases of odometry, and q correlated errors of the newest frame's detections.
     """
 
     layout: Layout
     ids: Index  # (M,)
-    robot: Array  # (s,) estimate at whose tangent space the covariance stands
+    robot: Array  # (s,) estimate in whose tangent space the covariance is
     objects: Array  # (M, s) estimates
     covariance: Array  # (r + p + q + M l) square: robot, biases, errors, objects, in tangent spaces at the estimates
     age: int = 0
@@ -61,16 +61,16 @@ class LocalMap:
 
     @property
     def carried(self) -> slice:
-        """Rows of robot, biases and errors."""
+        """Rows of robot, biases and correlated errors."""
         return slice(0, self.layout.robot + self.num_biases + self.num_errors)
 
     @property
     def errors(self) -> slice:
-        """Rows of the errors."""
+        """Rows of the correlated errors."""
         return slice(self.layout.robot + self.num_biases, self.carried.stop)
 
     def holds(self, object_ids: Index) -> bool:
-        """Whether all of (n,) objects are here."""
+        """Whether all of (n,) objects are in this map."""
         return set(object_ids.tolist()) <= set(self.ids.tolist())
 
     def rows(self, object_ids: Index) -> Index:
@@ -81,7 +81,7 @@ class LocalMap:
         return rows
 
     def of(self, object_ids: Index) -> Array:
-        """(r + n l, r + n l) of the robot and (n,) objects."""
+        """(r + n l, r + n l) joint covariance of the robot and (n,) objects."""
         rows = self.rows(object_ids)
         return self.covariance[rows[:, None], rows]
 
@@ -91,7 +91,10 @@ class LocalMap:
         return self.covariance[rows[:, :, None], rows[:, None, :]]
 
     def moved(self, robot: Array, before: Array, transition: Array, noise: Array) -> "LocalMap":
-        """The map after a motion to ``robot`` (s,) with (r, r + p) [F G] and covariance; ``before`` it, and after."""
+        """The map after a motion to ``robot`` (s,), with its (r, r + p) transition [F G] and process ``noise``.
+
+        ``before``: covariance before the motion, in the layout of this map.
+        """
         size, width = transition.shape
         covariance = before.copy()
         covariance[:size] = transition @ covariance[:width]
@@ -100,14 +103,14 @@ class LocalMap:
         return replace(self, robot=robot, covariance=covariance, age=self.age + 1)
 
     def levelled(self, gravity: Gravity | None, robot: Array) -> tuple["LocalMap", Array | None]:
-        """The map after a look at gravity from a robot predicted at (s,), and how far that moves the rows' means."""
+        """The map after a measurement of gravity at predicted robot (s,), and the resulting shift of all means."""
         if gravity is None:
             return self, None
         level = gravity.levels(robot, self.covariance)
         return replace(self, covariance=level.covariance), level.shift
 
     def at(self, robot: Array, objects: Array) -> "LocalMap":
-        """The map at other estimates (s,) and (M, s): what turns with the heading error turns about the new ones.
+        """The map relinearised at other estimates (s,) and (M, s), with the heading error's effect about the new ones.
 
         Poses are x, y, yaw with tangents in their own frames; positions are x, y.
         """
@@ -120,7 +123,7 @@ class LocalMap:
         frames = np.concatenate([[robot[2]], np.zeros(len(after))])
         if self.layout.landmark > heading:
             turns[1:], frames[1:] = after[:, 2] - before[:, 2], after[:, 2]
-        turned_back = _rotations(-turns)  # from the tangent space there to that here
+        turned_back = _rotations(-turns)  # from the old tangent space to the new one
         aside = _rotations(-frames) @ np.stack([-shift[:, 1], shift[:, 0]], axis=1)[..., None]  # (1 + M, 2, 1)
         covariance = self.covariance.copy()
         for _ in range(2):  # rows, and then columns
@@ -136,11 +139,11 @@ class LocalMap:
         return replace(self, ids=self.ids[~gone], objects=self.objects[~gone], covariance=covariance)
 
     def _starts(self) -> Index:
-        """(M,) the first row of each object."""
+        """(M,) first row of each object."""
         return np.asarray(self.carried.stop + self.layout.landmark * np.arange(len(self.ids)))
 
     def with_errors(self, matrix: Array, noise: Array) -> "LocalMap":
-        """The map with other errors f' = A f + v, ``matrix`` A and ``noise`` the covariance of v."""
+        """The map with correlated errors f' = A f + v, ``matrix`` A and ``noise`` the covariance of v."""
         rows = slice(self.errors.start, self.errors.start + len(matrix))
         kept = np.delete(self.covariance, self.errors, axis=0)
         cross = np.delete(matrix @ self.covariance[self.errors], self.errors, axis=1)
@@ -155,7 +158,7 @@ class LocalMap:
         return replace(self, covariance=covariance, num_errors=len(matrix))
 
     def updated(self, detections: list[LocalDetection]) -> "LocalMap":
-        """The map after detections of objects that are in it."""
+        """The map after detections of objects in it (a Kalman update of the covariance)."""
         if not detections:
             return self
         size = detections[0].by_robot.shape[1]
@@ -173,7 +176,7 @@ class LocalMap:
         return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
 
     def with_new(self, started: Sequence[LocalStart]) -> "LocalMap":
-        """The map with objects that follow from robot and errors."""
+        """The map with new objects, which are linear in robot and correlated errors."""
         if not started:
             return self
         slopes = np.zeros((self.layout.landmark * len(started), len(self.covariance)))
@@ -191,6 +194,6 @@ class LocalMap:
 
 
 def _rotations(angles: Array) -> Array:
-    """(n, 2, 2) of (n,) radians."""
+    """(n, 2, 2) rotation matrices of (n,) angles [rad]."""
     cos, sin = np.cos(angles), np.sin(angles)
     return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)

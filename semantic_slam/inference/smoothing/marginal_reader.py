@@ -1,4 +1,4 @@
-"""Covariances of a smoother's variables, read from its iSAM2."""
+"""Marginal covariances of a smoother's variables, read from its iSAM2."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -14,43 +14,43 @@ from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_
 from semantic_slam.inference.states.spaces import Spaces
 
 MOST_JOINT_SUMMARISED = 200
-"""States up to which one joint covariance costs less than each by itself where the past is summarised: every single one
-then goes through a clique of all. Elsewhere that is so up to MOST_JOINT."""
+"""Number of states up to which one joint covariance costs less than single marginals where the past is marginalised, as
+every single one then involves a clique of all objects. Otherwise that limit is MOST_JOINT."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarginalReader:
-    """In the tangent spaces at the estimates: r or l rows for a state of a robot or an object, L for a descriptor.
+    """Reads covariances in the tangent spaces at the estimates: r or l rows for a robot or object, L for a descriptor.
 
-    Raises ConsumedSmootherError whatever it is asked once the iSAM2 is handed on.
+    Raises ConsumedSmootherError on every read once the iSAM2 has been handed on.
     """
 
     spaces: Spaces
     owned: OwnedIsam
     descriptor_size: int  # L
     last: tuple[int, ...]  # eliminated last
-    is_summarised: bool  # its past is one factor over all objects
-    located: Callable[[], Located] | None  # where its variables are, which are in charts; None: they are states
+    is_summarised: bool  # the past is marginalised into one factor over all objects
+    located: Callable[[], Located] | None  # estimates in charts, if iSAM2 holds charts; None: it holds states
     _known: dict[tuple[int, ...], Array] = field(default_factory=dict, compare=False, repr=False)
 
     def joint(self, keys: Sequence[int]) -> Array:
-        """Marginal covariance in the order of ``keys``. Raises LostComponentError.
+        """Joint marginal covariance in the order of ``keys``. Raises LostComponentError.
 
-        Read once: a report and the prediction after it ask for the same. What is asked of the states that are
-        eliminated last is part of what they have in common, so that it is the same to the last bit whatever was asked
-        before, of a smoother that was rebuilt as of one that has reported all along.
+        Cached, as a report and the next prediction ask for the same. Whatever is asked of the states eliminated last is
+        cut from their whole joint covariance, so that it is bitwise independent of earlier reads: a smoother that was
+        rebuilt gives the same result as one that has reported all along.
         """
         _ = self.owned.isam  # raises where it was consumed
         whole = tuple(key for key in self.last if not is_descriptor(key))
         return self._part(whole, keys) if set(keys) <= set(whole) else self._whole(tuple(keys)).copy()
 
     def of_objects(self, keys: Sequence[int]) -> Array:
-        """(n, l, l) of each object by itself. Raises LostComponentError."""
+        """(n, l, l) marginal covariance of each object. Raises LostComponentError."""
         size = self.spaces.layout.landmark
         return np.array([self._own(key) for key in keys]).reshape(len(keys), size, size)
 
     def blocks(self, keys: Sequence[int]) -> Array:
-        """(n, w, w) of a robot and of objects, read from the joint one unless they are many. Raises LostComponentError.
+        """(n, w, w) marginal covariances of a robot and objects; from the joint one if few. Raises LostComponentError.
 
         The next prediction asks for that joint covariance, too.
         """
@@ -68,7 +68,7 @@ class MarginalReader:
         return self._known[keys]
 
     def _part(self, whole: tuple[int, ...], keys: Sequence[int]) -> Array:
-        """Joint covariance of some ``keys`` out of that of the ``whole``."""
+        """Joint covariance of some ``keys``, cut from that of the ``whole``."""
         ends = np.cumsum([self._size(key) for key in whole])
         at = dict(zip(whole, ends, strict=True))
         rows = np.concatenate([np.arange(at[key] - self._size(key), at[key]) for key in keys])
@@ -88,7 +88,7 @@ class MarginalReader:
             raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
 
     def _at_estimates(self, keys: Sequence[int], covariance: Array) -> Array:
-        """A covariance of the ``keys`` in the tangent spaces at the estimates, from that in iSAM2's own."""
+        """A covariance of the ``keys`` transformed from iSAM2's charts to the tangent spaces at the estimates."""
         if self.located is None:
             return np.asarray(covariance)
         ends = np.cumsum([self._size(key) for key in keys]).tolist()

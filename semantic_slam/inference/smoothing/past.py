@@ -1,4 +1,4 @@
-"""A smoother without the poses of long ago: what they told stays, as a summary over what is left."""
+"""Fixed-lag marginalisation of a smoother: old poses are replaced by one summary factor over what is left."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -15,9 +15,9 @@ from semantic_slam.inference.states.keys import bias_key, is_bias, is_object, is
 
 
 def without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) -> Smoother:
-    """Another smoother without the robot before keyframe ``oldest``; this one is left as it was.
+    """A new smoother without robot poses before keyframe ``oldest``; this one is left unchanged.
 
-    Nor with objects other than ``object_ids`` that nothing has seen since. Raises LostComponentError.
+    Objects other than ``object_ids`` that nothing observed since are marginalised too. Raises LostComponentError.
     """
     with lost_where_indeterminate("a summary of the past"):
         return _without_past(smoother, oldest, object_ids)
@@ -46,21 +46,21 @@ def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) 
 
 
 def _is_past(key: int, oldest: int) -> bool:
-    """Whether a variable is of the robot before keyframe ``oldest``, or of its odometry before that one's."""
+    """Whether a variable is a robot pose before keyframe ``oldest``, or the odometry bias of an earlier stretch."""
     if is_robot(key):
         return key < robot_key(oldest)
     return is_bias(key) and key < bias_key(oldest)
 
 
 def _forgotten(keys: dict[int, list[int]], touched: set[int], object_ids: Collection[int]) -> set[int]:
-    """Objects of no interest any more, of which nothing but what goes anyway tells."""
+    """Objects not among ``object_ids`` that only marginalised factors, and unary ones, involve."""
     past = {key for slot in touched for key in keys[slot] if is_object(key) and number_of(key) not in object_ids}
     others = (own for slot, own in keys.items() if slot not in touched and len(own) > 1)
     return past - set[int]().union(*others)
 
 
 def _taken(table: FactorTable, rows: list[int]) -> Any:
-    """The table of some of its factors."""
+    """The table of the factors in ``rows``; without their indices, unless it is the whole."""
     if len(rows) == len(table):
         return table
     return FactorTable(

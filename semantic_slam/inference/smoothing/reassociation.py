@@ -1,7 +1,7 @@
-"""A smoother with detections of long ago taken for other objects, without replaying the drive.
+"""Reassociation in the graph: detections of long ago are assigned to other objects without replaying the drive.
 
-Where iSAM2 holds its measurements linear, which object a detection is of is a number beside it: it is changed there,
-and all is solved again. Objects that become one are brought together first, by factors that only they have.
+Where iSAM2 holds measurements linear, the object of a detection is an id stored with it: the ids are changed, and the
+whole graph is solved again. Objects that are to be merged are first pulled together by auxiliary factors between them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,20 +22,20 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import detection_of, object_key
 
 TOGETHER_M, ANY_TURN_RAD = 1e-2, 10.0
-"""Standard deviations of objects that are to be one from each other, while they are brought together."""
+"""Standard deviations of position [m] and heading [rad] between two objects in the factors that pull them together."""
 
 
 @dataclass(frozen=True)
 class Sighted:
-    """All n detections that a smoother holds, in its order."""
+    """All n detections held by a smoother, in its order."""
 
     keyframes: Index  # (n,)
-    numbers: Index  # (n,) of each in its keyframe
+    numbers: Index  # (n,) number of each within its keyframe
     objects: Index  # (n,)
 
     @classmethod
     def of(cls, smoother: Smoother) -> Self:
-        """Detections of a smoother whose measurements are linear."""
+        """The detections of a smoother whose measurements are held linear."""
         sightings = _sightings(smoother)
         if sightings is None:
             nothing = np.zeros(0, dtype=int)
@@ -46,9 +46,9 @@ class Sighted:
 
 
 def reassociated(smoother: Smoother, objects: Index, started: Mapping[int, GaussianPrior]) -> Smoother:
-    """Another smoother in which the detections are of ``objects`` (n,); this one stays as it was.
+    """A new smoother in which the detections are of ``objects`` (n,); this one is left unchanged.
 
-    ``started``: priors of those that it did not have, at whose means they begin. Raises LostComponentError.
+    ``started``: priors of objects that are new, which start at the priors' means. Raises LostComponentError.
     """
     assert smoother.in_charts is not None
     with lost_where_indeterminate("a revision"):
@@ -58,7 +58,7 @@ def reassociated(smoother: Smoother, objects: Index, started: Mapping[int, Gauss
 
 
 def brought_together(smoother: Smoother, pairs: Sequence[tuple[int, int]]) -> Smoother:
-    """Another smoother in which both objects of each pair are at one place. Raises LostComponentError."""
+    """A new smoother in which both objects of each pair are pulled to one place. Raises LostComponentError."""
     before, space = smoother.in_charts, smoother.spaces.landmark
     assert before is not None
     apart = np.full(space.tangent_size, TOGETHER_M**2)
@@ -76,9 +76,9 @@ def brought_together(smoother: Smoother, pairs: Sequence[tuple[int, int]]) -> Sm
 
 
 def log_evidence(smoother: Smoother) -> float:
-    """Log of the integral over all variables of what the factors say, as a Gaussian at the estimate.
+    """Log of the integral of all factors over all variables, as a Gaussian at the estimate (Laplace).
 
-    Without what does not depend on associations but by the number of variables: (2 pi)^(1/2) for each dimension.
+    It leaves out (2 pi)^(1/2) per dimension, which depends on associations by the number of variables alone.
     """
     graph = smoother.isam.getFactorsUnsafe().linearize(smoother.isam.getLinearizationPoint())
     tree = graph.eliminateMultifrontal()
@@ -87,7 +87,7 @@ def log_evidence(smoother: Smoother) -> float:
 
 
 def _sightings(smoother: Smoother) -> Sightings | None:
-    """All of them, joined."""
+    """All detections in one batch; None without any."""
     assert smoother.in_charts is not None
     found = [own.of for own in smoother.in_charts.joined if isinstance(own.of, Sightings)]
     return found[0] if found else None
@@ -96,7 +96,7 @@ def _sightings(smoother: Smoother) -> Sightings | None:
 def _renamed(
     smoother: Smoother, objects: Index, started: Mapping[int, GaussianPrior]
 ) -> tuple[gtsam.ISAM2, LinearFactors]:
-    """An iSAM2 of all factors at the estimate, with new names, without the priors of objects that are gone."""
+    """An iSAM2 of all factors at the estimate, with the new object ids and without priors of objects that are gone."""
     before = smoother.in_charts
     assert before is not None
     before = before.in_one_part()

@@ -1,8 +1,8 @@
-"""Measurements that iSAM2 holds linear, made anew where the estimate has bent them.
+"""Relinearisation of measurements that iSAM2 holds linear, where the estimate has left their linear range.
 
-All are evaluated at once, and where they are off all are made anew: linear about points that do not agree with each
-other, they would tell of the heading of the whole map, which nothing measures (Huang, Mourikis, Roumeliotis,
-Observability-based rules for designing consistent EKF SLAM estimators, 2010).
+All are evaluated in one batch, and where the error is too large all are relinearised: with inconsistent linearisation
+points they would give spurious information on the heading of the whole map, which nothing measures (Huang, Mourikis,
+Roumeliotis, Observability-based rules for designing consistent EKF SLAM estimators, 2010).
 """
 
 from dataclasses import dataclass
@@ -16,26 +16,25 @@ from semantic_slam.inference.smoothing.isam import single_step_isam
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, LinearMeasurements
 
 MOST_TIMES = 15
-"""Times that all is made anew after one update, at most."""
+"""Most relinearisations after one update."""
 LARGEST_TURN = 0.3
-"""Radians that nothing is turned by more at one time: all that is measured then changes by less than it bends."""
+"""Largest rotation [rad] of a robot in one relinearisation step; longer steps are scaled down, to stay in the range in
+which measurements are nearly linear."""
 MOST_OFF = 0.1
-"""Half the sum of squares that all measurements may be off together, in standard deviations.
-
-No estimate is off by more than the root of twice that in those of its own.
-"""
+"""Largest half sum of squared linearisation errors of all measurements together, in standard deviations.  No estimate
+is then off by more than the root of twice that, in its own standard deviations."""
 FREELY = 5
-"""Times that go all the way, wherever they end: a loop that closes far away ends sooner so."""
+"""Number of first iterations that take full steps, wherever they end: a loop closure far away converges sooner so."""
 MOST_HALVED = 4
-"""Times that one way is halved, at most."""
+"""Most halvings of one step."""
 
 
 def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2, LinearFactors]:
-    """An iSAM2 and its measurements after these are made anew until they stay, where they are bent.
+    """An iSAM2 and its measurements, relinearised until the linearisation error is small.
 
-    A loop that closes may move a long way so far that one time ends nowhere near. What has not settled after a few
-    times overshoots: then a time after which all would fit worse than before goes half the way, or half of that.
-    Raises RuntimeError when the system is indeterminate.
+    A loop closure may move the estimate so far that one iteration does not get near. Iterations that have not converged
+    after a few overshoot: from then on a step after which the total error would be larger than before is halved,
+    repeatedly. Raises RuntimeError when the system is indeterminate.
     """
     misfit = np.inf
     for time in range(MOST_TIMES):
@@ -57,14 +56,14 @@ def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2
 
 
 def _after(isam: gtsam.ISAM2, factors: LinearFactors, share: float) -> gtsam.Values:
-    """Where all is after a share of the way to what iSAM2 has solved for."""
+    """Values after a share of the step that iSAM2 has solved for."""
     solved = isam.getDelta()
     at = factors.charts.located(share * solved.vector())
     return factors.charts.values(at, isam.getLinearizationPoint().retract(solved.scale(share)))
 
 
 def _others(isam: gtsam.ISAM2, factors: LinearFactors) -> gtsam.NonlinearFactorGraph:
-    """The factors that are linear anyway."""
+    """The factors that are linear in any case."""
     held, measured = isam.getFactorsUnsafe(), np.zeros(factors.num_slots, dtype=bool)
     for own in factors.joined:
         measured[own.slots] = True
@@ -76,7 +75,7 @@ def _others(isam: gtsam.ISAM2, factors: LinearFactors) -> gtsam.NonlinearFactorG
 
 @dataclass(frozen=True, kw_only=True)
 class _Anew:
-    """All measurements made linear about ``values``, and the factors that are linear anyway."""
+    """All measurements linearised about ``values``, and the factors that are linear in any case."""
 
     values: gtsam.Values
     others: gtsam.NonlinearFactorGraph
@@ -85,18 +84,18 @@ class _Anew:
 
     @classmethod
     def about(cls, values: gtsam.Values, others: gtsam.NonlinearFactorGraph, factors: LinearFactors) -> "_Anew":
-        """With what ``factors`` measure."""
+        """The measurements of ``factors``, linearised about ``values``."""
         empty, made = factors.about(values)
         return cls(values=values, others=others, empty=empty, made=made)
 
     @cached_property
     def misfit(self) -> float:
-        """Half the sum of the squares of all residuals at the values."""
+        """Half the sum of squared residuals at the values."""
         measured = sum(0.5 * float(squared_norms(own.constant + own.of.offset).sum()) for own in self.made)
         return measured + float(self.others.error(self.values))
 
     def held(self) -> tuple[gtsam.ISAM2, LinearFactors]:
-        """An iSAM2 that holds them, with charts about the values."""
+        """An iSAM2 that holds the relinearised factors, with charts about the values."""
         graph = gtsam.NonlinearFactorGraph(self.others)
         for own in self.made:
             graph.push_back(own.factors())

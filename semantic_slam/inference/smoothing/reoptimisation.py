@@ -1,4 +1,4 @@
-"""A smoother's whole graph optimised by Levenberg-Marquardt, where updates of iSAM2 would not get there."""
+"""Full Levenberg-Marquardt optimisation of a smoother's graph, where iSAM2 updates would not converge."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,10 +14,10 @@ from semantic_slam.inference.states.keys import is_descriptor
 from semantic_slam.inference.states.spaces import Spaces
 
 SAME = 1e-3
-"""Change of a state, metres or radians, below which linear factors need not be made again."""
+"""Change of a state [m or rad] below which linear factors need not be relinearised."""
 MAX_ROUNDS = 6
 FEW_VARIABLES = 40
-"""Up to so many, it costs less to optimise all than to find out which are tied to others."""
+"""Number of variables up to which optimising all costs less than finding out which are connected."""
 MAX_EXACT_ITERATIONS = 15
 """Most iterations of an optimisation whose factors call back into Python."""
 
@@ -28,10 +28,10 @@ def reoptimised(
     measurements: Sequence[SemanticFactor],
     starts: Sequence[gtsam.Values],
 ) -> Smoother:
-    """A new iSAM2 of ``kept`` and of semantic measurements at the optimum next to a start, linear factors made there.
+    """A new iSAM2 of ``kept`` and semantic measurements at the optimum next to a start, linearised there.
 
-    Under classes the first start is taken. With descriptors the one that ends best, factors exact on the way: an object
-    that turns, or a map that may float, is far from where linear ones hold.
+    Under classes the first start is used. With descriptors all are, with exact factors, and the best optimum is taken:
+    an object that turns, or a map that is not anchored, is far from where linear factors hold.
     """
     semantics = smoother.semantics
     if semantics.latent is not None and measurements:
@@ -50,7 +50,7 @@ def _by_rounds(
     measurements: Sequence[SemanticFactor],
     values: gtsam.Values,
 ) -> gtsam.Values:
-    """Optimised with linear factors, made anew until that changes nothing."""
+    """Optimised with linear semantic factors, which are relinearised until nothing changes."""
     keys = sorted({key for item in measurements for key in item.keys})
     states = _states(semantics.spaces, values, keys)
     kept, tied = _tied(kept, values)
@@ -66,9 +66,9 @@ def _by_rounds(
 
 
 def _tied(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """Factors and values of the variables that some factor ties to another.
+    """Factors and values of the variables that some factor connects to another variable.
 
-    The others, objects that nobody has seen, are where their priors have them; most of a large map are.
+    The others, objects not seen yet, stay at their priors; in a large map they are the majority.
     """
     if values.size() <= FEW_VARIABLES:
         return graph, values
@@ -85,7 +85,7 @@ def _tied(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> tuple[gtsa
 
 
 def changed(spaces: Spaces, values: gtsam.Values, states: Mapping[int, Array]) -> gtsam.Values:
-    """A copy with other states of some variables."""
+    """A copy of ``values`` with new states of some variables."""
     copy = gtsam.Values(values)
     for key, state in states.items():
         copy.erase(key)
@@ -102,7 +102,7 @@ def _exactly(
     measurements: Sequence[SemanticFactor],
     starts: Sequence[gtsam.Values],
 ) -> gtsam.Values:
-    """The best of the optima next to some starts, with callbacks for all semantic factors, nearly reached."""
+    """The best of the optima next to the starts, with exact (callback) semantic factors, nearly converged."""
     exact = [replace(item, exact=True) for item in measurements]
     states = _states(semantics.spaces, starts[0], sorted({key for item in measurements for key in item.keys}))
     graph = _joined(kept, semantics.make([exact], [LinearisationPoints.of(exact, states)])[0])

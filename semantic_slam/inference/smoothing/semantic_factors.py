@@ -1,4 +1,4 @@
-"""Factors of semantic measurements, made in batches at an estimate: under classes, or with learned descriptors."""
+"""Factors of semantic measurements, linearised in batches at an estimate: with classes, or with learned descriptors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,26 +19,27 @@ from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.latent.model import DescriptorBelief
 
 MOVED_RAD = 0.1
-"""Change of a view from which on its linear factor is made anew."""
+"""Change of the direction of view [rad] from which on a linear factor is relinearised."""
 MOVED_POSE = 0.3
-"""Change of a pose, metres or radians, from which on those with descriptors are, even where the view remained the same:
-GTSAM keeps a Jacobian in the frame where it was made, and a map that floats must not be held by that."""
+"""Change of a pose [m or rad] from which on factors with descriptors are relinearised even where the view is unchanged:
+GTSAM keeps a Jacobian in the frame where it was made, and a map that is not anchored must not be held in place by
+that."""
 MOVED_DESCRIPTOR = 0.2
-"""Change of a descriptor's component, in standard deviations of its prior, from which on linear factors are."""
+"""Change of a descriptor component, in prior standard deviations, from which on linear factors are relinearised."""
 RELINEARISED_DESCRIPTOR = 0.1
-"""Change, in the same unit, from which on iSAM2 relinearises it."""
+"""Change of a descriptor component, in prior standard deviations, from which on iSAM2 relinearises it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SemanticFactor:
-    """A semantic measurement under a class, or with a descriptor."""
+    """A semantic measurement under an enumerated class, or with a descriptor variable."""
 
     robot_key: int
     object_key: int
     detection: Any
     assigned_class: int  # -1 with a descriptor
     descriptor_key: int | None = None
-    exact: bool = False  # a callback, while the direction of view is uncertain
+    exact: bool = False  # nonlinear (callback), while the direction of view is uncertain
 
     @property
     def keys(self) -> tuple[int, ...]:
@@ -70,7 +71,7 @@ class LinearisationPoints:
 
     @classmethod
     def joined(cls, parts: Sequence["LinearisationPoints"]) -> "LinearisationPoints":
-        """Linearisation points of several parts, one after another; parts without measurements do not matter."""
+        """Concatenated linearisation points of several parts; parts without measurements are skipped."""
         some = [part for part in parts if len(part.states)]
         return cls(np.concatenate([part.states for part in some]), some[0].storage) if some else NO_POINTS
 
@@ -86,7 +87,7 @@ class LinearisationPoints:
 
     @property
     def descriptors(self) -> Array:
-        """(n, L) descriptors of the linearisation points, of no components under classes."""
+        """(n, L) descriptors of the linearisation points; L is 0 under classes."""
         return self.states[:, self.storage.size(1) :]
 
     def take(self, rows: Sequence[int] | NDArray[np.int_]) -> "LinearisationPoints":
@@ -106,7 +107,7 @@ NO_POINTS = LinearisationPoints(np.zeros((0, 0)), Layout(0, 0))
 
 @dataclass(frozen=True)
 class SemanticFactorMaker:
-    """Makes them; ``latent`` None: there are no descriptors, but classes."""
+    """Makes semantic factors; ``latent`` None: with classes instead of descriptors."""
 
     spaces: Spaces
     model: ObservationModel
@@ -114,7 +115,7 @@ class SemanticFactorMaker:
 
     @cached_property
     def descriptor_threshold(self) -> Array:
-        """(L,) change of a descriptor from which on it is linearised anew; of no components without descriptors."""
+        """(L,) change of a descriptor from which on iSAM2 relinearises it; L is 0 without descriptors."""
         return RELINEARISED_DESCRIPTOR * self._prior_sigma
 
     @cached_property
@@ -129,9 +130,9 @@ class SemanticFactorMaker:
     def make(
         self, measurements: Sequence[Sequence[SemanticFactor]], points: Sequence[LinearisationPoints]
     ) -> list[list[Any]]:
-        """Factors of S sets of measurements, (n_s,) of each at its own n_s places; one evaluation for all.
+        """Factors of S sets of measurements, (n_s,) each at its own n_s points; one batched evaluation for all.
 
-        In one set a variable is at one place, whichever measurement it is of.
+        Within one set a variable has one linearisation point, whichever measurement it is in.
         """
         every = [item for factor_set in measurements for item in factor_set]
         if not every:
@@ -146,7 +147,10 @@ class SemanticFactorMaker:
         return [[next(factors) for _ in factor_set] for factor_set in measurements]
 
     def change(self, before: LinearisationPoints, now: LinearisationPoints) -> tuple[Array, NDArray[np.bool_]]:
-        """(n,) how far from where linear factors were made, 1 being as far as they hold, and whether the map floats."""
+        """(n,) distance from the linearisation points, 1 being the limit, and whether poses themselves moved that far.
+
+        Poses that move together leave the view unchanged, as where the map is not anchored.
+        """
         relative = (self.spaces.seen(at.robots, at.objects) for at in (before, now))
         change = np.asarray(self.model.view_change(*relative)) / MOVED_RAD
         if self.latent is None:

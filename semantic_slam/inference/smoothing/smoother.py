@@ -1,8 +1,11 @@
-"""The iSAM2 of a component: forked when its hypothesis branches, else consumed by the only child; updated, read.
+"""The iSAM2 of one hypothesis's component: how it is forked, updated and read.
 
-Semantic factors are linear (a callback into Python costs sixty times as much): they are made at an estimate, and those
-of an object that a keyframe observes are made anew where its view has changed. Its variables are states of robots and
-objects, of tangent spaces of r and l dimensions, and with a learned latent space descriptors of L components.
+When a hypothesis branches, each child updates a fork of its parent's iSAM2; an only child consumes its parent's.
+
+Semantic factors are linear in GTSAM's sense (a callback into Python costs sixty times as much): each is linearised at
+an estimate, and those of an object that a keyframe observes are relinearised where its view has changed. The variables
+are the states of robots and objects, with tangent spaces of r and l dimensions, and with a learned latent space
+descriptors of L components.
 """
 
 from collections.abc import Sequence
@@ -41,18 +44,19 @@ from semantic_slam.inference.states.keys import is_descriptor
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_VARIABLES = 200
-"""Up to which reading the whole estimate once costs less than reading parts of it."""
+"""Number of variables below which reading the whole estimate once costs less than reading parts of it."""
 CONVERGED = 1.5
-"""Thresholds that a state may be off where it is linearised at the end of a keyframe, or a factor where it was made:
-the next update does anew what is over one, while an update now, for what is hardly over it, costs as much as that."""
+"""How far, in relinearisation thresholds, a state or a factor may be from its linearisation point at the end of a
+keyframe. The next update relinearises whatever is over one threshold; a further update now, for something hardly over
+it, would cost as much as that."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Smoother:
-    """iSAM2 and the semantic measurements in it.
+    """iSAM2 with the semantic measurements in it.
 
-    Updates consume a smoother: it hands its iSAM2 on and raises ConsumedSmootherError whatever it is asked. Whoever
-    needs it again updates a ``fork()``.
+    Updating a smoother consumes it: it hands its iSAM2 on, and from then on raises ConsumedSmootherError on every use.
+    Whoever needs the smoother again updates a ``fork()`` instead.
     """
 
     spaces: Spaces
@@ -61,12 +65,12 @@ class Smoother:
     num_variables: int
     factor_table: FactorTable = NO_FACTORS
     num_descriptors: int = 0  # variables E(n)
-    in_charts: LinearFactors | None = None  # its measurements where iSAM2 holds them linear
-    steps: int = 0  # updates since it began to be updated once per keyframe
-    single_steps: bool = False  # updated once per keyframe
-    is_summarised: bool = False  # its past is one factor over all objects
-    last: tuple[int, ...] = ()  # eliminated last, for their joint covariance is read most; none where they are many
-    _here: list[Located] = field(default_factory=list, compare=False, repr=False)  # which a fork goes on with
+    in_charts: LinearFactors | None = None  # measurements, where iSAM2 holds them linear in fixed charts
+    steps: int = 0  # updates since ``with_single_steps``
+    single_steps: bool = False  # one update per keyframe, not iterated until convergence
+    is_summarised: bool = False  # the past is marginalised into one factor over all objects
+    last: tuple[int, ...] = ()  # keys eliminated last, whose joint covariance is read most; empty if too many
+    _here: list[Located] = field(default_factory=list, compare=False, repr=False)  # ``_located``, cached
 
     @classmethod
     def of(
@@ -95,11 +99,11 @@ class Smoother:
         return self.owned.isam
 
     def fork(self) -> "Smoother":
-        """A copy that grows apart from this one."""
+        """An independent copy: updates of either leave the other as it is."""
         return replace(self, owned=self.owned.fork())
 
     def states(self, keys: Sequence[int]) -> Array:
-        """(n, s) estimates of different keys, as wide as the wider of robots and objects."""
+        """(n, s) estimates of distinct keys in the order given, padded to the wider of robot and object states."""
         if not len(keys):
             return np.zeros((0, self.spaces.storage.width))
         if self.in_charts is not None:
@@ -112,7 +116,7 @@ class Smoother:
 
     @property
     def estimate(self) -> Estimate:
-        """Estimate of all variables, read from iSAM2 once."""
+        """Estimate of all variables, read from iSAM2 once and cached."""
         _ = self.isam  # raises where it was consumed
         return self._estimate
 
@@ -125,11 +129,11 @@ class Smoother:
         return np.array([self.isam.calculateEstimateVector(key) for key in keys])
 
     def vector(self, key: int) -> Array:
-        """(n,) estimate of a variable that is no pose."""
+        """(n,) estimate of a vector-valued variable, which is no pose."""
         return np.asarray(self.isam.calculateEstimateVector(key))
 
     def has(self, key: int) -> bool:
-        """Whether there is such a variable."""
+        """Whether the graph has this variable."""
         return bool(self.isam.valueExists(key))
 
     @cached_property
@@ -152,7 +156,7 @@ class Smoother:
         return self._marginals.of_objects(keys)
 
     def joint_blocks(self, keys: Sequence[int]) -> Array:
-        """(n, w, w) marginal covariances of a robot and objects. Raises LostComponentError."""
+        """(n, w, w) marginal covariances, one block each of a robot and objects. Raises LostComponentError."""
         return self._marginals.blocks(keys)
 
     def stepped(
@@ -165,10 +169,11 @@ class Smoother:
         again: bool,
         measured: Sequence[Measured] = (),
     ) -> "Smoother":
-        """The smoother after one update, two where ``again``, without waiting until it converges; it consumes this one.
+        """The smoother after one update, or two where ``again``, not iterated to convergence. It consumes this one.
 
-        ``measured`` is what the keyframe measures, where the smoother holds its measurements linear.
-        Semantic factors stay as they are made. Raises LostComponentError when the system is indeterminate.
+        ``measured`` holds the keyframe's odometry and detections where the smoother keeps its measurements linear in
+        charts. Semantic factors keep the linearisation point that they are made at. Raises LostComponentError when the
+        system is indeterminate.
         """
         with lost_where_indeterminate("an update"):
             points = LinearisationPoints.of(measurements, start)
@@ -190,7 +195,10 @@ class Smoother:
         *,
         again: bool,
     ) -> "Smoother":
-        """One update with factors that are made linear here, at the estimates; anew where these bend them."""
+        """One update with measurements linearised at the current estimate; all are relinearised where that is due.
+
+        That is every ``STEPPED_SKIP`` updates, and at once where ``again``.
+        """
         charts, at, values = before.charts.extended(values, self._located)
         factors, now = replace(before, charts=charts), new_measurements(measured, values, charts.vectors)
         made = factors.made(now, at)
@@ -209,20 +217,22 @@ class Smoother:
 
     @property
     def _located(self) -> Located:
-        """Where robots and objects are in charts, read from iSAM2 once."""
+        """Estimates of robots and objects in their charts, read from iSAM2 once and cached."""
         assert self.in_charts is not None
         return _read_once(self.owned, self.in_charts, self._here)
 
     def _vectors(self, values: gtsam.Values, keys: Sequence[int]) -> gtsam.Values:
-        """New variables at their ``values``, and estimates of the others among ``keys``, which are vectors."""
+        """New variables at their ``values``, and the current estimates of the other ``keys``, which are vectors."""
         point = self.isam.calculateEstimate([key for key in keys if not values.exists(key)])
         point.insert(values)
         return point
 
     def with_single_steps(self, num_biases: int, *, errors_repeat: bool) -> "Smoother":
-        """The smoother to be updated once per keyframe: relinearised seldom, back-substituted to millimetres.
+        """The smoother set up for one update per keyframe: rare relinearisation, back-substitution to millimetres.
 
-        Nearer where ``errors_repeat``. With biases of odometry as a variable of its own, in which all is linear.
+        Back-substitution goes further where ``errors_repeat``, that is, where detection errors are correlated over
+        time. Biases of odometry, ``num_biases`` of them, are added as a variable of their own; every factor is linear
+        in it.
         """
         isam = single_step_isam(self.spaces, errors_repeat=errors_repeat)
         graph, values = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe()), self.isam.getLinearizationPoint()
@@ -251,7 +261,7 @@ class Smoother:
         added: AddedFactors,
         renewal: RelinearisedFactors = NONE_RELINEARISED,
     ) -> "Smoother":
-        """The smoother after one update with ``graph`` and semantic factors, new and renewed; it consumes this one."""
+        """The smoother after one iSAM2 update with ``graph`` and new or renewed semantic factors; consumes this one."""
         owned = self.owned.hand_on()
         together = gtsam.NonlinearFactorGraph(graph)
         for factor in (*added.factors, *renewal.factors):
@@ -290,8 +300,8 @@ class Smoother:
     ) -> "Smoother":
         """A new iSAM2 of the factors ``kept`` and the semantic ones, linearised at ``values``.
 
-        It factorises by QR where Cholesky finds the system too poorly conditioned: where the robot stands on an object,
-        a bearing tells thousands of times as much across it as the rest tells along.
+        It factorises by QR where the system is too poorly conditioned for Cholesky: where the robot stands on an
+        object, a bearing is thousands of times as informative across the line of sight as everything else is along it.
         """
         graph = gtsam.NonlinearFactorGraph(kept)
         for factor in factors:
@@ -321,16 +331,16 @@ class Smoother:
         )
 
     def _empty_isam(self, factorization: str = "CHOLESKY") -> gtsam.ISAM2:
-        """One to begin anew with."""
+        """An empty iSAM2 with the parameters of this smoother."""
         if self.single_steps:
             return single_step_isam(self.spaces, errors_repeat=False, factorization=factorization)
         return new_isam(self.spaces, self.semantics.descriptor_threshold, factorization)
 
     def converged(self) -> bool:
-        """Whether all variables are about where they were linearised.
+        """Whether every variable is within about one threshold of its linearisation point.
 
-        Descriptors, which come first by their keys, count while they have exact factors: linear ones in a vector space
-        say the same wherever they are linearised.
+        Descriptors, which come first in key order, count only while they have exact factors: linear factors in a vector
+        space say the same at every linearisation point.
         """
         deltas = np.abs(self.isam.getDelta().vector()) / CONVERGED
         limit = self.semantics.descriptor_threshold
@@ -340,16 +350,16 @@ class Smoother:
         return not self.factor_table.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 
     def points(self, rows: Sequence[int] | Index) -> LinearisationPoints:
-        """Estimates of the variables of some semantic measurements."""
+        """Current estimates of the variables of the semantic measurements ``rows``: where to relinearise them."""
         return self.estimate.points(self.factor_table.keys[rows])
 
     def kept(self) -> gtsam.NonlinearFactorGraph:
-        """All factors but the semantic ones."""
+        """All factors of the graph but the semantic ones."""
         return self.factor_table.without(self.isam.getFactorsUnsafe())
 
 
 def _read_once(owned: OwnedIsam, factors: LinearFactors, here: list[Located]) -> Located:
-    """Where the variables of an iSAM2 are; read the first time, and kept ``here``, which is empty then."""
+    """Estimates of an iSAM2's variables in charts; computed the first time and cached in the list ``here``."""
     if not here:
         here.append(factors.charts.located(owned.isam.getDelta().vector()))
     return here[0]
@@ -357,5 +367,5 @@ def _read_once(owned: OwnedIsam, factors: LinearFactors, here: list[Located]) ->
 
 @lru_cache(maxsize=1024)
 def _ranks(keys: tuple[int, ...]) -> NDArray[np.int_]:
-    """Rank of each key among them all."""
+    """Rank of each key among all of them."""
     return np.argsort(np.argsort(keys))

@@ -1,12 +1,13 @@
-"""Keyframes of long ago summarised: their poses marginalised out, into one Gaussian over what they have seen.
+"""Marginalisation of old keyframes: their poses are integrated out into one Gaussian factor over what they observed.
 
-The poses before some keyframe, and what only they are tied to, are integrated out of the factors that hold them, made
-linear at the estimate; by a QR factorisation, so that a summary is as good as the graph where all is linear. What is
-left is one dense factor over the pose of that keyframe, the objects that those before it have seen, and the newest bias
-of odometry. It has as many objects as there are, however long the drive: updates cost the same on any day.
+The poses before some keyframe, and what only they are tied to, are eliminated from the factors that hold them,
+linearised at the estimate; by a QR factorisation, which loses nothing where all is linear. What is left is one dense
+factor over the pose of that keyframe, the objects that earlier poses have seen, and the newest odometry bias. Its size
+is the number of objects, however long the drive is: the cost of an update does not grow with time.
 
-It is a Gaussian of where these are as that pose sees them, and of that pose itself: what turns the whole map, as every
-loop does a little, bends none of it. What is lost is of the second order in what the rest of the map moves later on.
+The Gaussian is over the objects in the frame of that pose, and over the pose itself: a rotation of the whole map, as
+every loop closure causes to some degree, then brings no linearisation error. What is lost is second order in later
+relative motion of the map.
 """
 
 from collections.abc import Collection, Sequence
@@ -25,15 +26,15 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """A Gaussian over n variables of m dimensions together: |R (y - y') - e|^2 / 2 of their coordinates y."""
+    """A joint Gaussian factor over n variables of m dimensions, |R (y - y') - e|^2 / 2, y being their coordinates."""
 
-    keys: tuple[int, ...]  # n, ascending; of robots one alone
+    keys: tuple[int, ...]  # n, ascending; a single robot pose among them
     root: Array  # (m, m) R
     right: Array  # (m,) e
     coordinates: Array  # (m,) y'
 
     def factor(self, spaces: Spaces) -> Any:
-        """For GTSAM's nonlinear graphs; a callback, for GTSAM keeps a linear factor's slopes in frames that turn."""
+        """GTSAM factor; a callback, as GTSAM keeps the Jacobian of a linear factor in tangent frames that rotate."""
 
         def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
             apart, slopes = self._apart(spaces, values)
@@ -45,7 +46,7 @@ class Summary:
         return gtsam.CustomFactor(unit_noise(len(self.right)), list(self.keys), error)
 
     def _apart(self, spaces: Spaces, values: gtsam.Values) -> tuple[Array, Array]:
-        """(m,) coordinates at some values from y', and their (m, m) slopes."""
+        """(m,) difference of the coordinates at some values from y', and their (m, m) Jacobian."""
         now, slopes, turns = _coordinates(spaces, self.keys, values)
         apart = now - self.coordinates
         apart[turns] = wrap_angle(apart[turns])
@@ -59,9 +60,9 @@ class Summary:
 
 
 def summary_of(spaces: Spaces, factors: Sequence[Any], values: gtsam.Values, gone: Collection[int]) -> Summary:
-    """What nonlinear ``factors``, linear at the ``values``, say without the variables that are ``gone``.
+    """The marginal of nonlinear ``factors``, linearised at ``values``, without the variables that are ``gone``.
 
-    Every one of them is over a variable that goes.
+    Every factor must involve a variable that goes.
     """
     touched = gtsam.NonlinearFactorGraph()
     for factor in factors:
@@ -87,9 +88,9 @@ def _triangle(rows: Array) -> Array:
 
 
 def _coordinates(spaces: Spaces, keys: Sequence[int], values: gtsam.Values) -> tuple[Array, Array, list[int]]:
-    """(m,) coordinates of variables, their (m, m) slopes by steps from the ``values``, and which of them are angles.
+    """(m,) coordinates of variables, their (m, m) Jacobian by tangent vectors at ``values``, and which are angles.
 
-    Those of a robot that turns are its own, and those of the objects are as it sees them.
+    A planar robot pose keeps its own coordinates; objects are expressed in its frame.
     """
     sizes = values.extract(list(keys)).dims()
     ends = np.cumsum([sizes[key] for key in keys]).tolist()
@@ -110,12 +111,12 @@ def _coordinates(spaces: Spaces, keys: Sequence[int], values: gtsam.Values) -> t
 
 
 def _turns(spaces: Spaces, key: int) -> bool:
-    """Whether a variable is a pose."""
+    """Whether a variable is a pose (has a heading)."""
     return not is_vector(key) and spaces.of(key).heading is not None
 
 
 def _see(found: Array, slopes: Array, robot: slice, part: slice) -> None:
-    """Turn an object's coordinates in map, and their slopes, into those that a robot sees."""
+    """Transform an object's map coordinates, and their Jacobian, into the robot's frame, in place."""
     back = _rotation(found[robot][2]).T
     found[part.start : part.start + 2] = seen = back @ (found[part][:2] - found[robot][:2])
     slopes[part, part][:2] = back @ slopes[part, part][:2]

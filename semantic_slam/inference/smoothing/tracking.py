@@ -1,4 +1,4 @@
-"""Where robot and objects are after an update, kept with the hypothesis where reading every marginal costs too much."""
+"""Tracked states: robot and objects after an update, kept where reading every marginal from iSAM2 costs too much."""
 
 import numpy as np
 
@@ -37,9 +37,8 @@ def tracked_after(
 ) -> tuple[TrackedStates, LocalMap | None]:
     """Tracked states after one keyframe, over the objects ``ids`` (O,), and the update's local map at them.
 
+    Marginal covariances are recomputed of the objects observed and of all, if there are no more than ``max_fresh``.
     Raises LostComponentError.
-
-    ``max_fresh`` objects at most get fresh marginal covariances besides those observed.
     """
     layout, storage, existence = smoother.spaces.layout, smoother.spaces.storage, update.existence
     new = len(existence.new_ids)
@@ -71,7 +70,7 @@ def tracked_after(
 
 
 def _anchors_after(before: TrackedStates, update: ComponentUpdate) -> Array | None:
-    """(O, 3) from where objects were first seen along a ray alone, NaN of others; None where none was."""
+    """(O, 3) position from which an object was first seen along a ray alone, NaN for others; None where none was."""
     kept = update.existence.kept
     new = [update.new_objects[int(n)].anchor for n in update.existence.new_ids]
     if before.anchors is None and all(anchor is None for anchor in new):
@@ -82,7 +81,7 @@ def _anchors_after(before: TrackedStates, update: ComponentUpdate) -> Array | No
 
 
 def _local_at(local: LocalMap, ids: Index, robot: Array, objects: Array) -> LocalMap:
-    """A local map of those of its objects that are still among ``ids`` (O,), at the estimates (s,) and (O, s)."""
+    """A local map restricted to objects still among ``ids`` (O,), at the estimates (s,) and (O, s)."""
     kept = np.isin(local.ids, ids)
     left = local if kept.all() else local.without(~kept)
     return left.at(robot, objects[np.searchsorted(ids, left.ids)])
@@ -91,7 +90,7 @@ def _local_at(local: LocalMap, ids: Index, robot: Array, objects: Array) -> Loca
 def _errors_after(
     smoother: Smoother, keyframe: int, before: TrackedStates, update: ComponentUpdate
 ) -> CarriedErrors | None:
-    """The errors of the newest frame with detections."""
+    """The correlated errors of the newest frame with detections."""
     if update.errors is None:
         return before.errors if update.carried_errors is None else update.carried_errors
     keys = error_keys(keyframe, update.errors.count)
@@ -106,7 +105,7 @@ def _joint(
     local: LocalMap | None,
     object_ids: Index,
 ) -> tuple[Array, Array]:
-    """(r + p + q) square of robot, biases and errors, and (n, l, l) of objects: from a local map that holds them."""
+    """(r + p + q) square of robot, biases and errors, and (n, l, l) of objects: from the local map if it holds them."""
     if local is not None and local.holds(object_ids):
         return local.covariance[local.carried, local.carried], local.single(object_ids)
     carried, keys = carried_keys(keyframe, num_biases, errors), [object_key(n) for n in object_ids.tolist()]
@@ -116,7 +115,7 @@ def _joint(
 
 
 def _read_at_once(smoother: Smoother, carried: list[int], objects: list[int]) -> tuple[Array, Array]:
-    """Covariances of what is carried, and of objects, out of one of all, which the next prediction asks for, too."""
+    """Covariances of what is carried and of objects, from one joint one that the next prediction needs, too."""
     layout = smoother.spaces.layout
     joint = smoother.joint_covariance([*carried, *objects])
     first = len(joint) - layout.landmark * len(objects)
@@ -126,7 +125,7 @@ def _read_at_once(smoother: Smoother, carried: list[int], objects: list[int]) ->
 
 
 def carried_keys(keyframe: int, num_biases: int, errors: CarriedErrors | None) -> list[int]:
-    """The newest robot, the biases of its odometry, and the errors that repeat."""
+    """Keys of the newest robot, the biases of its odometry, and the correlated errors."""
     repeated = [] if errors is None else error_keys(errors.keyframe, errors.count)
     return [robot_key(keyframe), *[bias_key(keyframe)][:num_biases], *repeated]
 
@@ -138,7 +137,7 @@ def _position_sigmas(spaces: Spaces, covariances: Array) -> Array:
 
 
 def _with_unit_bias(robot: Array, num_biases: int) -> Array | None:
-    """Covariance of the robot and biases that nothing is known of yet."""
+    """Joint covariance of the robot and unit-variance prior biases; None without biases."""
     if not num_biases:
         return None
     size = len(robot)

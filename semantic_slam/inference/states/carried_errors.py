@@ -1,4 +1,4 @@
-"""What a hypothesis knows of the errors that repeat, from one frame with detections to the next."""
+"""A hypothesis's belief over the correlated detection errors, passed from one frame with detections to the next."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -12,21 +12,24 @@ from semantic_slam.geometry.pose import wrap_angle
 
 @dataclass(frozen=True, kw_only=True)
 class CarriedErrors:
-    """f of the newest frame with detections, n of them, as a hypothesis knows it; its covariance stands elsewhere."""
+    """Mean of the correlated errors f of the newest frame with n detections; see ``models/correlated_errors``.
+
+    The covariance is in ``TrackedStates.carried_covariance``.
+    """
 
     keyframe: int  # of that frame
-    places: Array  # (n, 2) metres, in the body frame of the newest keyframe
-    by_sensor: Array  # (2 n, d) slopes by what the sensor gets wrong all the way
-    mean: Array  # (2 n + d,), of which the last d are that
-    left: float = 1.0  # correlation that the motion since has left
+    places: Array  # (n, 2) positions of the detections in metres, in the body frame of the newest keyframe
+    by_sensor: Array  # (2 n, d) Jacobian of f by the sensor's constant errors g
+    mean: Array  # (2 n + d,) of f, then of g
+    left: float = 1.0  # correlation that is left after the motion since that frame
 
     @property
     def count(self) -> int:
-        """Entries of two components."""
+        """Number of two-component entries, n detections and the sensor's."""
         return len(self.mean) // 2
 
     def moved(self, control: Array, settings: DetectionErrorsConfiguration) -> Self:
-        """After a motion (3,): x, y [m], yaw [rad]."""
+        """Propagate through a motion ``control`` (3,): x, y [m], yaw [rad]; the correlation decays with it."""
         cos, sin = np.cos(control[2]), np.sin(control[2])
         turned_back = np.array([[cos, sin], [-sin, cos]])
         driven, turned = float(np.hypot(*control[:2])), abs(float(wrap_angle(control[2])))

@@ -1,4 +1,4 @@
-"""What samples say of a state beyond its Gaussian, in that Gaussian's own standard deviations."""
+"""Corrections of a state's Gaussian by weighted samples, in units of that Gaussian's standard deviations."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.kinds.state_space import StateSpace
 
 LEAST_SHARE = 1e-3
-"""Semantic views narrow a variance to this share of the geometric one at most."""
+"""Semantic views reduce a variance to no less than this fraction of the geometric one."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Correction:
     def of_samples(cls, deviations: Array, weights: Array) -> "Correction":
         """From (P, d) deviations of samples, P > d, and their (P,) normalised weights.
 
-        Weighted moments are set against the even ones of the same samples, so that their scatter cancels.
+        Weighted moments are taken relative to the unweighted ones of the same samples, so that sampling noise cancels.
         """
         centred = deviations - deviations.mean(axis=0)
         root = np.linalg.cholesky(centred.T @ centred / len(centred))

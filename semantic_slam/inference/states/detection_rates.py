@@ -1,8 +1,8 @@
-"""How often a sensor detects what is there, and what is not, and how much there is: settings that a history decides.
+"""Detection, clutter and birth rates as a discrete mixture within each hypothesis, weighted by its evidence.
 
-Given one setting the existences of the objects of a history are independent. A hypothesis is the mixture over all
-settings, each with the weight that its detections, misses and births so far have left it: the sum over settings is
-exact, and no hypothesis is spent on any of them.
+Given one setting of the rates, the existences of the objects of a history are independent. A hypothesis is the mixture
+over all settings, each with the weight that the detections, misses and births so far give it: the sum over settings is
+exact, and needs no additional hypotheses.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,20 +29,20 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionRates:
-    """G settings and what each weighs."""
+    """G settings of the rates, with their weights."""
 
-    probability: Array  # (G,) that an object inside the region, right at the sensor and not hidden, is detected
-    half_range_m: Array  # (G,) where that is half as likely; inf: it is the same everywhere in the region
+    probability: Array  # (G,) of detecting an unoccluded object in the region, at zero range
+    half_range_m: Array  # (G,) range at which that probability is halved; inf: no decrease within the region
     birth_density: Array  # (G,) objects per square metre
-    clutter_per_frame: Array  # (G,) false alarms expected in a frame
-    persistence: Array  # (G,) of whether an object can be detected, from one keyframe to the next
+    clutter_per_frame: Array  # (G,) expected false alarms per frame
+    persistence: Array  # (G,) correlation of an object's detectability between keyframes, see ``MissRuns``
     log_weights: Array = field(default_factory=lambda: np.zeros(1))  # (G,) normalised
-    by_direction: DirectionShares = ALIKE  # under all settings
-    least_log_weight: float = -np.inf  # settings that weigh less are given up for good
+    by_direction: DirectionShares = ALIKE  # dependence on the bearing, common to all settings
+    least_log_weight: float = -np.inf  # settings of smaller weight are dropped for good
 
     @classmethod
     def of(cls, settings: OpenWorldConfiguration) -> Self:
-        """Every combination that the configuration asks for, all alike."""
+        """All combinations of the configured values, with equal weights."""
         grid = product(
             settings.detection_probabilities or (settings.detection_probability,),
             settings.detection_half_ranges_m or (np.inf,),
@@ -67,12 +67,12 @@ class DetectionRates:
 
     @cached_property
     def weights(self) -> Array:
-        """(G,) that sum to one."""
+        """(G,) weights, which sum to one."""
         return np.exp(self.log_weights)
 
     @cached_property
     def runs(self) -> MissRuns:
-        """(G,) chains of what can be detected."""
+        """The Markov chains of detectability, one for each of the G settings."""
         return MissRuns(self.probability, self.persistence)
 
     def fall_off(self, ranges_m: Array) -> Array:
@@ -84,7 +84,7 @@ class DetectionRates:
 
     @cached_property
     def sensors(self) -> "tuple[DetectionRates, Index]":
-        """Settings that differ in what is detected of what is there, and (G,) which of them each is."""
+        """The distinct settings of the detection model alone, and (G,) the index of each setting among them."""
         if len(self) == 1:
             return self, np.zeros(1, dtype=int)
         _, first, which = np.unique(
@@ -96,23 +96,23 @@ class DetectionRates:
         return self.take(first), which.ravel()
 
     def average(self, values: Array) -> Array:
-        """(...,) means of (..., G) over the settings."""
+        """(...,) weighted means of (..., G) over the settings."""
         return np.asarray(values @ self.weights)
 
     def moments(self, name: str) -> tuple[float, float]:
-        """Mean and standard deviation of a quantity, by its field."""
+        """Mean and standard deviation over the settings of the field ``name``."""
         values = getattr(self, name)
         mean = float(self.average(values))
         return mean, float(np.sqrt(self.average((values - mean) ** 2)))
 
     def explained(self, log_factors: Array) -> tuple[float, Array]:
-        """Log probability of what each setting gives (G,) log probabilities, and (G,) log weights after that."""
+        """Bayes update by data of (G,) log likelihoods: their log evidence, and the (G,) normalised log weights."""
         joint = self.log_weights + log_factors
         total = float(np.logaddexp.reduce(joint))
         return total, joint - total
 
     def reweighed(self, log_weights: Array) -> tuple[Self, Flags]:
-        """With (G,) new weights, and which settings are left."""
+        """The settings with (G,) new weights, and flags (G,) of those that were not dropped."""
         if len(self) == 1:
             return self, np.ones(1, dtype=bool)
         kept = log_weights >= self.least_log_weight
@@ -120,7 +120,7 @@ class DetectionRates:
         return replace(self.take(np.flatnonzero(kept)), log_weights=left - np.logaddexp.reduce(left)), kept
 
     def take(self, rows: Index) -> Self:
-        """Some of the settings, with the weights that they have."""
+        """Some of the settings, with their weights as they are (not normalised)."""
         some: dict[str, Any] = {name: getattr(self, name)[rows] for name in (*NAMES.values(), "log_weights")}
         return replace(self, **some)
 
@@ -132,4 +132,4 @@ CERTAIN = DetectionRates(
     clutter_per_frame=np.zeros(1),
     persistence=np.zeros(1),
 )
-"""One setting, for worlds in which misses do not count."""
+"""A single setting with certain detection, for worlds in which misses do not count."""

@@ -1,4 +1,4 @@
-"""How much less often a sensor detects in some directions than in its best one: at a picture's edge, behind dirt."""
+"""Dependence of the detection probability on the bearing, e.g. at an image's edge or behind dirt on the lens."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,27 +11,27 @@ from semantic_slam.geometry.pose import wrap_angle
 
 
 def even_directions(count: int, field_of_view_rad: float) -> Array:
-    """(count,) bearings off the middle of a region, from its right edge to its left one."""
+    """(count,) evenly spaced bearings relative to the middle of a region, from its right edge to its left one."""
     return np.asarray(0.5 * field_of_view_rad * np.linspace(-1.0, 1.0, count))
 
 
 @dataclass(frozen=True, kw_only=True)
 class DirectionShares:
-    """Shares of the detection probability in S directions, linear between them; none where it is the same in all."""
+    """Factors on the detection probability in S directions, interpolated linearly; S = 0: no dependence."""
 
-    off_centre_rad: Array  # (S,) ascending, off the middle of the sensor's region
-    shares: Array  # (S,)
+    off_centre_rad: Array  # (S,) ascending bearings relative to the middle of the sensor's region
+    shares: Array  # (S,) factors
 
     @classmethod
     def of(cls, settings: OpenWorldConfiguration) -> Self:
-        """As configured, evenly over the field of view."""
+        """The configured factors, evenly spaced over the field of view."""
         shares = np.array(settings.detection_by_direction, dtype=np.float64)
         return cls(off_centre_rad=even_directions(len(shares), settings.field_of_view_rad), shares=shares)
 
     def times(self, probabilities: Array, relative: Array, direction_rad: float | Array) -> Array:
-        """(..., G) probabilities of positions (..., 2) relative to the robot, as much smaller as their directions say.
+        """Multiply (..., G) probabilities by the factors for positions (..., 2) relative to the robot.
 
-        ``direction_rad`` (...,): where the middle of the sensor's region is, in the frame of the positions.
+        ``direction_rad`` (...,): direction of the middle of the sensor's region, in the frame of the positions.
         """
         if not len(self.shares):
             return probabilities
@@ -39,11 +39,11 @@ class DirectionShares:
         return np.asarray(probabilities * self.at(off_centre)[..., None])
 
     def at(self, off_centre_rad: Array) -> Array:
-        """(...,) in directions off the middle of the region."""
+        """(...,) factors at bearings relative to the middle of the region."""
         if not len(self.shares):
             return np.ones(np.shape(off_centre_rad))
         return np.asarray(np.interp(off_centre_rad, self.off_centre_rad, self.shares))
 
 
 ALIKE = DirectionShares(off_centre_rad=np.zeros(0), shares=np.zeros(0))
-"""As often in every direction."""
+"""No dependence on the direction."""

@@ -1,4 +1,4 @@
-"""The Gaussian prior of one variable, and of several that have errors in common."""
+"""Gaussian priors of one variable, and of several with a joint covariance."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,24 +9,24 @@ from semantic_slam.inference.states.kinds.state_space import StateSpace
 
 @dataclass(frozen=True)
 class GaussianPrior:
-    """Covariance in the tangent space at the mean."""
+    """Gaussian prior of a state, with the covariance in the tangent space at the mean."""
 
     mean: Array  # (s,)
     covariance: Array  # (d, d)
-    anchor: Array | None = None  # (3,) from where a point was seen along a ray alone; None: more was known of it
+    anchor: Array | None = None  # (3,) origin of the ray if a point was first seen by its bearing alone, else None
 
     def at(self, mean: Array, robot: Array) -> "GaussianPrior":
-        """As wide about another ``mean`` (s,), seen from another ``robot`` (s,)."""
+        """The prior with the same covariance about another ``mean`` (s,); ``robot`` (s,) is not used here."""
         return GaussianPrior(mean, self.covariance)
 
     def factor(self, space: StateSpace, key: int) -> Any:
-        """GTSAM's factor of it."""
+        """The GTSAM prior factor."""
         return space.prior_factor(key, self.mean, self.covariance)
 
 
 @dataclass(frozen=True)
 class JointPrior:
-    """What the priors of n objects have in common: their covariance, in the tangent spaces at their means."""
+    """Joint covariance of the priors of n objects, in the tangent spaces at their means."""
 
     object_ids: tuple[int, ...]  # n
     covariance: Array  # (n l, n l)

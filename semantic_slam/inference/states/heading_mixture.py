@@ -1,7 +1,7 @@
-"""A descriptor together with a direction nobody knows: Gaussians over (e, heading), as many as directions stay likely.
+"""Gaussian mixture over an object's descriptor and unknown heading, (e, heading).
 
-Seen all around, a view may fit several headings of its object, symmetric boxes two of them exactly. Every cell of the
-circle has a Gaussian of its own, about the mode next to it; those far behind the best are given up.
+A view may fit several headings of its object; for symmetric boxes it fits two exactly. Every cell of the circle starts
+with its own Gaussian, which moves to the nearest mode; components far behind the best are dropped.
 """
 
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.latent.model import DescriptorBelief
 
 CELLS = 36
-"""All around: 10 degrees each."""
+"""Number of cells of the circle, 10 degrees each."""
 CELL_SIGMA_RAD = 2.0 * np.pi / CELLS / np.sqrt(12.0)
 KEPT_NATS = 10.0
-"""Behind the best from which on a cell is given up."""
+"""Nats behind the best beyond which a component is dropped."""
 
 
 @dataclass(frozen=True)
 class HeadingMixture:
-    """M Gaussians over descriptor and heading of one object; L."""
+    """M Gaussians over the descriptor (L components) and the heading of one object."""
 
     log_weight: Array  # (M,) normalised
     mean: Array  # (M, L + 1), the heading last, radians in map
@@ -29,7 +29,7 @@ class HeadingMixture:
 
     @classmethod
     def all_around(cls, belief: DescriptorBelief) -> "HeadingMixture":
-        """Mixture for an object whose heading may be any; ``belief`` is that of its one descriptor."""
+        """The mixture for a uniform heading; ``belief`` is that of a single descriptor."""
         length = belief.mean.shape[1]
         mean = np.empty((CELLS, length + 1))
         mean[:, :length] = belief.mean
@@ -39,7 +39,7 @@ class HeadingMixture:
 
     @classmethod
     def about(cls, belief: DescriptorBelief, heading_rad: float, sigma_rad: float) -> "HeadingMixture":
-        """A heading that a map tells."""
+        """The mixture for a heading prior from a map, mean and standard deviation in radians."""
         mixture = cls.all_around(belief)
         if sigma_rad >= CELL_SIGMA_RAD * CELLS / 2.0:
             return mixture
@@ -51,14 +51,14 @@ class HeadingMixture:
         return mixture.weighted(-0.5 * (away / sigma_rad) ** 2)
 
     def weighted(self, log_factor: Array) -> "HeadingMixture":
-        """Multiplied by (M,) factors, normalised, the light ones left out."""
+        """The mixture multiplied by (M,) factors and normalised, without negligible components."""
         log_weight = self.log_weight + log_factor
         kept = log_weight >= log_weight.max() - KEPT_NATS
         log_weight = log_weight[kept]
         return HeadingMixture(log_weight - np.logaddexp.reduce(log_weight), self.mean[kept], self.covariance[kept])
 
     def best(self) -> tuple[Array, Array, float]:
-        """Mean (L + 1,) and covariance of the heaviest direction, and its weight with what lies beside it."""
+        """Mean (L + 1,), covariance and weight of the heaviest component merged with its neighbours in heading."""
         top = int(np.argmax(self.log_weight))
         near = np.abs(wrap_angle(self.mean[:, -1] - self.mean[top, -1])) < 3.0 * 2.0 * np.pi / CELLS
         weight = np.exp(self.log_weight[near])
@@ -72,7 +72,7 @@ class HeadingMixture:
         return origin + shift, covariance, float(weight.sum())
 
     def descriptor(self) -> tuple[Array, Array]:
-        """(L,) mean and variance over all directions."""
+        """(L,) mean and variance of the descriptor over all headings."""
         weight, length = np.exp(self.log_weight), self.mean.shape[1] - 1
         mean = weight @ self.mean[:, :length]
         variances = np.einsum("mii->mi", self.covariance)[:, :length]

@@ -1,6 +1,6 @@
-"""Names that depend on content alone: hypothesis ids, run ids, and generators for every random draw.
+"""Content-based identity: ids of hypotheses and runs, and seeds of random generators, as digests.
 
-Counters and Python's salted ``hash`` would make a belief depend on the number of processes.
+With counters or Python's salted ``hash`` a belief would depend on the number of processes.
 """
 
 import hashlib

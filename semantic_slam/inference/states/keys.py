@@ -30,7 +30,7 @@ def descriptor_key(object_id: int) -> int:
 DESCRIPTOR = "e"
 """Symbol of E(n), below those of objects and robots."""
 _SYMBOL_BITS = 56
-"""Number of bits of a GTSAM key below its letter."""
+"""Number of bits of a GTSAM key's index, below its letter."""
 _DESCRIPTOR_CODE, _ROBOT_CODE, _OBJECT_CODE = ord(DESCRIPTOR), ord("x"), ord("o")
 
 
@@ -40,7 +40,7 @@ def letter_of(key: int) -> str:
 
 
 def number_of(key: int) -> int:
-    """The number of a GTSAM key below its letter: of a robot, one more than its keyframe; of an object, its id."""
+    """The index of a GTSAM key: for a robot pose its keyframe + 1, for an object its id."""
     return key & ((1 << _SYMBOL_BITS) - 1)
 
 
@@ -61,12 +61,12 @@ def is_descriptor(key: int) -> bool:
 
 BIAS_LETTER = "c"
 STRETCH = 100
-"""Keyframes with one bias."""
+"""Number of keyframes that share one bias variable."""
 
 
 @cache
 def bias_key(keyframe: int) -> int:
-    """The bias of the motion to a keyframe, -1 being the start."""
+    """GTSAM key of the odometry bias of the motion to a keyframe, -1 being the start."""
     return int(gtsam.symbol(BIAS_LETTER, max(keyframe, 0) // STRETCH))
 
 
@@ -76,30 +76,30 @@ def is_bias(key: int) -> bool:
 
 
 def begins_stretch(keyframe: int) -> bool:
-    """Whether the bias of the motion to this keyframe is a new one."""
+    """Whether the motion to this keyframe has a new bias variable."""
     return keyframe > 0 and keyframe % STRETCH == 0
 
 
 ERROR_LETTERS = string.ascii_uppercase
-"""Letters of variables that hold the errors of one detection, of two, and so on; below all others."""
+"""Letters of variables that hold the correlated errors of one detection, of two, and so on; sorted below all others."""
 MOST_TOGETHER = len(ERROR_LETTERS)
-"""Detections whose errors one variable holds; those of a frame with more of them are in several."""
+"""Largest number of detections whose errors one variable holds; a frame with more has several variables."""
 _MOST_VARIABLES = 1 << 12
-"""In one frame."""
+"""Largest number of such variables per frame."""
 VECTOR_SIZES = {BIAS_LETTER: 4} | {letter: 2 * count for count, letter in enumerate(ERROR_LETTERS, start=1)}
-"""Components of a bias of odometry, and of the errors of some detections."""
+"""Dimension of vector variables by letter: of an odometry bias, and of the errors of some detections."""
 
 
 class ErrorPlace(NamedTuple):
-    """Where a detection's error is in a variable of the smoother."""
+    """Location of a detection's error within a variable of the smoother."""
 
     key: int
-    first: int  # of its two components
-    size: int  # components of the variable
+    first: int  # index of the first of its two components
+    size: int  # dimension of the variable
 
 
 def error_keys(keyframe: int, count: int) -> list[int]:
-    """Errors that repeat, of the ``count`` detections of a keyframe: as few variables as may be, in order."""
+    """Keys of the variables that hold the correlated errors of a keyframe's ``count`` detections, in order."""
     sizes = [min(MOST_TOGETHER, count - first) for first in range(0, count, MOST_TOGETHER)]
     return [
         int(gtsam.symbol(ERROR_LETTERS[size - 1], keyframe * _MOST_VARIABLES + place))
@@ -108,7 +108,7 @@ def error_keys(keyframe: int, count: int) -> list[int]:
 
 
 def error_place(keyframe: int, count: int, number: int) -> ErrorPlace:
-    """Place of the error of one of the ``count`` detections of a keyframe."""
+    """Location of the error of detection ``number`` of the ``count`` detections of a keyframe."""
     key = error_keys(keyframe, count)[number // MOST_TOGETHER]
     return ErrorPlace(key, 2 * (number % MOST_TOGETHER), VECTOR_SIZES[letter_of(key)])
 
@@ -119,7 +119,7 @@ def detection_of(key: int, first: int) -> int:
 
 
 def vector_parts(keys: Sequence[int]) -> list[slice]:
-    """Where the components of each of some vectors are when they stand one after another."""
+    """Slices of the components of each vector variable in their concatenation."""
     ends = np.cumsum([VECTOR_SIZES[letter_of(key)] for key in keys]).tolist()
     return [slice(end - VECTOR_SIZES[letter_of(key)], end) for key, end in zip(keys, ends, strict=True)]
 

@@ -1,9 +1,8 @@
-"""Where the coordinates of a robot and of n landmarks stand in one vector: all arithmetic of blocks.
+"""Memory layout of the coordinates of a robot and n landmarks, and all conversions between its two forms.
 
-Values of 1 + n states have two forms. Joined, they stand one after another, the robot's r first: (..., r + n l). In
-blocks each state has a row, the robot's first: (..., 1 + n, w) with w = max(r, l), of which the narrower kind uses its
-own first columns only. Where robot and landmark are of one size, both forms are one array in two shapes, and nothing
-is copied.
+Values of 1 + n states have two forms. Joined: concatenated, the robot's r coordinates first, (..., r + n l). In blocks:
+one row per state, the robot's first, (..., 1 + n, w) with w = max(r, l), where the narrower kind uses only its first
+columns. If robot and landmark have the same size, both forms are the same array in two shapes, without copying.
 """
 
 from collections.abc import Sequence
@@ -24,37 +23,37 @@ class Layout:
 
     @cached_property
     def is_even(self) -> bool:
-        """Whether robot and landmark have one size, so that blocks are a matter of shape alone."""
+        """Whether robot and landmark have the same size, so that both forms differ in shape alone."""
         return self.robot == self.landmark
 
     @cached_property
     def width(self) -> int:
-        """w, columns of a block."""
+        """The number w of columns of a block."""
         return max(self.robot, self.landmark)
 
     def size(self, count: int) -> int:
-        """Coordinates of a robot and ``count`` landmarks."""
+        """Number of coordinates of a robot and ``count`` landmarks."""
         return self.robot + count * self.landmark
 
     def count(self, size: int) -> int:
-        """Landmarks besides the robot in ``size`` coordinates."""
+        """Number of landmarks, besides the robot, in ``size`` coordinates."""
         return (size - self.robot) // self.landmark
 
     def block(self, place: int) -> slice:
-        """Coordinates of one state."""
+        """Slice of the coordinates of one state."""
         if place == 0:
             return slice(0, self.robot)
         start = self.size(place - 1)
         return slice(start, start + self.landmark)
 
     def starts(self, places: Index) -> Index:
-        """The first coordinate of each state, in the shape of ``places``."""
+        """Index of the first coordinate of each state, in the shape of ``places``."""
         if self.is_even:
             return places * self.robot
         return np.where(places == 0, 0, self.robot + (places - 1) * self.landmark)
 
     def rows(self, places: Sequence[int] | Index) -> Index:
-        """(m,) coordinates of some states, one after another."""
+        """(m,) indices of the coordinates of some states, concatenated."""
         places = np.asarray(places, dtype=int)
         if self.is_even:
             return rows_of_blocks(places, self.robot)
@@ -62,9 +61,9 @@ class Layout:
         return np.array([row for block in blocks for row in range(block.start, block.stop)], dtype=int)
 
     def rows_of_slots(self, places: Index) -> Index:
-        """(B, r + n l) coordinates that a robot and n slots read, (B, 1 + n) places, the robot's being 0.
+        """(B, r + n l) indices to gather a robot and n slots from joined values, for places (B, 1 + n), the robot's 0.
 
-        A slot at place 0 has no landmark: what it reads means nothing, but can be read.
+        A slot at place 0 has no landmark: its indices are valid, but the gathered values are meaningless.
         """
         if self.is_even:
             return (places[..., None] * self.robot + np.arange(self.robot)).reshape(len(places), -1)
@@ -73,13 +72,13 @@ class Layout:
         return np.concatenate([robots, np.minimum(slots, self.size(int(places.max(initial=0))) - 1)], axis=1)
 
     def repeated(self, flags: Flags) -> Flags:
-        """(..., r + n l) the flag (..., 1 + n) of its state for each coordinate."""
+        """(..., r + n l) flags per coordinate, from flags (..., 1 + n) per state."""
         if self.is_even:
             return np.repeat(flags, self.robot, axis=-1)
         return np.repeat(flags, [self.robot] + [self.landmark] * (flags.shape[-1] - 1), axis=-1)
 
     def blocks(self, values: Array, axis: int = -1) -> Array:
-        """(..., 1 + n, w, ...) of (..., r + n l, ...), the negative ``axis`` being that of the coordinates."""
+        """Joined (..., r + n l, ...) to blocks (..., 1 + n, w, ...); negative ``axis``: that of the coordinates."""
         if self.is_even:
             shape = values.shape
             after = shape[axis + 1 :] if axis < -1 else ()
@@ -93,7 +92,7 @@ class Layout:
         return np.moveaxis(padded, (-2, -1), (axis - 1, axis))
 
     def joined(self, blocks: Array, axis: int = -1) -> Array:
-        """(..., r + n l, ...) of (..., 1 + n, w, ...), the negative ``axis`` being that of a block's columns."""
+        """Blocks (..., 1 + n, w, ...) to joined (..., r + n l, ...); negative ``axis``: that of a block's columns."""
         if self.is_even:
             shape = blocks.shape
             after = shape[axis + 1 :] if axis < -1 else ()
@@ -104,11 +103,11 @@ class Layout:
         return np.moveaxis(np.concatenate([last[..., 0, : self.robot], flat], axis=-1), -1, axis)
 
     def square_blocks(self, matrix: Array) -> Array:
-        """(..., 1 + n, w, 1 + n, w) of (..., r + n l, r + n l)."""
+        """A joined matrix (..., r + n l, r + n l) in blocks (..., 1 + n, w, 1 + n, w)."""
         return self.blocks(self.blocks(matrix), -3)
 
     def diagonal(self, matrices: Array) -> Array:
-        """(B, 1 + n, w, w) the states' own blocks of (B, r + n l, r + n l)."""
+        """(B, 1 + n, w, w) diagonal blocks of joined matrices (B, r + n l, r + n l)."""
         if self.is_even:
             return np.asarray(np.einsum("bnpnq->bnpq", self.square_blocks(matrices)))
         r, count = self.robot, self.count(matrices.shape[-1])
@@ -128,7 +127,7 @@ class Layout:
         return padded
 
     def stacked(self, robots: Array, landmarks: Array) -> Array:
-        """(..., a + n, w) of (..., a, r) and (..., n, l), or of what is in blocks already."""
+        """Stack robots (..., a, r) and landmarks (..., n, l), or values already in blocks, to (..., a + n, w)."""
         if self.is_even:
             return np.concatenate([robots, landmarks], axis=-2)
         return np.concatenate([self._wide(robots), self._wide(landmarks)], axis=-2)
@@ -140,5 +139,5 @@ class Layout:
 
 
 def rows_of_blocks(places: Sequence[int] | Index, size: int) -> Index:
-    """(n size,) coordinates of the blocks at ``places`` (n,), which are all of one size."""
+    """(n size,) indices of the coordinates of blocks at ``places`` (n,), all of the same size."""
     return np.asarray((np.asarray(places, dtype=int)[:, None] * size + np.arange(size)).ravel())

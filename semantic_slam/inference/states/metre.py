@@ -1,8 +1,8 @@
-"""The metre of a map that a robot makes for itself: as long as the ranges of its detections have it.
+"""The unobservable global scale ("metre") of a map that a robot builds without a prior map.
 
-Where all ranges are a share s too long, so are the map and the path: nothing measured tells, for odometry's metre is
-unknown, too. States stay in the ranges' metre; what is stated of them counts s ~ N(0, sigma^2), by which all moves away
-from where the robot began.
+If all ranges are too long by a share s, so are map and path: no measurement shows it, as the scale of odometry is
+unknown, too. States stay in the scale of the ranges; reported covariances include s ~ N(0, sigma^2), by which
+everything scales about the robot's initial position.
 """
 
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from semantic_slam.geometry.arrays import Array
 
 @dataclass(frozen=True)
 class Metre:
-    """How well it is known, and where nothing moves by it."""
+    """Uncertainty of the global scale, and the fixed point of the scaling."""
 
-    sigma: float  # of the share s
-    origin: Array  # (2,) metres, in map
+    sigma: float  # standard deviation of s
+    origin: Array  # (2,) fixed point, metres in map
 
     def slopes(self, states: Array, size: int) -> Array:
-        """(n, w) change of states (n, s) by one standard deviation of s, in tangent spaces of ``size`` w.
+        """(n, w) change (Jacobian) of states (n, s) by one standard deviation of s, in tangent spaces of ``size`` w.
 
-        Those of poses are in their own frames, those of positions in the map's.
+        It is in a pose's own frame, or in the map's frame for positions.
         """
         found = np.zeros((len(states), size))
         found[:, :2] = self.sigma * (states[:, :2] - self.origin)
@@ -34,11 +34,11 @@ class Metre:
         return found
 
     def widened(self, states: Array, covariances: Array) -> Array:
-        """Covariances (n, w, w) of states (n, s), each by itself."""
+        """Marginal covariances (n, w, w) of states (n, s), widened by the scale's uncertainty."""
         slopes = self.slopes(states, covariances.shape[-1])
         return np.asarray(covariances + slopes[:, :, None] * slopes[:, None])
 
     def jointly_widened(self, states: Array, covariance: Array) -> Array:
-        """Covariance (n w, n w) of states (n, s) together."""
+        """Joint covariance (n w, n w) of states (n, s), widened by the scale's uncertainty."""
         slopes = self.slopes(states, len(covariance) // max(len(states), 1)).ravel()
         return np.asarray(covariance + slopes[:, None] * slopes)

@@ -1,9 +1,9 @@
-"""Misses that come in runs: an object in view is detectable for a while, and then is not.
+"""Missed detections that come in runs: an object in view is detectable for a while, and then is not.
 
-Whether an object can be detected is a Markov chain of two states from keyframe to keyframe. It is detectable in a share
-pi of them, and what it was persists with correlation rho; a detectable object is detected with probability q, so that
-pi q is the configured detection probability. Each hypothesis carries h, the probability that an object is detectable
-given that it exists: the forward algorithm of a hidden Markov model beside the Bernoulli of its existence.
+Detectability is a two-state Markov chain over keyframes: an object is detectable in a share pi of them, and its state
+persists with correlation rho. A detectable object is detected with probability q, so that pi q is the configured
+detection probability. Each hypothesis carries h, the probability that an object is detectable given that it exists:
+the forward algorithm of a hidden Markov model beside the Bernoulli existence.
 """
 
 from dataclasses import dataclass
@@ -13,19 +13,19 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags
 
 HIT_PROBABILITY = 0.9
-"""Detection probability of what is detectable, or the configured one where that is larger."""
+"""Detection probability q of a detectable object, unless the configured one is larger."""
 
 
 @dataclass(frozen=True)
 class MissRuns:
-    """The chain of a sensor, or of each of G."""
+    """The Markov chain of detectability, of one sensor setting or of G."""
 
-    detection_probability: float | Array  # pi q, in the long run; (G,) of several
-    persistence: float | Array  # rho, from one keyframe to the next; (G,) of several
+    detection_probability: float | Array  # pi q, the long-run average; (G,) for several settings
+    persistence: float | Array  # rho, from one keyframe to the next; (G,) for several settings
 
     @property
     def hit(self) -> Array:
-        """Detection probability q of what is detectable."""
+        """Detection probability q of a detectable object."""
         return np.maximum(HIT_PROBABILITY, self.detection_probability)
 
     @property
@@ -34,26 +34,26 @@ class MissRuns:
         return np.asarray(self.detection_probability / self.hit)
 
     def next(self, detectable: Array) -> Array:
-        """(O,) or (O, G) probabilities one keyframe later."""
+        """Predict (O,) or (O, G) probabilities of detectability to the next keyframe."""
         return np.asarray(self.share + self.persistence * (detectable - self.share))
 
     def after(self, detectable: Array, detected: Array, observed: Flags) -> Array:
-        """(O, G) probabilities h after a keyframe in which (O,) objects were ``observed`` or not.
+        """Update: (O, G) probabilities h after a keyframe in which (O,) objects were ``observed`` (detected) or missed.
 
-        ``detected`` (O, G) is their detection probability v q h, v being that of being in view.
+        ``detected`` (O, G) is their detection probability v q h, v being the probability of being in view.
         """
         missed = (detectable - detected) / np.maximum(1.0 - detected, 1e-12)
         return np.asarray(np.where(observed[:, None], 1.0, missed))
 
     def still_undetected(self, in_view: Array, gaps: Array) -> Array:
-        """(N, G) how much less likely than without earlier looks it is that objects are detected first now.
+        """(N, G) probability of being undetected in L earlier looks and detectable now, relative to pi.
 
-        Each of N objects was looked at (L, N) times and never detected: ``in_view`` (L, N, G) is the probability of
-        its detection in each look, relative to that of one right at the sensor, ``gaps`` (L, N) the keyframes from
-        there to the next look, and to now from the last. The forward algorithm, over both states.
+        It is the factor by which earlier misses make a first detection (birth) of each of N objects less likely.
+        ``in_view`` (L, N, G) is the detection probability in each look relative to that at zero range; ``gaps`` (L, N)
+        are the keyframes from each look to the next, from the last one to now. By the forward algorithm.
         """
         share = np.broadcast_to(self.share, in_view.shape[1:])
-        seen, hidden = share.copy(), 1.0 - share  # and of being detectable then, or not
+        seen, hidden = share.copy(), 1.0 - share  # joint with being detectable, or not detectable
         lasting = np.power(np.asarray(self.persistence, dtype=float), gaps[..., None])
         for chance, left in zip(self.hit * in_view, lasting, strict=True):
             missed = seen * (1.0 - chance)

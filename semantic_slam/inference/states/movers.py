@@ -1,9 +1,9 @@
-"""Objects of one hypothesis that move, or may move, each as a few Gaussians beside the smoother.
+"""Moving (or possibly moving) objects of one hypothesis, tracked as a few Gaussians each, outside the smoother.
 
-A state is x, y [m], their rates [m/s] in map, and the part of its detections' errors that repeats, two numbers of unit
-variance along range and bearing. It is given with the robot: state = mean + gain d + e, where d is the
-tangent vector from the robot's reference pose to its true one and e has covariance ``spreads`` and is independent of
-the robot. What is learned of the robot afterwards thus carries over, and the other way nothing is learned.
+A state is x, y [m] and velocity [m/s] in map, and the correlated part of its detections' errors, two numbers of unit
+variance along range and bearing. It is conditional on the robot: state = mean + gain d + e, where d is the tangent
+vector from the robot's reference pose to its true pose, and e has covariance ``spreads`` and is independent of the
+robot. Later corrections of the robot's pose thus carry over to the object, but not the other way round.
 """
 
 from dataclasses import dataclass, replace
@@ -17,29 +17,29 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 STATE = 6
-"""Components of a state."""
+"""Dimension of a state."""
 UNDECIDED = 1.0 - 1e-9
-"""Probability that an object may move up to which its hypothesis has not decided that."""
+"""Largest probability of being a mover of an object for which the hypothesis has not decided it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Movers:
-    """T objects, ascending by id, each under S speeds that it may have been born with; under some it stands.
+    """T moving objects, ascending by id, each a mixture over S speed hypotheses; under some of these it stands still.
 
-    One that has been seen once may still be a static object, too: it then stands among these under the same id, with
-    the existence and the detectability that it has there, and may move with probability ``moving``.
+    An object that was seen once may also be static: it is then in the static table under the same id, too, with the
+    same existence and detectability, and is a mover with probability ``moving``.
     """
 
     stamp_ns: int
     robot: Array  # (3,) reference pose
-    stands: Flags  # (S,) whether what may move stands under a speed
+    stands: Flags  # (S,) speed hypotheses under which a mover stands still
     ids: Index  # (T,)
-    moving: Array  # (T, G) probability that it may move, if it exists; 1 where that is decided
-    existence: Array  # (T, G) given what the sensor is taken to detect
+    moving: Array  # (T, G) probability of being a mover, if it exists; 1 where that is decided
+    existence: Array  # (T, G) for each of G sensor settings
     detectable: Array | None  # (T, G) probability that it can be detected next; None: always
-    log_speeds: Array  # (T, S) log probabilities of the speeds
+    log_speeds: Array  # (T, S) log probabilities of the speed hypotheses
     means: Array  # (T, S, 6)
-    gains: Array  # (T, S, 6, 3) by the robot
+    gains: Array  # (T, S, 6, 3) Jacobians by the robot's pose
     spreads: Array  # (T, S, 6, 6) covariances given the robot
 
     def __len__(self) -> int:
@@ -47,7 +47,7 @@ class Movers:
 
     @classmethod
     def none(cls, stands: Flags, num_rates: int, misses_in_runs: bool) -> "Movers":
-        """Before the first detection; ``stands`` (S,)."""
+        """The empty table, before the first detection; ``stands`` (S,)."""
         num_speeds = len(stands)
         return cls(
             stamp_ns=0,
@@ -65,30 +65,30 @@ class Movers:
 
     @cached_property
     def decided(self) -> Flags:
-        """(T,) whether the hypothesis takes it for one that may move."""
+        """(T,) whether the hypothesis has decided that the object is a mover."""
         return np.asarray((self.moving >= 1.0).all(axis=1))
 
     @cached_property
     def decided_ids(self) -> frozenset[int]:
-        """Ids of those."""
+        """Ids of the decided movers."""
         return frozenset(self.ids[self.decided].tolist())
 
     @cached_property
     def drives(self) -> Array:
-        """(T,) probability that it does not stand, if it is one that may move."""
+        """(T,) probability that it actually moves, if it is a mover."""
         return np.asarray(np.exp(self.log_speeds[:, ~self.stands]).sum(axis=1))
 
     def rows(self, object_ids: Index) -> Index:
-        """Where (n,) objects stand; all of them must be there."""
+        """Rows of (n,) object ids, all of which must be in the table."""
         return np.asarray(np.searchsorted(self.ids, object_ids))
 
     def take(self, rows: Index | Flags) -> "Movers":
-        """Some of them."""
+        """Some of the movers."""
         some: dict[str, Any] = {name: getattr(self, name)[rows] for name in _PER_OBJECT if _is_known(self, name)}
         return replace(self, **some)
 
     def joined(self, others: "Movers") -> "Movers":
-        """With ``others`` of the same stamp and reference pose, whose ids are larger."""
+        """The table joined with ``others`` of the same stamp and reference pose, whose ids are larger."""
         both: dict[str, Any] = {
             name: np.concatenate([getattr(self, name), getattr(others, name)])
             for name in _PER_OBJECT
@@ -97,7 +97,10 @@ class Movers:
         return replace(self, **both)
 
     def among(self, before: HypothesisObjects, after: HypothesisObjects) -> "Movers":
-        """With the existence ``after`` some of those that are not decided have left, which stand: not what moves."""
+        """Update undecided movers after departures from the static table, ``before`` to ``after``.
+
+        Only static objects leave, so that an object that still exists is a mover with a larger probability.
+        """
         rows = before.rows(self.ids[~self.decided])
         moving, existence = self.moving.copy(), self.existence.copy()
         existence[~self.decided] = after.existence_given[rows]
@@ -107,19 +110,19 @@ class Movers:
         return replace(self, moving=moving, existence=existence)
 
     def with_rates(self, kept: Flags | None) -> "Movers":
-        """Under some of the settings of the sensor alone; None: under all."""
+        """The movers under the sensor settings ``kept`` (G,) only; None: under all."""
         if kept is None:
             return self
         some: dict[str, Any] = {name: getattr(self, name)[:, kept] for name in _PER_RATE if _is_known(self, name)}
         return replace(self, **some)
 
     def seen_from(self, robot: Array) -> "Movers":
-        """Objects with another reference pose."""
+        """The movers relative to another reference pose of the robot (3,)."""
         shift = se2.log(se2.between(self.robot, robot))
         return replace(self, robot=robot, means=self.means + self.gains @ shift)
 
     def moments(self, robot_covariance: Array) -> tuple[Array, Array]:
-        """(T, 6) means and (T, 6, 6) covariances over the speeds, the robot being at its reference pose on average."""
+        """(T, 6) means and (T, 6, 6) covariances over the speeds, for a robot with its mean at the reference pose."""
         share = np.exp(self.log_speeds)
         mean = np.einsum("ts,tsi->ti", share, self.means)
         apart = self.means - mean[:, None]

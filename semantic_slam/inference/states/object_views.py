@@ -1,4 +1,4 @@
-"""What the views of an object, associated as one hypothesis has it, tell of its class."""
+"""Semantic records of objects: the class and descriptor evidence of an object's views in one hypothesis."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,28 +14,28 @@ if TYPE_CHECKING:
 
 
 UNCERTAIN_RAD = 0.2
-"""Standard deviation of the direction of view from which on a linear factor of the feature would not do."""
+"""Sigma of the viewing direction above which a linearised factor of the feature is not accurate enough."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DescriptorRecord:
-    """What the views of one object tell of its descriptor; later keyframes without it change that little."""
+    """Descriptor belief of one object from its views; keyframes without a view of it hardly change it."""
 
     mean: Array  # (L,)
     variance: Array  # (L,)
     direction_sigma_rad: float  # of the newest view's azimuth
-    entering: tuple[tuple[int, Any], ...]  # keyframe and detection of the views whose factors enter with this record
-    heading_rad: float | None = None  # of the object, where its views tell that and no map does
+    entering: tuple[tuple[int, Any], ...]  # keyframe and detection of views whose factors enter with this record
+    heading_rad: float | None = None  # of the object, if estimated from its views and not stated by a map
 
     @property
     def is_bent(self) -> bool:
-        """Whether the factors that enter have to be exact."""
+        """Whether the entering factors have to be nonlinear, as the viewing direction is uncertain."""
         return self.direction_sigma_rad > UNCERTAIN_RAD
 
 
 @dataclass(frozen=True)
 class HeadingRecord:
-    """An object whose heading no map tells: its modes over descriptor and heading."""
+    """Record of an object whose heading no map states: a mixture over descriptor and heading."""
 
     modes: "HeadingMixture"
     pending: tuple[tuple[int, Any], ...]  # keyframe and detection of the views that have no factors yet
@@ -45,21 +45,21 @@ class HeadingRecord:
 class ObjectViews:
     """The semantic record of one object in one hypothesis; C classes."""
 
-    log_likelihood: Array  # (C,) log p(z_1:k | c) of its semantic measurements, tracks averaged out, + log_ratios
+    log_likelihood: Array  # (C,) log p(z_1:k | c) of its views, marginalised over trajectories, + log_ratios
     mutual_information: float  # nats, between class and the network's weights at the newest view
-    newest: Array | None = None  # (C,) log p(z_k | c, z_1:k-1), where views change what earlier ones tell; else None
-    coverage: ViewCoverage = NO_VIEWS  # which of the views the class models know
-    recent: tuple[Any, ...] = ()  # views that later ones correlate with, oldest first
-    log_dropped: Array | None = None  # (C,) share of log_likelihood of the views no longer in ``recent``
+    newest: Array | None = None  # (C,) log p(z_k | c, z_1:k-1), where views are correlated; else None
+    coverage: ViewCoverage = NO_VIEWS  # whether the class models were fitted on such views
+    recent: tuple[Any, ...] = ()  # views with which later ones are correlated, oldest first
+    log_dropped: Array | None = None  # (C,) part of log_likelihood of views that are no longer in ``recent``
     dropped: int = 0  # number of those views
     correction: Correction | None = None  # of the object's pose
     descriptor: DescriptorRecord | None = None  # with a learned latent space
     headings: HeadingRecord | None = None
-    log_ratios: Array | None = None  # (C,) how its class's prior differed when it was added; None: not at all
+    log_ratios: Array | None = None  # (C,) log ratio of its class prior at birth to that before the run; None: equal
 
 
 def coverage_of(views: ObjectViews | None) -> ViewCoverage:
-    """What a record says of the coverage; of none, that nothing was seen."""
+    """The coverage in a record; ``NO_VIEWS`` without a record."""
     return NO_VIEWS if views is None else views.coverage
 
 

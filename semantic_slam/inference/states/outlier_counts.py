@@ -1,4 +1,4 @@
-"""How many outliers in their place a hypothesis has had."""
+"""Expected number of geometric outliers in a hypothesis, from which the outlier probability is learned."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,15 @@ from semantic_slam.geometry.arrays import Array
 
 @dataclass(frozen=True)
 class OutlierCounts:
-    """Detections of known objects that stand, and how many of them are expected to have been outliers."""
+    """Number of detections of known static objects, and the expected number of outliers among them."""
 
     detections: float = 0.0
     outliers: float = 0.0
 
     def with_more(self, probabilities: Array) -> "OutlierCounts":
-        """With (n,) detections more, each an outlier with its probability."""
+        """Add n detections, with their (n,) outlier probabilities."""
         return OutlierCounts(self.detections + len(probabilities), self.outliers + float(probabilities.sum()))
 
     def share(self, known: float, counts: float) -> float:
-        """Expected share of outliers, if the share ``known`` before counts as so many detections."""
+        """Posterior mean of the outlier share, given a beta prior of mean ``known`` worth ``counts`` detections."""
         return (known * counts + self.outliers) / (counts + self.detections)

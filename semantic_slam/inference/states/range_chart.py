@@ -1,9 +1,9 @@
-"""Points about whose range less is known than about their direction from somewhere: coordinates in which that is even.
+"""Retraction for points whose range is less certain than their direction: log range along the ray from an anchor.
 
-From an ``anchor``, where the point was first seen from, its direction is told by where its ray meets the plane across
-the first one, and its range by its logarithm. To first order these are x, y and z: with u the direction of the point p
-from the anchor a, at distance d, a tangent vector t = t_r u + t_a leads to a + exp(t_r / d) (p - a + t_a), a whole ray
-for all t_r. A Gaussian in x, y and z would reach behind the camera.
+The ``anchor`` a is the position from which the point was first seen. Direction is parametrised by where the ray meets
+the plane orthogonal to the present ray, range by its logarithm. To first order the coordinates are x, y and z: with u
+the direction of the point p from a, at distance d, a tangent vector t = t_r u + t_a leads to
+a + exp(t_r / d) (p - a + t_a), a whole ray for all t_r. A Gaussian in x, y and z would reach behind the camera.
 """
 
 import numpy as np
@@ -11,13 +11,13 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, squared_norms
 
 LEAST_DISTANCE_M = 1e-3
-"""Nearer than that to its anchor a point has no direction that means anything."""
+"""Least distance of a point from its anchor: nearer, its direction is not meaningful."""
 FARTHEST = 5.0
-"""Logarithm of the farthest way that a step leads along a ray: no search needs a longer one."""
+"""Limit on the change of log range in one step, which no search needs to exceed."""
 
 
 def moved(anchors: Array, points: Array, tangents: Array) -> Array:
-    """(..., 3) where tangent vectors (..., 3) lead from points (..., 3)."""
+    """Retraction: (..., 3) points reached from ``points`` (..., 3) by tangent vectors (..., 3)."""
     away, unit, distance = _seen(anchors, points)
     along = np.asarray(np.vecdot(tangents, unit))
     aside = tangents - along[..., None] * unit
@@ -25,7 +25,7 @@ def moved(anchors: Array, points: Array, tangents: Array) -> Array:
 
 
 def moved_and_slopes(anchors: Array, points: Array, tangents: Array) -> tuple[Array, Array]:
-    """:func:`moved`, and (..., 3, 3) its derivatives by the tangent vectors."""
+    """:func:`moved`, and its Jacobian (..., 3, 3) by the tangent vectors."""
     away, unit, distance = _seen(anchors, points)
     along = np.asarray(np.vecdot(tangents, unit))
     aside = tangents - along[..., None] * unit
@@ -37,7 +37,7 @@ def moved_and_slopes(anchors: Array, points: Array, tangents: Array) -> tuple[Ar
 
 
 def coordinates(anchors: Array, points: Array, others: Array) -> Array:
-    """(..., 3) tangent vectors that lead from points (..., 3) to ``others``, on the same side of their anchors."""
+    """Inverse of :func:`moved`: (..., 3) tangent vectors from points (..., 3) to ``others``, in front of the anchor."""
     away, unit, distance = _seen(anchors, points)
     reached = others - anchors
     stretch = np.asarray(np.vecdot(reached, unit)) / distance
@@ -46,14 +46,14 @@ def coordinates(anchors: Array, points: Array, others: Array) -> Array:
 
 
 def relative_sigmas(anchors: Array, points: Array, covariances: Array) -> Array:
-    """(...,) standard deviations of the logarithms of ranges, from (..., 3, 3) covariances of points."""
+    """(...,) standard deviations of log range, from (..., 3, 3) covariances of points."""
     _, unit, distance = _seen(anchors, points)
     along = np.einsum("...i,...ij,...j->...", unit, covariances, unit)
     return np.asarray(np.sqrt(np.maximum(along, 0.0)) / distance)
 
 
 def _seen(anchors: Array, points: Array) -> tuple[Array, Array, Array]:
-    """Ways (..., 3) from anchors to points, their directions (..., 3) and lengths (...,)."""
+    """Vectors (..., 3) from anchors to points, with their directions (..., 3) and lengths (...,)."""
     away = points - anchors
     distance = np.maximum(np.sqrt(squared_norms(away)), LEAST_DISTANCE_M)
     return away, away / distance[..., None], distance

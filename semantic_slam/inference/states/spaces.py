@@ -1,6 +1,6 @@
-"""The spaces of a robot and of what it sees: two that may differ, and what relates a state of one to one of the other.
+"""The state spaces of robot and landmarks, which may differ, and the relations between their states.
 
-States of both in one array stand in rows, the robot's first, each as wide as the wider kind.
+Arrays of both kinds of states have one row per state, the robot's first, each as wide as the wider kind.
 """
 
 from collections.abc import Sequence
@@ -18,40 +18,40 @@ from semantic_slam.inference.states.layout import Layout
 from semantic_slam.viewpoint.model import Viewpoints
 
 LEAST_DISTANCE_M = 1e-6
-"""Least distance of camera and landmark: a direction is to be had where they stand together, too."""
+"""Least distance of camera and landmark, so that a viewing direction is defined where they coincide."""
 PLANE = 2
-"""Coordinates of a position in the plane."""
+"""Number of coordinates of a position in the plane."""
 
 
 @dataclass(frozen=True)
 class RelativePosition:
-    """Where (...,) landmarks are in the frames of robots; p components, r and l of the tangent spaces."""
+    """Positions of landmarks in the frames of robots (p components), with Jacobians (tangent spaces of r and l)."""
 
     point: Array  # (..., p) metres
-    by_robot: Array  # (..., p, r)
-    by_landmark: Array  # (..., p, l)
+    by_robot: Array  # (..., p, r) Jacobian by the robot's state
+    by_landmark: Array  # (..., p, l) Jacobian by the landmark's state
 
 
 @dataclass(frozen=True, eq=False)
 class Spaces:
-    """Where a robot and its landmarks live."""
+    """The state spaces of the robot and of the landmarks."""
 
     robot: StateSpace
     landmark: StateSpace
 
     @classmethod
     def same(cls, space: StateSpace) -> "Spaces":
-        """One space for both."""
+        """A single space for robot and landmarks."""
         return cls(space, space)
 
     @cached_property
     def are_same(self) -> bool:
-        """Whether one space serves all rows."""
+        """Whether robot and landmarks have the same space."""
         return self.robot == self.landmark
 
     @property
     def name(self) -> str:
-        """As beliefs call where the robot is."""
+        """Name of the robot's space as beliefs state it, "planar" or "spatial"."""
         return "planar" if self.robot.position(self.robot.origin).shape[-1] == PLANE else "spatial"
 
     @cached_property
@@ -78,11 +78,11 @@ class Spaces:
         return self.robot if self.are_same or is_robot(key) else self.landmark
 
     def own(self, key: int, state: Array) -> Array:
-        """(..., s) the columns that a variable uses of a row (..., w)."""
+        """(..., s) the columns of a row (..., w) that the variable ``key`` uses."""
         return state if self.are_same else state[..., : self.of(key).storage_size]
 
     def kinds(self, count: int) -> list[tuple[StateSpace, slice]]:
-        """The spaces of ``count`` rows, the robot's first, and their rows: one, or two that differ."""
+        """The distinct spaces of ``count`` rows, the robot's first, each with a slice of its rows."""
         if self.are_same:
             return [(self.robot, slice(0, count))]
         return [(self.robot, slice(0, 1)), (self.landmark, slice(1, count))]
@@ -94,13 +94,13 @@ class Spaces:
         keys = values.keys()
         robots, landmarks = (sum(map(kind, keys)) for kind in (is_robot, is_object))
         landmark_states = self.landmark.states(values) if landmarks else np.zeros((0, self.storage.landmark))
-        # Variables of the same type that are neither come before all of these.
+        # Other variables of the same GTSAM type have smaller keys, and come before all of these.
         return self.storage.stacked(
             landmark_states[len(landmark_states) - landmarks :], self.robot.states(values)[-robots:]
         )
 
     def are_within(self, changes: Array, count: int) -> bool:
-        """Whether changes of ``count`` variables, landmarks first, are below their thresholds; not where one is NaN."""
+        """Whether changes of ``count`` variables, landmarks first, are within relinearisation thresholds; NaN: no."""
         if self.are_same:
             return bool((changes.reshape(-1, self.layout.width) <= self.robot.relinearize_threshold).all())
         robots = (len(changes) - count * self.layout.landmark) // (self.layout.robot - self.layout.landmark)
@@ -109,7 +109,7 @@ class Spaces:
         return all(bool((part.reshape(-1, s.tangent_size) <= s.relinearize_threshold).all()) for s, part in parts)
 
     def largest_change(self, keys: Sequence[int], before: Array, after: Sequence[Array]) -> float:
-        """Largest change of a coordinate, metres or radians, from (n, w) states of some variables to others (s,)."""
+        """Largest change of a tangent coordinate, metres or radians, from n states ``before`` (n, w) to ``after``."""
         if self.are_same:
             return float(np.abs(self.robot.local(before, np.array(after))).max())
         pairs = zip(keys, before, after, strict=True)
@@ -117,7 +117,7 @@ class Spaces:
         return max(float(np.abs(change).max()) for change in changes)
 
     def steps(self, pairs: Array) -> tuple[Array, Array]:
-        """(n, r) and (n, l) steps from the origins of the spaces to (n, s + s) robots and landmarks."""
+        """(n, r) and (n, l) tangent vectors from the spaces' origins to robots and landmarks (n, s + s)."""
         r = self.storage.robot
         if self.are_same:
             steps = self.robot.local(self.robot.origin, pairs.reshape(-1, r)).reshape(len(pairs), -1)
@@ -126,18 +126,18 @@ class Spaces:
         return robots, self.landmark.local(self.landmark.origin, pairs[:, r:])
 
     def seen(self, x: Array, o: Array) -> Array:
-        """(n, s) landmarks as robots see them: poses among poses, or else positions."""
+        """(n, s) landmarks relative to robots: as poses if both have the same space, else as positions."""
         return self.robot.between(x, o) if self.are_same else self.relative_position(x, o).point
 
     def relative_position(self, x: Array, o: Array) -> RelativePosition:
-        """Positions of landmarks ``o`` (..., s) in the frames of robots ``x`` (..., s), with their slopes."""
+        """Positions of landmarks ``o`` (..., s) in the frames of robots ``x`` (..., s), with Jacobians."""
         point, by_robot, by_point = self.robot.in_frame(x, self.landmark.position(o))
         return RelativePosition(point, by_robot, by_point @ self.landmark.position_slopes(o))
 
     def viewpoints(self, x: Array, o: Array, sensor: Array) -> Viewpoints:
         """Viewpoints from where the cameras of robots ``x`` (B, s) see landmarks ``o`` (B, s).
 
-        ``sensor`` (q,) or (B, q) in the body frame; in the plane an elevation is told by its third component.
+        ``sensor`` (q,) or (B, q) in the body frame; in the plane its third component, if given, yields an elevation.
         """
         return viewpoints_of(self.camera_positions(x, o, sensor))
 
@@ -156,7 +156,7 @@ class Spaces:
 
 
 def viewpoints_of(v: Array) -> Viewpoints:
-    """Viewpoints of cameras at ``v`` (B, 2 or 3) in the frames of what they see."""
+    """Viewpoints of cameras at positions ``v`` (B, 2 or 3), given in the frames of the objects that they see."""
     squared = v[:, 0] * v[:, 0] + v[:, 1] * v[:, 1]
     azimuth, elevation = np.arctan2(v[:, 1], v[:, 0]), np.zeros(len(v))
     if v.shape[1] > PLANE:

@@ -1,4 +1,4 @@
-"""The objects of one hypothesis: how surely each exists and, where objects come and go, where each is by now."""
+"""The objects of one hypothesis: existence probabilities and, in an open world, tracked states and covariances."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,45 +10,45 @@ from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
 
 BEYOND = 1e6
-"""Metres to where nothing is ever seen."""
+"""Metres to a position that the sensor never sees."""
 TRAIL_CELL, LOOKS_FROM_A_PLACE = np.array([0.5, 0.5, 0.5]), 4
-"""Metres and radians within which poses of long ago are one place, and how many looks from one count."""
+"""Cell size [m, m, rad] in which old poses of the trail count as one place, and how many are kept of each place."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HypothesisObjects:
-    """O objects, ascending by id; in a world of known objects their existence is what the map states.
+    """Existence of O objects, ascending by id; in a closed world it is what the map states.
 
-    Whether they exist depends on what the sensor is taken to detect: G settings, with weights of their own.
+    Existence depends on the sensor's detection rates, of which there are G settings with weights of their own.
     """
 
     ids: Index  # (O,)
-    existence_given: Array  # (O, G)
+    existence_given: Array  # (O, G) probability of existence under each setting
     detectable: Array | None = None  # (O, G) probability that it can be detected next, if it exists; None: always
-    gone: Array | None = None  # (O, G) probability that it was there and has left since; None: nothing leaves
-    stamp_ns: int | None = None  # time of which that is said; None: before the first keyframe
+    gone: Array | None = None  # (O, G) probability that it existed and has left since; None: nothing leaves
+    stamp_ns: int | None = None  # time to which departures are accounted for; None: before the first keyframe
     rates: DetectionRates = CERTAIN
 
     @cached_property
     def existence(self) -> Array:
-        """(O,) over all settings."""
+        """(O,) probability of existence, averaged over all settings."""
         return self.rates.average(self.existence_given)
 
     @cached_property
     def id_set(self) -> frozenset[int]:
-        """Ids, to ask whether one is among them."""
+        """The ids as a set."""
         return frozenset(self.ids.tolist())
 
     def rows(self, object_ids: Index) -> Index:
-        """Where (n,) objects stand; all of them must be there."""
+        """Rows of (n,) object ids, all of which must be in the table."""
         return np.asarray(np.searchsorted(self.ids, object_ids))
 
     def left_until(
         self, stamp_ns: int, departures_per_hour: Array | float, moving: Array | float = 0.0
     ) -> "HypothesisObjects":
-        """The objects as time leaves them: each that stands departs for good at a constant rate, (O, 1) or of all.
+        """Predict existence to a time: static objects leave for good at a constant rate, (O, 1) or one for all.
 
-        ``moving`` (O, G) is the probability that one moves, if it exists: it then is somewhere.
+        ``moving`` (O, G) is the probability that an object moves, if it exists: movers do not leave.
         """
         if self.gone is None:
             return self
@@ -59,7 +59,7 @@ class HypothesisObjects:
         return replace(self, existence_given=stays * self.existence_given, gone=self.gone + leaving, stamp_ns=stamp_ns)
 
     def updated(self, update: "ExistenceUpdate") -> "HypothesisObjects":
-        """The objects after one keyframe; the table itself where nothing comes, goes or changes."""
+        """The objects after the update of one keyframe; the table itself if nothing changes."""
         if update.changes_nothing:
             return self
         return HypothesisObjects(
@@ -76,27 +76,27 @@ class HypothesisObjects:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedStates:
-    """Where robot and O objects were after the newest update; r and l dimensions of tangent spaces, T keyframes.
+    """Cache of the marginals of robot and O objects after the newest update; tangent spaces of r and l, T keyframes.
 
-    Kept where objects come and go, because reading every marginal anew costs more than everything else.
+    It is kept in an open world, because reading all marginals from the smoother anew costs more than everything else.
     """
 
     states: Array  # (O, s)
-    covariances: Array  # (O, l, l) when the object was last near: later updates only narrow it
+    covariances: Array  # (O, l, l) as read when the object was last near: conservative, as updates only narrow it
     sigmas: Array  # (O,) largest standard deviation of a position then, metres
     robot: Array  # (s,)
     robot_covariance: Array  # (r, r)
-    trail: Array  # (T, s) robot at each keyframe, as estimated then; where the past is summarised few of each place
+    trail: Array  # (T, s) robot at each keyframe, as estimated then; thinned where the past is marginalised
     bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry
-    errors: CarriedErrors | None = None  # of detections, that repeat; q components; None: q is 0
+    errors: CarriedErrors | None = None  # correlated errors of detections, q components; None: q is 0
     anchors: Array | None = (
-        None  # (O, 3) from where objects were first seen along a ray alone, NaN of others; None: all
+        None  # (O, 3) ray origins of objects first seen by bearing alone, NaN for others; None: all are others
     )
     carried_covariance: Array | None = None  # (r + p + q) square, of robot, bias and errors; None: p and q are 0
 
     @property
     def motion_covariance(self) -> Array:
-        """(r + p + q) square, of the newest robot, what odometry always gets wrong, and the errors that repeat."""
+        """(r + p + q) square covariance of the newest robot pose, the odometry biases and the correlated errors."""
         return self.robot_covariance if self.carried_covariance is None else self.carried_covariance
 
     @property
@@ -107,11 +107,11 @@ class TrackedStates:
 
     @property
     def clock(self) -> tuple[float, float]:
-        """Mean and standard deviation of the last bias, that of odometry's clock, in those of its prior."""
+        """Mean and sigma of the last bias, the clock offset of odometry, in units of its prior standard deviation."""
         return float(self.bias[-1]), float(self.bias_sigmas[-1])
 
     def with_thinned_trail(self, num_newest: int) -> "TrackedStates":
-        """The trail's newest poses, and of those before them the newest few of each place."""
+        """The states with a thinned trail: its ``num_newest`` poses, and of the older ones the newest few per place."""
         places = np.floor(self.trail[:, :3] / TRAIL_CELL).astype(int)
         _, cells = np.unique(places, axis=0, return_inverse=True)
         order = np.argsort(cells, kind="stable")[::-1]  # cell by cell, the newest first
@@ -123,12 +123,12 @@ class TrackedStates:
         return replace(self, trail=self.trail[kept])
 
     def with_trail_left_behind(self) -> "TrackedStates":
-        """The trail beyond all that the sensor sees from now on."""
+        """The states with the trail moved beyond all that the sensor will see (after the robot was carried away)."""
         return replace(self, trail=self.trail + BEYOND * np.eye(self.trail.shape[1])[0])
 
     @property
     def sensor(self) -> Array | None:
-        """(d, 2) means and standard deviations of what the sensor always gets wrong; None where nothing is known."""
+        """(d, 2) means and standard deviations of the sensor's constant errors; None if they are not estimated."""
         if self.errors is None or self.carried_covariance is None or not self.errors.by_sensor.size:
             return None
         first = len(self.errors.by_sensor)
@@ -137,35 +137,35 @@ class TrackedStates:
 
     @property
     def num_errors(self) -> int:
-        """q."""
+        """Number q of components of the correlated errors."""
         return 0 if self.errors is None else len(self.errors.mean)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExistenceUpdate:
-    """What one continuation makes of the existence of its parent's O objects, and of those that it starts."""
+    """Effect of one candidate on existence: of its parent's O objects, and of the n objects born."""
 
-    existence: Array  # (O, G) after this keyframe, given each setting of the sensor that is left
-    kept: Flags  # (O,)
+    existence: Array  # (O, G) after this keyframe, under each sensor setting that is left
+    kept: Flags  # (O,) objects that are kept; the others are removed
     new_ids: Index  # (n,) ascending, above all of the parent's
     new_existence: Array  # (n, G)
-    rates: DetectionRates = CERTAIN  # those settings
-    rates_kept: Flags | None = None  # which of the parent's they are; None: all
-    detectable: Array | None = None  # of those kept, and then of the new ones, where misses come in runs
-    gone: Array | None = None  # (O, G) probability that it has left, where objects do
-    stamp_ns: int | None = None  # of this keyframe, where objects leave
-    moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing does
+    rates: DetectionRates = CERTAIN  # the settings that are left
+    rates_kept: Flags | None = None  # which of the parent's settings these are; None: all
+    detectable: Array | None = None  # of the kept objects, then of the new ones, where misses come in runs
+    gone: Array | None = None  # (O, G) probability that it has left, where departures are modelled
+    stamp_ns: int | None = None  # of this keyframe, where departures are modelled
+    moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing moves
     changes_nothing: bool = False
 
     def detecting(self, seen: Flags, excluded: Flags) -> "ExistenceUpdate":
-        """The update where (O,) some objects are detected, which then surely exist, and others therefore do not."""
+        """The update with objects ``seen`` (O,) surely existing, and ``excluded`` (O,) ones therefore not existing."""
         after = np.where(seen[:, None], 1.0, np.where(excluded[:, None], 0.0, self.existence))
         same = self.changes_nothing and bool((after == self.existence).all())
         return replace(self, existence=after, changes_nothing=same)
 
     @classmethod
     def starting(cls, objects: HypothesisObjects, new_ids: list[int]) -> "ExistenceUpdate":
-        """Update in a world where objects surely exist: nothing goes, and ``new_ids`` come."""
+        """Update of a closed world, where objects surely exist: nothing is removed, and ``new_ids`` are added."""
         count = len(objects.ids)
         new = np.array(sorted(new_ids), dtype=int)
         return cls(

@@ -1,4 +1,4 @@
-"""Range, ray and viewpoint in space, of objects with an attitude."""
+"""Builder of spatial sensing of objects with an orientation: range, ray and viewpoint."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ TILT = slice(3, 5)
 
 
 def range_bearing(settings: SensingSettings) -> Sensing:
-    """Robot and objects in SE(3), these upright; class scores tell from which side, and how high, one is seen."""
+    """Robot and upright objects in SE(3); class scores depend on the azimuth and elevation from which one is seen."""
     configuration = settings.configuration
     axis, visibility = optical_axis(configuration.perception.extrinsics), visibility_of(configuration)
     return Sensing(
@@ -48,7 +48,7 @@ def _scores(settings: SensingSettings) -> ViewScores | None:
 
 
 def _body_prior(sigma_tilt_rad: float) -> PriorReader:
-    """Priors of objects that stand as they do by gravity, their own roll and pitch being that uncertain besides."""
+    """Prior of objects that gravity keeps upright: ``sigma_tilt_rad`` is added to their roll and pitch uncertainty."""
 
     def prior(pose: Array, covariance: Array) -> GaussianPrior:
         check_height(covariance[:3, :3])

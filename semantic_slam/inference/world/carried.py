@@ -1,12 +1,14 @@
-"""A robot that is carried: lifted in mid-drive and set down elsewhere, of which odometry tells nothing.
+"""The kidnapped robot ("carried"): lifted in mid-drive and set down elsewhere, unnoticed by odometry.
 
-From one keyframe to the next that happens with a small probability; where to is a Gaussian about where it was, and any
-heading. No linearisation holds over metres and all headings: where a history has the robot carried, a point c of a
-lattice over motions stands for where to, at which a Gaussian D takes the place of odometry and its peak is divided out,
-as for the starts of a lost robot (``Starts``). The point is part of the history, in its step's mode.
+Between two keyframes this happens with a small probability; the new position is Gaussian about the old one, the heading
+arbitrary. A single linearisation does not hold over metres and all headings. So a history in which the robot was
+carried names a point c of a lattice over relative motions; there a narrow Gaussian D replaces the odometry factor, and
+its peak density is divided out, as for the starts of a lost robot (``Starts``). The point is part of the history: it is
+coded in the mode of its lineage step.
 
-Or it is set down on new ground: where it is nobody says, it maps in a frame of its own and meets nothing that it knew
-before, as a lost robot does that is not placed. Its detections weigh the same wherever that frame lies.
+Alternatively the robot is set down on "new ground": its position is left open, it maps in a local frame and re-observes
+no object that it knew before, like a lost robot that is not localised yet. The weight of its detections does not depend
+on where that frame lies.
 """
 
 from collections.abc import Sequence
@@ -22,25 +24,25 @@ from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.starts import ANYWHERE, Starts
 
 MODES = 64
-"""More than a component has: a step's mode is that of its component, and so many times the point of the lattice."""
+"""More modes than a component has: a step's mode is the mode of its component + MODES x number of the lattice point."""
 NOWHERE = 0
-"""In place of a point: the robot went where odometry says."""
+"""In place of a lattice point: the robot was not carried, odometry holds."""
 NEW_GROUND = 1
-"""In place of a point: the robot was carried, where to is not said, and sees nothing that it knew."""
+"""In place of a lattice point: carried to an unknown position, where the robot re-observes no known object."""
 FIRST_POINT = 2
 """Number of the first point of the lattice."""
 
 
 @dataclass(frozen=True)
 class Carried:
-    """Where a robot may be carried to, from where it was."""
+    """Prior of a kidnapping: its probability between two keyframes, and the lattice of relative motions."""
 
-    motions: Starts  # from nowhere: relative to the pose before
+    motions: Starts  # relative motions, in the frame of the pose before: zero mean
     log_odds: float  # of being carried between two keyframes
 
     @classmethod
     def of(cls, settings: RevisionConfiguration) -> "Carried | None":
-        """As configured; None: it is never carried."""
+        """The prior of the configuration; None if the robot is never carried."""
         probability = settings.carried_probability
         if probability == 0.0:
             return None
@@ -48,48 +50,51 @@ class Carried:
         return cls(Starts(np.zeros(3), spread), float(np.log(probability) - np.log1p(-probability)))
 
     def step(self, step: Step, point: int) -> Step:
-        """The keyframe with the motion to a point in place of odometry's."""
+        """The keyframe's step with the odometry replaced by the motion to a lattice point."""
         told, there = step.motion, self.motions.prior(_number(point))
         by_bias = None if told.by_bias is None else np.zeros_like(told.by_bias)
         shifts = None if told.shifts is None else np.zeros_like(told.shifts)
         return replace(step, motion=Motion(there.mean, there.covariance, by_bias, shifts))
 
     def log_weight(self, point: int, factor: float = 1.0) -> float:
-        """Log of the odds of being carried there, where odometry's covariances are taken ``factor`` times as large."""
+        """Log prior odds of being carried to a lattice point, or onto new ground.
+
+        ``factor`` is that by which the hypothesis scales odometry covariances; it cancels its effect on the stand-in.
+        """
         if point == NEW_GROUND:
             return self.log_odds
         return self.log_odds + self.motions.log_weight(_number(point)) + 1.5 * float(np.log(factor))
 
     @cached_property
     def log_place(self) -> float:
-        """Log of the odds of a point close by to those of being carried at all."""
+        """Log prior weight of the lattice point of zero motion, relative to being carried at all."""
         return self.motions.log_weight(self.motions.number(np.zeros(3)) or ANYWHERE)
 
     def point(self, motion: Array) -> int | None:
-        """The point next to a motion (3,); None beyond the lattice."""
+        """The lattice point nearest to a relative motion (3,); None beyond the lattice."""
         number = self.motions.number(motion)
         return None if number is None else number - 1 + FIRST_POINT
 
     def frame(self, before: Array, times: int = 1) -> Starts:
-        """Where the frame lies of a robot on new ground, carried so many times, that was at ``before`` (3,) first."""
+        """Prior of the local frame's pose, for a robot that was at ``before`` (3,) until carried ``times`` times."""
         return Starts(before, times * self.motions.covariance)
 
 
 def _number(point: int) -> int:
-    """What ``Starts`` call a point of the lattice; ANYWHERE on new ground."""
+    """Number of a lattice point within ``Starts``; ANYWHERE for new ground."""
     return point + 1 - FIRST_POINT if point >= FIRST_POINT else ANYWHERE
 
 
 def carried_to(step: LineageStep) -> int:
-    """The point of the lattice to which a step other than the first one has the robot carried, or NOWHERE."""
+    """The lattice point to which the robot is carried before a step other than the first one; NOWHERE: it is not."""
     return step.mode // MODES
 
 
 def new_grounds(lineage: Sequence[LineageStep]) -> tuple[int, ...]:
-    """The keyframes before which a history has the robot set down on new ground."""
+    """The keyframes before which the robot of a history was set down on new ground."""
     return tuple(k for k, step in enumerate(lineage) if k and carried_to(step) == NEW_GROUND)
 
 
 def with_carried(step: LineageStep, point: int) -> LineageStep:
-    """The step of a component's mode with the robot carried to a point."""
+    """The lineage step with the robot carried to a lattice point, coded in its mode."""
     return replace(step, mode=step.mode % MODES + MODES * point)

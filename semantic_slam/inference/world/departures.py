@@ -1,4 +1,4 @@
-"""How soon what stands leaves for good: at one rate, or at one of its own by what the detector calls it."""
+"""Departure rates: how soon static objects leave for good, one rate for all or by the detector's label."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from semantic_slam.geometry.arrays import Array, Index
 
 @dataclass(frozen=True)
 class Departures:
-    """Rates per hour; an object is called as the detection that began it."""
+    """Departure rates per hour; an object's label is that of the detection from which it was born."""
 
     settings: OpenWorldConfiguration
     label_of: Callable[[int], str] = lambda _: ""
 
     @cached_property
     def by_label(self) -> dict[str, float]:
-        """Detector's label, in lower case -> rate per hour. Raises InputError."""
+        """Rate per hour by the detector's label in lower case. Raises InputError."""
         return labelled_numbers(
             "open_world.departures_by_label",
             self.settings.departures_by_label,
@@ -30,12 +30,12 @@ class Departures:
 
     @property
     def is_on(self) -> bool:
-        """Whether anything may leave, or may have left. Raises InputError."""
+        """Whether objects may leave, or may have left before the run. Raises InputError."""
         rates = [self.settings.departures_per_hour, *self.by_label.values()]
         return self.settings.departed_share > 0.0 or max(rates) > 0.0
 
     def per_hour(self, object_ids: Index) -> Array | float:
-        """(O, 1) rates of objects, or one rate of all. Raises InputError."""
+        """(O, 1) rates of the objects, or a scalar where all have one rate. Raises InputError."""
         every = self.settings.departures_per_hour
         if not self.by_label:
             return every

@@ -1,7 +1,7 @@
-"""Objects that were moved since a map was made: each is one more object about where the map has it, in its stead.
+"""Objects that were moved since the map was made: each mapped object gets a displaced twin with a wider prior.
 
-Of an object and the same one elsewhere a history has one: which, its first detection decides. Until then the second has
-the prior probability that the object was moved.
+A history contains only one of the two, decided by the first detection of either. Until then the twin's existence is the
+prior probability that the object was moved.
 """
 
 from collections.abc import Mapping
@@ -16,26 +16,26 @@ from semantic_slam.inference.world.map_prior import MapPrior
 
 @dataclass(frozen=True)
 class Displaced:
-    """Under which number an object of the map goes where it stands elsewhere."""
+    """Object ids of the displaced twins of mapped objects."""
 
-    elsewhere: Mapping[int, int] = field(default_factory=dict)  # id of the object on the map -> id of it elsewhere
+    elsewhere: Mapping[int, int] = field(default_factory=dict)  # id of the mapped object -> id of its displaced twin
 
     @cached_property
     def on_map(self) -> dict[int, int]:
-        """Id of an object elsewhere -> id that it has on the map."""
+        """Id of a displaced twin -> id of the mapped object."""
         return {other: own for own, other in self.elsewhere.items()}
 
     @cached_property
     def partner(self) -> dict[int, int]:
-        """Either id of an object -> the other one, which excludes it."""
+        """Either id of such a pair -> the other one, with which it is mutually exclusive."""
         return {**self.elsewhere, **self.on_map}
 
 
 def with_displaced(prior: MapPrior, share: float, sigma_m: float, first: int) -> tuple[MapPrior, Displaced]:
-    """The map with each of its objects elsewhere, too: ``share`` of them were moved, ``sigma_m`` along x and along y.
+    """The map with a displaced twin for each object: ``share`` of them were moved, by ``sigma_m`` along x and along y.
 
-    The two share the existence that the map states. What is added is numbered from ``first`` on; it is nothing where no
-    share was moved.
+    An object and its twin split the existence probability that the map states. Twins have ids from ``first`` on. With a
+    share of 0 nothing is added.
     """
     if share <= 0.0:
         return prior, Displaced()

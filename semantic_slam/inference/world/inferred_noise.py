@@ -1,4 +1,4 @@
-"""What a run infers of the noise of its robot and its sensor, as the belief states it."""
+"""The noise and sensor parameters that a run infers, as the belief reports them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,23 +16,23 @@ from semantic_slam.inference.states import detection_rates
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 SENSOR_NAMES = ("detection_errors.range_offset_m", "detection_errors.yaw_rad")
-"""What a sensor gets wrong all the way, in the order of g (see ``correlated_errors``)."""
+"""Constant biases of the sensor (range offset, mounting yaw), in the order of g (see ``correlated_errors``)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class InferredNoise:
-    """N quantities: those that hypotheses differ in, and biases of odometry and sensor that are estimated."""
+    """N inferred parameters: noise settings by hypothesis, wheel slip, detection rates, odometry and sensor biases."""
 
-    settings: tuple[str, ...] = ()  # as the configuration names them
-    slips: tuple[str, ...] = ()  # whether the newest motion slipped, where odometry may
-    rates: tuple[str, ...] = ()  # of what is detected and is there; each hypothesis is a mixture over them
-    bias_means: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of the prior
-    bias_sigmas: Array = field(default_factory=lambda: np.zeros(0))  # (p,) 0: that one is not estimated
-    sensor_sigmas: Array = field(default_factory=lambda: np.zeros(2))  # likewise, of what the sensor always gets wrong
+    settings: tuple[str, ...] = ()  # noise settings in which hypotheses differ, as the configuration names them
+    slips: tuple[str, ...] = ()  # whether the newest motion slipped, where slip is modelled
+    rates: tuple[str, ...] = ()  # detection, clutter and birth rates; each hypothesis is a mixture over them
+    bias_means: Array = field(default_factory=lambda: np.zeros(0))  # (p,) prior means of the odometry biases
+    bias_sigmas: Array = field(default_factory=lambda: np.zeros(0))  # (p,) prior sigmas; 0: that bias is not estimated
+    sensor_sigmas: Array = field(default_factory=lambda: np.zeros(2))  # prior sigmas of sensor biases; 0: not estimated
 
     @classmethod
     def of(cls, configuration: Configuration, noises: Sequence[NoiseSettings | None], rates: DetectionRates) -> Self:
-        """What is left open by the configuration, and by noises and rates that a robot may have."""
+        """The parameters that the configuration leaves open, given the noise settings and rates of hypotheses."""
         odometry, errors = configuration.odometry, configuration.detection_errors
         differing = [name for name, own in NAMES.items() if len({getattr(one, own, None) for one in noises}) > 1]
         open_rates = [name for name, own in detection_rates.NAMES.items() if len(np.unique(getattr(rates, own))) > 1]
@@ -48,13 +48,13 @@ class InferredNoise:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(N,) as the configuration has them."""
+        """(N,) names of the parameters, as in the configuration."""
         estimated = [name for name, sigma in zip(odometry_bias.NAMES, self.bias_sigmas, strict=False) if sigma > 0.0]
         estimated += [name for name, sigma in zip(SENSOR_NAMES, self.sensor_sigmas, strict=True) if sigma > 0.0]
         return (*self.settings, *self.slips, *self.rates, *estimated)
 
     def moments(self, component: Component) -> Array:
-        """(N, 2) means and standard deviations under one hypothesis."""
+        """(N, 2) means and standard deviations of the parameters under one hypothesis."""
         settings = [(getattr(component.settings, NAMES[name]), 0.0) for name in self.settings]
         settings += [(float(component.slipped), 0.0) for _ in self.slips]
         rates = component.objects.rates
@@ -69,15 +69,15 @@ class InferredNoise:
         return np.concatenate(parts)
 
     def _sensor(self, component: Component) -> Array:
-        """(2, 2) means and standard deviations of what the sensor always gets wrong, as far as detections tell."""
+        """(2, 2) means and standard deviations of the sensor's biases; the prior while detections tell nothing."""
         known = None if component.tracked is None else component.tracked.sensor
         moments = np.array([[0.0, 1.0]] * 2) if known is None else known
         return self.sensor_sigmas[:, None] * moments
 
     def marginals(self, weights: Array, moments: Array, sensed: SensedRegion | None) -> dict[str, Any]:
-        """What a belief says of them, from (H,) weights and (H, N, 2) moments; and the region that was learned.
+        """The belief's fields ``noise_*`` from (H,) weights and (H, N, 2) moments, and the learned sensor region.
 
-        A region that detections bound has no standard deviation: NaN.
+        The region's standard deviations are NaN, since it is a bound over the detections so far.
         """
         means, sigmas = moments[..., 0], moments[..., 1]
         mean = weights @ means

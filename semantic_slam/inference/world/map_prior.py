@@ -17,14 +17,14 @@ from semantic_slam.text_files import parse_json, read_text
 
 ID_LIMIT = 2**32
 ROUNDING = 1e-6
-"""Relative; files hold rounded numbers."""
+"""Relative tolerance for numbers read from files, which are rounded."""
 LEAST_TOLERANCE = 1e-30
-"""Where all variances are 0."""
+"""Absolute tolerance of a covariance whose variances are all 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectPrior:
-    """Gaussian over the pose of one object in map, and probabilities of its class."""
+    """Prior of one mapped object: a Gaussian over its pose in map, class probabilities, existence and descriptor."""
 
     object_id: int  # 0 <= id < 2^32, unique in the map
     name: str
@@ -49,7 +49,7 @@ class ObjectPrior:
         class_probabilities: dict[str, float] | None = None,
         existence: float = 1.0,
     ) -> "ObjectPrior":
-        """From standard deviations of the place and of the heading, alike in all directions."""
+        """Prior of an object in the plane from isotropic standard deviations of its position and its heading."""
         covariance = covariance_from_planar(np.diag([sigma_m**2, sigma_m**2, sigma_rad**2]))
         pose = pose_vector_from_planar(np.array([x_m, y_m, yaw_rad]))
         return cls(
@@ -65,7 +65,7 @@ class ObjectPrior:
     def point(
         cls, object_id: int, position: Sequence[float], *, sigma_m: float, name: str = "", existence: float = 1.0
     ) -> "ObjectPrior":
-        """Prior at (3,) x, y, z [m] of an object whose attitude counts nothing, as uncertain in every direction."""
+        """Prior of a point landmark at (3,) x, y, z [m], isotropic; its orientation has no meaning."""
         return cls(
             object_id=object_id,
             name=name or f"object_{object_id}",
@@ -78,15 +78,15 @@ class ObjectPrior:
 
 @dataclass(frozen=True)
 class MapPrior:
-    """Objects in the frame ``map``."""
+    """Map prior: the known objects, in the frame ``map``."""
 
     objects: tuple[ObjectPrior, ...] = ()
-    descriptor_space: str = ""  # which learned space the descriptors are of, as its model names it
+    descriptor_space: str = ""  # name of the learned latent space of the descriptors
     joint_covariance: Array | None = None  # (3 O, 3 O) x y yaw of all objects, along the axes of map; None: independent
-    map_id: str = ""  # of the FILE.map that it is of
+    map_id: str = ""  # id of the FILE.map from which the prior was made
 
     def to_json(self) -> str:
-        """The text of an ``objects.json``; what objects have in common stands there as a FILE.map tells it."""
+        """The text of an ``objects.json``; a joint covariance is base64-encoded, as in a FILE.map."""
         space = {"descriptor_space": self.descriptor_space} if self.descriptor_space else {}
         joint = {} if self.joint_covariance is None else {"joint_covariance": _packed(self.joint_covariance)}
         known = {"map_id": self.map_id} if self.map_id else {}
@@ -171,7 +171,7 @@ def _pose(values: object) -> Array:
     length = float(np.linalg.norm(pose[3:]))
     if length < ROUNDING:
         raise ValueError("the quaternion of a pose is zero")
-    if abs(length - 1.0) > 1e-12:  # else to the last bit as it is: backends read again what the manager has read
+    if abs(length - 1.0) > 1e-12:  # else left bit-identical, as backends parse again what the manager has parsed
         pose[3:] /= length
     return pose
 
@@ -204,12 +204,12 @@ def _class_probabilities(values: object) -> dict[str, float]:
 
 
 def _packed(joint: Array) -> str:
-    """The numbers of a square in base64, to the last bit, little-endian."""
+    """A square matrix in base64: little-endian doubles, bit-exact."""
     return base64.b64encode(np.ascontiguousarray(joint, dtype="<f8").tobytes()).decode()
 
 
 def _joint(text: object, objects: tuple[ObjectPrior, ...]) -> Array | None:
-    """(3 O, 3 O) of objects whose own covariances stand in it."""
+    """(3 O, 3 O) joint covariance from base64 text, checked against the objects' own. Raises ValueError."""
     if text is None:
         return None
     size = 3 * len(objects)
@@ -225,7 +225,7 @@ def _joint(text: object, objects: tuple[ObjectPrior, ...]) -> Array | None:
 
 
 def is_positive(square: Array, tolerance: float) -> bool:
-    """Whether a symmetric square has no eigenvalue below minus the tolerance, told many times as fast as by these."""
+    """Whether a symmetric matrix has no eigenvalue below -tolerance, by a Cholesky factorisation (faster)."""
     try:
         np.linalg.cholesky(square + max(tolerance, LEAST_TOLERANCE) * np.eye(len(square)))
     except np.linalg.LinAlgError:
@@ -234,7 +234,7 @@ def is_positive(square: Array, tolerance: float) -> bool:
 
 
 def check_joint(joint: Array, objects: Sequence[ObjectPrior]) -> None:
-    """Raises ValueError where (3 O, 3 O) is no covariance, or not one of these objects."""
+    """Raise ValueError if (3 O, 3 O) is no covariance, or its diagonal blocks are not the objects' own covariances."""
     if not np.isfinite(joint).all():
         raise ValueError("joint_covariance needs finite numbers")
     tolerance = ROUNDING * float(np.abs(joint).max(initial=0.0))

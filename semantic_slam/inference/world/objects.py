@@ -1,4 +1,4 @@
-"""Which objects a run has come to know, and which of them are reported.
+"""The registry of the objects of a run: mapped ones, and those that detections introduced; which are reported.
 
 The registry is a function of the map prior and of the keyframes so far, so that managers and backends that have seen
 the same keyframes agree on it.
@@ -21,7 +21,7 @@ from semantic_slam.inference.world.displaced_objects import Displaced
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectEntry:
-    """An object known from the start."""
+    """An object that is known before the run, with its priors."""
 
     object_id: int
     name: str
@@ -37,11 +37,11 @@ class ReportedObjects:
     ids: tuple[int, ...]  # O
     names: tuple[str, ...]  # O
     class_prior: Array  # (O, C) probabilities
-    displaced: Displaced = field(default_factory=Displaced)  # what goes under another number where it was moved
+    displaced: Displaced = field(default_factory=Displaced)  # ids of displaced twins of mapped objects
 
     @cached_property
     def row_of(self) -> dict[int, int]:
-        """Object id -> row; what was moved is in the row of what the map has."""
+        """Object id -> row; a displaced twin has the row of its mapped object."""
         rows = {n: row for row, n in enumerate(self.ids)}
         return rows | {other: rows[own] for own, other in self.displaced.elsewhere.items() if own in rows}
 
@@ -54,7 +54,7 @@ class ReportedObjects:
         return logs
 
     def rows(self, object_ids: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Rows of an array of object ids; -1 stays -1, and stands for what is not reported."""
+        """Rows for an array of object ids; -1 (clutter) stays -1, and so do objects that are not reported."""
         rows = [self.row_of.get(n, -1) for n in object_ids.ravel().tolist()]
         return np.array(rows, dtype=np.int32).reshape(object_ids.shape)
 
@@ -63,37 +63,37 @@ class ObjectRegistry:
     """Ids, names and class priors of the objects, map prior first, then those that detections introduced."""
 
     def __init__(self, entries: Sequence[ObjectEntry], class_shares: Array, displaced: Displaced | None = None):
-        """``class_shares`` (C,) are probabilities of the class of what no map knows."""
+        """Start from the mapped objects; ``class_shares`` (C,) is the class prior of objects that are not mapped."""
         self._displaced = Displaced() if displaced is None else displaced
         self._unknown = class_shares
         self._known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
         self._by_name = {entry.name: entry.object_id for entry in entries}
         self._by_name |= {str(entry.object_id): entry.object_id for entry in entries}
-        self._first_new = array("q", [max(self._known, default=-1) + 1])  # by keyframe
-        self._labels: list[tuple[str, ...]] = []  # of a keyframe's detections; () where none has one
+        self._first_new = array("q", [max(self._known, default=-1) + 1])  # first reserved id of each keyframe
+        self._labels: list[tuple[str, ...]] = []  # labels of each keyframe's detections; () where none has one
         self._alive: frozenset[int] = frozenset()
         self._reported = self._all = self._listed(tuple(self._known))
         self._stated = self._each_once()
 
     @property
     def known(self) -> ReportedObjects:
-        """All objects with an identity: those of the map, wherever they are, and those that detections named."""
+        """All objects with an identity: those of the map with their displaced twins, and those named by detections."""
         return self._all
 
     @property
     def stated(self) -> ReportedObjects:
-        """These, each of them once, wherever it is."""
+        """All ``known`` objects once each: displaced twins share the row of their mapped objects."""
         return self._stated
 
     def alive(self, object_ids: Collection[int]) -> ReportedObjects:
-        """The objects that some hypothesis of an open world holds, ascending by id; what no map knows has a number."""
+        """The objects that some open-world hypothesis holds, ascending by id; unmapped ones are named by their id."""
         alive = frozenset(object_ids)
         if alive != self._alive:
             self._alive, self._reported = alive, self._listed(tuple(sorted(alive)))
         return self._reported if alive else self._listed(())
 
     def identify(self, name: str) -> int:
-        """Object id of an identity given with a detection; a new identity becomes a new object, "" is no object."""
+        """Object id of an identity given with a detection; a new identity becomes a new object, "" gives -1 (none)."""
         if not name:
             return -1
         if name not in self._by_name:
@@ -104,16 +104,16 @@ class ObjectRegistry:
         return self._by_name[name]
 
     def reserve(self, index: int, num_detections: int, labels: Sequence[str] = ()) -> None:
-        """Reserve ids for the objects that the detections of keyframe ``index`` may start; keyframes come in order.
+        """Reserve ids for objects born from the detections of keyframe ``index``; keyframes come in order.
 
-        ``labels`` (D,) are what the detector calls them, or nothing where nobody asks.
+        ``labels`` (D,) are the detector's labels, () where they are not used.
         """
         if index == len(self._first_new) - 1:
             self._labels.append(tuple(sys.intern(str(label)) for label in labels) if any(labels) else ())
             self._first_new.append(self._first_new[-1] + num_detections)
 
     def label_of(self, object_id: int) -> str:
-        """What the detector called the detection that began an object; "" of the map's, and where nobody asked."""
+        """Detector's label of the detection from which an object was born; "" for mapped ones or without labels."""
         keyframe = bisect_right(self._first_new, object_id) - 1
         if not 0 <= keyframe < len(self._labels):
             return ""
@@ -121,11 +121,11 @@ class ObjectRegistry:
         return labels[place] if place < len(labels) else ""
 
     def first_new_id(self, index: int) -> int:
-        """Id of the object that the first detection of keyframe ``index`` would start; the next ones follow."""
+        """Id of the object born from the first detection of keyframe ``index``; those of the others follow."""
         return self._first_new[index]
 
     def log_class_prior_of(self, object_ids: Sequence[int]) -> Array:
-        """(n, C) natural logs."""
+        """(n, C) log prior class probabilities (natural) of some objects."""
         known = [self._known[n][1] if n in self._known else self._unknown for n in object_ids]
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(np.array(known).reshape(len(object_ids), len(self._unknown))))

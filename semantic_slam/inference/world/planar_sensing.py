@@ -1,4 +1,4 @@
-"""Range and bearing in the plane, of objects with a place and a heading or of points."""
+"""Builders of planar sensing: range and bearing to objects that are SE(2) poses, or points."""
 
 import numpy as np
 
@@ -21,11 +21,11 @@ from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.sensing import Sensing, SensingSettings
 
 LEAST_VARIANCE = 1e-9
-"""Added to the variances of priors, so that a map given as exact keeps the graph regular."""
+"""Added to the variances of priors, so that the system stays regular with a map that is stated as exact."""
 
 
 def range_bearing(settings: SensingSettings) -> Sensing:
-    """Robot and objects in SE(2); class scores tell from which side an object is seen."""
+    """Robot and objects in SE(2); class scores depend on the azimuth from which an object is seen."""
     configuration = settings.configuration
     new_objects, visibility = configuration.new_objects, visibility_of(configuration)
     return Sensing(
@@ -39,7 +39,7 @@ def range_bearing(settings: SensingSettings) -> Sensing:
 
 
 def points(settings: SensingSettings) -> Sensing:
-    """A robot in SE(2) among points in R^2. Raises InputError where class models want a heading, or an open world."""
+    """Robot in SE(2) among points in R^2. Raises InputError for class models, which need headings, or an open world."""
     if settings.num_features:
         raise InputError(
             "observation: points have no heading, from which class models would be seen; set semantic_model.kind: none"
@@ -67,13 +67,13 @@ def planar_prior(pose: Array, covariance: Array) -> GaussianPrior:
 
 
 def point_prior(pose: Array, covariance: Array) -> GaussianPrior:
-    """Prior of a place, whatever the heading."""
+    """Prior of a position in R^2; the heading is ignored."""
     place = planar_from_covariance(covariance)[:2, :2]
     return GaussianPrior(planar_from_pose_vector(pose)[:2], place + LEAST_VARIANCE * np.eye(2))
 
 
 def joint_planar_prior(poses: Array, covariance: Array) -> Array:
-    """(3 n, 3 n) in the tangent spaces at n poses, of which :func:`planar_prior` is each one's own."""
+    """(3 n, 3 n) joint covariance in the tangent spaces at n poses; its diagonal blocks are :func:`planar_prior`'s."""
     turns = np.zeros((len(poses), 3, 3))
     sine, cosine = sine_cosine(planar_from_pose_vector(poses)[:, 2])
     turns[:, 0, 0] = turns[:, 1, 1] = cosine
@@ -84,13 +84,13 @@ def joint_planar_prior(poses: Array, covariance: Array) -> Array:
 
 
 def joint_point_prior(poses: Array, covariance: Array) -> Array:
-    """(2 n, 2 n) of n places, whatever the headings."""
+    """(2 n, 2 n) joint covariance of n positions; headings are ignored."""
     rows = np.arange(3 * len(poses)).reshape(-1, 3)[:, :2].ravel()
     return np.asarray(covariance[np.ix_(rows, rows)] + LEAST_VARIANCE * np.eye(len(rows)))
 
 
 def visibility_of(configuration: Configuration) -> PlanarVisibility:
-    """P(beta | x, O) as configured."""
+    """The visibility model P(beta | x, O) of the configuration."""
     settings = configuration.visibility
     return PlanarVisibility(settings.max_range_m, settings.field_of_view_rad, settings.softness)
 

@@ -1,4 +1,4 @@
-"""What a run is about: models, priors and settings, built once from the run's configuration."""
+"""The inference problem of a run: models, priors and settings, built once from the run's configuration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -47,15 +47,15 @@ from semantic_slam.viewpoint.model import ViewpointModel
 
 
 class KeyframeReader(Protocol):
-    """Turns keyframes into steps: the only place that knows the keyframe's content."""
+    """Converts keyframes to steps, the engine's input; the only place that reads a keyframe's content."""
 
     def step(self, keyframe: Keyframe) -> Step:
-        """The step of a keyframe."""
+        """The step (motion and detections) of a keyframe."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """Everything a backend needs besides keyframes and commits."""
+    """Everything that a backend needs besides keyframes and commits."""
 
     spaces: Spaces
     model: ObservationModel
@@ -63,15 +63,15 @@ class Problem:
     robot: GaussianPrior
     objects: tuple[ObjectEntry, ...]
     class_names: tuple[str, ...]
-    class_shares: Array  # (C,) probabilities of the class of what no map knows
+    class_shares: Array  # (C,) class prior of objects that are not mapped
     seed: int
     association: type[Any]  # an AssociationStrategy as inference/association/strategy.py describes it
-    distinct: bool
+    distinct: bool  # whether the detections of a keyframe are of different objects
     joint: JointPrior | None = None  # of objects of the map; None: their priors are independent
-    semantics: Semantics = field(default_factory=NoSemantics)  # evidence of views, and records of them
-    viewpoint: ViewpointModel | None = None  # of classes, where views enter with these
-    latent: LatentObservation | None = None  # the learned likelihood, where views enter with descriptors
-    embeddings: EmbeddingModel | None = None  # of vectors of appearance, where these are evidence
+    semantics: Semantics = field(default_factory=NoSemantics)  # weighs and records views of objects
+    viewpoint: ViewpointModel | None = None  # class model that depends on the viewpoint, if views are evidence by it
+    latent: LatentObservation | None = None  # learned likelihood, if views are evidence by descriptors
+    embeddings: EmbeddingModel | None = None  # model of appearance vectors, if these are evidence
     novelty_false_alarms: float = 0.0  # share of the views of known objects that are not recognised
     weights: WeightsConfiguration = field(default_factory=WeightsConfiguration)
     pruning: PruningConfiguration = field(default_factory=PruningConfiguration)
@@ -80,16 +80,16 @@ class Problem:
     revision: RevisionConfiguration = field(default_factory=RevisionConfiguration)
     history: HistoryConfiguration = field(default_factory=HistoryConfiguration)
     moving: Moving = field(default_factory=Moving)
-    clutter: Clutter | None = None  # what detections of no object look like; None: a closed world has none
+    clutter: Clutter | None = None  # density of clutter (false alarms); None: a closed world has none
     closed_world: ClosedWorldConfiguration = field(default_factory=ClosedWorldConfiguration)
-    unmapped_ids: frozenset[int] = frozenset()  # among ``objects``, of those that the map may lack
-    displaced: Displaced = field(default_factory=Displaced)  # among them, of those that the map may have elsewhere
+    unmapped_ids: frozenset[int] = frozenset()  # those of ``objects`` that stand for objects missing in the map
+    displaced: Displaced = field(default_factory=Displaced)  # displaced twins among ``objects``
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
-    sigma_metre: float = 0.0  # share by which all ranges may be too long, where no map tells
-    noises: tuple[NoiseSettings | None, ...] = (None,)  # in an open world one for each hypothesis; None: as told
-    carried: Carried | None = None  # where the robot may be carried to in mid-drive; None: it never is
-    slips: Slips | None = None  # of odometry; None: it never does
-    starts: Starts | None = None  # of a robot that is lost on a map, in an open world; None: it begins at its prior
+    sigma_metre: float = 0.0  # relative sigma of the global scale of all ranges, which without a map is unobservable
+    noises: tuple[NoiseSettings | None, ...] = (None,)  # open world: one per root hypothesis; None: as configured
+    carried: Carried | None = None  # prior of a kidnapped robot; None: it is never carried
+    slips: Slips | None = None  # wheel slip of odometry; None: never
+    starts: Starts | None = None  # global localisation in a map, open world: initial poses; None: as its prior
 
     @cached_property
     def map_ids(self) -> frozenset[int]:
@@ -98,55 +98,55 @@ class Problem:
 
     @property
     def bagging(self) -> Bagging:
-        """How weights are averaged between places."""
+        """Averaging of weights between the places of the robot, see ``Bagging``."""
         return Bagging(self.seed, self.weights.bagged_sets)
 
     @property
     def num_biases(self) -> int:
-        """Biases of odometry that are estimated with the poses."""
+        """Number of odometry biases; those with sigma 0 are not estimated."""
         return len(self.inferred_noise.bias_sigmas)
 
     @property
     def log_root_weights(self) -> list[float]:
-        """Log weights of the hypotheses before any measurement: one for each noise that robot and sensor may have."""
+        """Log prior weights of the root hypotheses, normalised: one for each noise setting of robot and sensor."""
         log_priors = np.array([0.0 if own is None else own.log_prior for own in self.noises])
         return [float(own) for own in log_priors - np.log(np.exp(log_priors).sum())]
 
     def beginning(self, lineage: Sequence[LineageStep]) -> int:
-        """The number under which a history begins: which of the noises, and then which start."""
+        """Root number of a history: index of its noise setting + number of noises x index of its start."""
         return lineage[0].mode if len(self.noises) > 1 or self.starts is not None else 0
 
     def start_of(self, beginning: int) -> int:
-        """The start of a beginning."""
+        """The start of a root number, see ``Starts``."""
         return beginning // len(self.noises)
 
     def with_start(self, beginning: int, start: int) -> int:
-        """The beginning with the same noise, and another start."""
+        """The root number with the same noise setting, and another start."""
         return beginning % len(self.noises) + start * len(self.noises)
 
     def is_placed(self, lineage: Sequence[LineageStep]) -> bool:
-        """Whether a history says where the robot is on the map."""
+        """Whether the robot is localised in the map, in a history."""
         return self.starts is None or self.start_of(self.beginning(lineage)) != ANYWHERE
 
     def log_weight_of(self, beginning: int) -> float:
-        """Log weight of a beginning before any measurement."""
+        """Log prior weight of a root number."""
         log_weight = self.log_root_weights[beginning % len(self.noises)]
         return log_weight if self.starts is None else log_weight + self.starts.log_weight(self.start_of(beginning))
 
     def root(self) -> Component:
-        """The component before any keyframe."""
+        """The root component: the priors of robot and mapped objects, before any keyframe."""
         priors = {entry.object_id: entry.prior for entry in self.objects}
         existence = {entry.object_id: entry.existence for entry in self.objects}
         return Component.root(self.spaces, self.model, self.robot, priors, self.latent, existence, self.joint)
 
     def _single_steps(self, smoother: Smoother) -> Smoother:
-        """One that is updated once per keyframe."""
+        """The smoother configured for a single (not iterated) update per keyframe."""
         return smoother.with_single_steps(self.num_biases, errors_repeat=self.detection_errors.correlated_share > 0.0)
 
     def tracking_root(self, beginning: int) -> Component:
-        """One that tracks its states, under one of the noises and starts, as the configuration wants it updated.
+        """Root component of an open world, which tracks states and existence, for a root number (noise and start).
 
-        A robot that is not placed cannot meet the objects of the map.
+        A robot that is not localised in the map (start ANYWHERE) cannot observe the objects of the map.
         """
         number, robot = beginning % len(self.noises), self.robot
         if self.starts is not None:

@@ -1,4 +1,4 @@
-"""What a value of ``observation`` builds: the space of robot and objects, and what detections tell of them."""
+"""Interface of the ``observation`` parameter's builders: state spaces, observation model, reader and priors."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,29 +14,29 @@ from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.outliers import OutlierScores
 
 PriorReader = Callable[[Array, Array], GaussianPrior]
-"""From a (7,) pose in map and its (6, 6) covariance along the axes of map to a prior of the estimated state."""
+"""Converts a (7,) pose in map and its (6, 6) covariance along the axes of map to a prior of the estimated state."""
 JointReader = Callable[[Array, Array], Array]
-"""From (n, 7) poses in map and the (3 n, 3 n) joint covariance of x, y, yaw along its axes to that of their states."""
+"""Converts (n, 7) poses in map and their (3 n, 3 n) covariance of x, y, yaw along its axes to that of their states."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensingSettings:
-    """What a builder is told of the run."""
+    """Input of a builder: the run's configuration, and what follows from its class models."""
 
     configuration: Configuration
-    tracks_objects: bool  # objects come and go, or are tracked as if they did
-    class_model: ViewpointModel | None  # whose views enter the graphs by factors; None: detections are places alone
-    tempering: float  # so many views tell as much as one
-    outliers: OutlierScores | None = None  # scores that no class explains; None: there are none
-    num_features: int  # F of every detection's feature, 0 where nothing looks at it
+    tracks_objects: bool  # open world (births, misses), or objects are tracked as if it were
+    class_model: ViewpointModel | None  # class model whose views are factors of the graphs; None: geometry alone
+    tempering: float  # number of views that carry as much information as one independent view
+    outliers: OutlierScores | None = None  # density of outlier scores; None: no view is an outlier
+    num_features: int  # F components of a detection's feature, 0 where features are not used
     feature_names: tuple[str, ...]  # (F,) or () where the models do not name their features
     labels: tuple[str, ...] = ()  # (L,) of the detector, where they are evidence of classes
-    vector_dimensions: int = 0  # of the vectors of appearance that are evidence; 0: they are none
+    vector_dimensions: int = 0  # of appearance vectors where these are evidence, else 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensing:
-    """The spaces of robot and landmarks and the observation model over them, which go together."""
+    """State spaces of robot and landmarks, with the matching observation model, keyframe reader and priors."""
 
     spaces: Spaces
     model: ObservationModel
@@ -50,4 +50,4 @@ class SensingBuilder(Protocol):
     """An entry of the registry ``OBSERVATIONS``."""
 
     def __call__(self, settings: SensingSettings) -> Sensing:
-        """For one run. Raises InputError."""
+        """Build the sensing of one run. Raises InputError."""

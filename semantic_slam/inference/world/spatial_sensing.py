@@ -1,4 +1,4 @@
-"""Range and ray in space, of points."""
+"""Builder of spatial sensing: range and ray (direction of sight) to points in R^3."""
 
 from collections.abc import Sequence
 
@@ -44,7 +44,7 @@ def points(settings: SensingSettings) -> Sensing:
 
 
 def optical_axis(extrinsics: Sequence[float]) -> Array:
-    """(3,) in the body frame, of the camera whose mount is configured; the body's x where none is."""
+    """(3,) direction of the configured camera's optical axis in the body frame; the body's x if none is configured."""
     turn = np.asarray(extrinsics[3:] if len(extrinsics) else LOOKS_AHEAD[3:], dtype=np.float64)
     return so3.rotated(so3.normalised(turn), np.array([0.0, 0.0, 1.0]))
 
@@ -58,14 +58,14 @@ def pose_prior(pose: Array, covariance: Array) -> GaussianPrior:
 
 
 def place_prior(pose: Array, covariance: Array) -> GaussianPrior:
-    """Prior of a place, whatever the attitude. Raises InputError where it was made in the plane."""
+    """Prior of a position in R^3; the orientation is ignored. Raises InputError for a planar map without heights."""
     place = covariance[:3, :3]
     check_height(place)
     return GaussianPrior(pose[:3], place + LEAST_VARIANCE * np.eye(3))
 
 
 def check_height(place: Array) -> None:
-    """Raises InputError for the (3, 3) covariance of a place whose height is known and nothing else."""
+    """Check the (3, 3) covariance of a position: raises InputError if only its height has no variance (planar map)."""
     if place[HEIGHT, HEIGHT] <= 0.0 < np.trace(place):
         raise InputError(
             "map prior: objects have no variance of their height, as one of the plane; give them one, in which"
@@ -74,5 +74,5 @@ def check_height(place: Array) -> None:
 
 
 def joint_place_prior(poses: Array, covariance: Array) -> Array:
-    """Raises InputError: what a FILE.map tells of its objects together is x, y and yaw."""
+    """Raise InputError: the joint covariance of a FILE.map is over x, y and yaw, hence planar."""
     raise InputError("map prior: a FILE.map is of the plane; give an objects.json for state_space: spatial")

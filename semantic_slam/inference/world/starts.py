@@ -1,13 +1,14 @@
-"""Where a robot that is lost may have begun: a start is part of a history, as the noises that it begins with are.
+"""Global localisation: the initial pose ("start") of a lost robot is part of a history, like its noise setting.
 
-No linearisation holds over metres and all headings. Until the robot is placed on the map it maps in a frame of its own,
-in which detections weigh as much as anywhere; a history that names objects of the map begins at a point of a lattice
-over the initial poses. There a Gaussian stands in for the wide prior, and its peak is divided out again:
+A single linearisation does not hold over metres and all headings. Until the robot is localised in the map it maps in a
+local frame, where the weight of its detections does not depend on where that frame lies; a history that associates
+detections with objects of the map begins at a point c of a lattice over the initial poses. There a narrow Gaussian
+N(c, D), the stand-in, replaces the wide prior p(x0), and its peak density is divided out again:
 
     P(Z) = int p(x0) L(x0) dx0 ~ p(c) / N(c; c, D) int N(x0; c, D) L(x0) dx0
 
-Log weights come out too small by half the mean squared distance of the posterior of x0 from the point, in stand-ins:
-0.05 where it has a third of their widths, and the point is the next one.
+The log weight comes out too small by half the mean squared distance of the posterior of x0 from c, in units of D: by
+0.05 where the posterior is a third as wide as the stand-in and c is the nearest point.
 """
 
 from collections.abc import Collection
@@ -22,30 +23,30 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.states.gaussian import GaussianPrior
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 1.0, 0.3
-"""Standard deviations of the initial pose from which on the robot counts as lost."""
+"""Standard deviations of the initial pose above which the robot counts as lost (global localisation)."""
 STAND_IN_SIGMAS = np.array([0.5, 0.5, 0.15])
-"""x, y [m] and yaw [rad]: wide beside what a few objects of a map tell, narrow beside what measurements bend by."""
+"""Stand-in's x, y [m], yaw [rad]: wide beside a fix by a few mapped objects, narrow enough to linearise in."""
 OWN_FRAME_SIGMAS = np.array([0.01, 0.01, 0.01])
-"""Standard deviations of the initial pose in the frame in which a robot maps that is not placed."""
+"""Standard deviations x, y [m], yaw [rad] of the initial pose in the local frame of a robot that is not localised."""
 SPACING = 0.5
-"""Distance of neighbours on the lattice, in stand-ins."""
+"""Distance between neighbouring lattice points, in standard deviations of the stand-in."""
 REACH = 6.0
-"""Standard deviations of the initial pose that the lattice covers."""
+"""Extent of the lattice about the mean, in standard deviations of the initial pose."""
 
 ANYWHERE = 0
-"""Number of the start of a robot that is not placed; points of the lattice follow."""
+"""Start number of a robot that is not localised in the map; lattice points have the numbers from 1 on."""
 
 
 @dataclass(frozen=True)
 class Starts:
-    """Initial poses of a lost robot: a Gaussian along the axes of map, its heading wrapped."""
+    """Initial poses of a lost robot: a Gaussian along the axes of map with wrapped heading, and a lattice over it."""
 
     mean: Array  # (3,)
     covariance: Array  # (3, 3)
 
     @classmethod
     def of(cls, robot: GaussianPrior) -> "Starts | None":
-        """The starts of a robot with that prior; None where it is not lost."""
+        """The starts for a prior of the initial pose; None if it is narrow enough that the robot is not lost."""
         covariance = se2.rotate_covariance(robot.mean, robot.covariance)
         position, heading = float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), float(covariance[2, 2])
         if position <= LOST_SIGMA_M**2 and heading <= LOST_SIGMA_RAD**2:
@@ -54,11 +55,11 @@ class Starts:
 
     @property
     def own_frame(self) -> GaussianPrior:
-        """The initial pose where the robot is not placed."""
+        """Prior of the initial pose in the local frame, while the robot is not localised."""
         return GaussianPrior(self.mean, np.diag(OWN_FRAME_SIGMAS**2))
 
     def number(self, pose: Array) -> int | None:
-        """The start that is nearest to a pose (3,) in map; None beyond the lattice."""
+        """Number of the lattice point nearest to a pose (3,) in map; None beyond the lattice."""
         offset = np.append(pose[:2] - self.mean[:2], wrap_angle(pose[2] - self.mean[2]))
         at = np.round(offset / self._spacing).astype(int)
         if (np.abs(at) > self._half)[: 2 if self._is_circular else 3].any():
@@ -67,7 +68,10 @@ class Starts:
         return 1 + int(np.ravel_multi_index(tuple(place), tuple(self._counts)))
 
     def nearest(self, pose: Array, taken: Collection[int]) -> int | None:
-        """One of the starts ``taken`` that is next to a pose (3,), so that no history begins twice, or a new one."""
+        """Start for a pose (3,) in map: one of ``taken`` within a lattice spacing, else the nearest; None: beyond.
+
+        Reusing a taken start keeps the same history from beginning at two neighbouring points.
+        """
         for number in sorted(set(taken) - {ANYWHERE}):
             offset = self.pose(number) - pose
             offset[2] = wrap_angle(offset[2])
@@ -76,23 +80,23 @@ class Starts:
         return self.number(pose)
 
     def pose(self, number: int) -> Array:
-        """(3,) in map, of a start other than ANYWHERE."""
+        """(3,) pose in map of a start other than ANYWHERE."""
         at = np.array(np.unravel_index(number - 1, tuple(self._counts))) - self._half
         return se2.wrapped(self.mean + at * self._spacing)
 
     def prior(self, number: int) -> GaussianPrior:
-        """What stands in for the prior of the initial pose."""
+        """The stand-in Gaussian that replaces the prior of the initial pose; in the local frame for ANYWHERE."""
         return GaussianPrior(self.pose(number), np.diag(self._sigmas**2)) if number != ANYWHERE else self.own_frame
 
     def log_weight(self, number: int) -> float:
-        """Log of p(c) / N(c; c, D); 0 where the robot is not placed."""
+        """Log of p(c) / N(c; c, D), the prior weight of a start; 0 for ANYWHERE."""
         if number == ANYWHERE:
             return 0.0
         log_peak = -1.5 * float(np.log(2.0 * np.pi)) - float(np.log(self._sigmas).sum())
         return float(self.log_density(self.pose(number))) - log_peak
 
     def log_density(self, poses: Array) -> Array:
-        """(...,) of poses (..., 3), per square metre and radian."""
+        """(...,) log prior density of poses (..., 3) in map, per square metre and radian."""
         offset = poses - self.mean
         most = int(np.ceil(REACH * np.sqrt(self.covariance[2, 2]) / (2.0 * np.pi)))
         turns = 2.0 * np.pi * np.arange(-most, most + 1)
@@ -103,7 +107,7 @@ class Starts:
         return np.asarray(np.logaddexp.reduce(log_peak - 0.5 * squared, axis=-1))
 
     def in_map(self, states: Array, covariances: Array) -> tuple[Array, Array]:
-        """(n, 3) poses and (n, 3, 3) covariances along the axes of map, of states in the frame of a robot not placed.
+        """Transform states in the local frame to map: (n, 3) poses and (n, 3, 3) covariances along its axes.
 
         Moments of mean + R(turn) (state - mean) + shift, over turn and shift of the prior.
         """
@@ -127,12 +131,12 @@ class Starts:
 
     @cached_property
     def _sigmas(self) -> Array:
-        """(3,) of the stand-in, not above those of the prior."""
+        """(3,) standard deviations of the stand-in, not above those of the prior."""
         return np.asarray(np.minimum(STAND_IN_SIGMAS, np.sqrt(np.diagonal(self.covariance))))
 
     @cached_property
     def _counts(self) -> Index:
-        """(3,) points of the lattice along x, y and yaw."""
+        """(3,) number of lattice points along x, y and yaw."""
         sigmas = np.sqrt(np.diagonal(self.covariance))
         half = np.ceil(REACH * sigmas / (SPACING * self._sigmas))
         half[sigmas <= STAND_IN_SIGMAS] = 0  # the prior itself
@@ -143,7 +147,7 @@ class Starts:
 
     @cached_property
     def _is_circular(self) -> bool:
-        """Whether the lattice has headings all around: an even number, so that it has the opposite of each."""
+        """Whether the lattice covers all headings; their number is then even, so that each has its opposite."""
         return bool(REACH * self.covariance[2, 2] ** 0.5 >= np.pi)
 
     @property
@@ -152,7 +156,7 @@ class Starts:
 
     @cached_property
     def _spacing(self) -> Array:
-        """(3,) metres and radians; headings all around are spaced evenly."""
+        """(3,) lattice spacing in metres and radians; if all headings are covered, they are evenly spaced."""
         spacing = SPACING * self._sigmas
         if self._is_circular:
             spacing[2] = 2.0 * np.pi / self._counts[2]

@@ -1,7 +1,7 @@
-"""Objects that a map may lack: each is one more object of the map, with hardly any prior, that may not exist.
+"""Placeholders for objects that the map may lack: map entries with a broad prior and a small existence probability.
 
-An object that a map lacks shows again and again at one place. As false alarms its detections would cost a history as
-much as so many false alarms, and a lost robot whose first views are of such an object would be taken elsewhere.
+An object that is missing in the map is detected again and again at one place. Explained as clutter (false alarms), each
+detection would cost a history, and a lost robot whose first views are of such an object would be localised wrongly.
 """
 
 import numpy as np
@@ -12,9 +12,10 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 def unmapped_objects(
     prior: MapPrior, count: int, probability: float, reach_m: float, sigma_heading_rad: float
 ) -> tuple[ObjectPrior, ...]:
-    """``count`` objects beside those of ``prior``, each of existence ``probability``.
+    """Make ``count`` placeholder objects beside those of ``prior``, each of existence ``probability``.
 
-    Their places have the moments of the map's, as far about them as ``reach_m``, half of it being a standard deviation.
+    Their position prior is centred on the mapped objects; its variance is that of their positions, plus the square of
+    half of ``reach_m``, the sensor's range.
     """
     if not count:
         return ()

@@ -1,4 +1,4 @@
-"""What detections tell a learned likelihood, as arrays."""
+"""Inputs of the learned likelihood from detections, as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The exact GTSAM factor between X(k), O(n) and the descriptor E(n): it calls back wherever iSAM2 linearises it."""
+"""The exact (nonlinear) GTSAM factor of X(k), O(n) and descriptor E(n): a callback at every relinearisation."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from semantic_slam.inference.models.planar.detection import PlanarDetection
 
 
 def exact_factor(observation: LatentObservation, detection: PlanarDetection, keys: tuple[int, ...]) -> Any:
-    """Exact latent factor on X(k), O(n), E(n): a CustomFactor, which an iSAM2 can be forked with but not pickled."""
+    """Exact latent factor on X(k), O(n), E(n): a CustomFactor; an iSAM2 with it can be forked but not pickled."""
     features = DetectionFeatures.of([detection])
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:

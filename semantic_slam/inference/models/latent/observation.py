@@ -1,6 +1,6 @@
-"""The learned likelihood P(f(z) | x_rel, e) of a detection's feature, seen from the plane (Eq. 5.10).
+"""Learned likelihood P(f(z) | x_rel, e) of a detection's feature by viewpoint and descriptor, in the plane (Eq. 5.10).
 
-A tight crop tells the direction of view and nothing of range and roll. The elevation is measured with the box; the
+A tight crop carries the direction of view, but neither range nor roll. The elevation is measured with the box; the
 azimuth is that of the camera in the object's frame, so that it depends on the poses x of the robot and o of the object.
 """
 
@@ -36,9 +36,9 @@ class LatentLinearisation:
 
 @dataclass(frozen=True)
 class LatentObservation:
-    """A descriptor model, and what is known of descriptors before any view.
+    """A descriptor model, and the prior of descriptors before any view.
 
-    ``tempering`` N: so many views tell as much as one, each density enters with the power 1 / N.
+    ``tempering`` N: each density enters with power 1 / N, so that N views count as one.
     """
 
     model: DescriptorModel
@@ -56,7 +56,7 @@ class LatentObservation:
         return self.model.prior
 
     def prior_of(self, object_id: int) -> DescriptorBelief:
-        """What is known of an object's descriptor before its first view, B = 1."""
+        """Prior of an object's descriptor before its first view, B = 1."""
         return self.known.get(object_id, self.prior)
 
     def linearise(self, features: DetectionFeatures, x: Array, o: Array, e: Array) -> LatentLinearisation:
@@ -95,12 +95,12 @@ class LatentObservation:
 
 
 def azimuth_slopes(x: Array, o: Array, sensor: Array) -> Array:
-    """(B, 6) derivatives of the azimuth from which (B, 3) robots see (B, 3) objects, by both poses."""
+    """(B, 6) Jacobian of the azimuth from which (B, 3) robots see (B, 3) objects, by both poses."""
     return _azimuth_by_poses(camera_in_object(x, o, sensor), x[:, 2] - o[:, 2], sensor)
 
 
 def _azimuth_by_poses(v: Array, angle: Array, sensor: Array) -> Array:
-    """(B, 6) derivatives of the azimuth of v by the robot's pose and by the object's.
+    """(B, 6) Jacobian of the azimuth of v by the robot's pose and by the object's.
 
     With the ``angle`` of the robot's heading in the object's frame and t = d azimuth / dv: t R [I, S s] and [-t, -1].
     """

@@ -1,4 +1,4 @@
-"""What a map tells of descriptors before the first view: through the classes that ground the latent space."""
+"""Prior of descriptors from a map's class probabilities, through the classes that ground the latent space."""
 
 import numpy as np
 
@@ -7,13 +7,14 @@ from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 
 DRAWS = 4096
 LEAST_SHARE = 0.01
-"""Effective share of the draws below which a class says too little to be told apart from the whole prior."""
+"""Effective share of the samples below which a class is too uninformative to be told apart from the whole prior."""
 
 
 def prior_of_classes(model: DescriptorModel, class_probabilities: Array) -> DescriptorBelief:
-    """Moments of sum_c P(c) P(e | c) within the model's own prior, B = 1; that prior where classes are not grounded.
+    """Moments of sum_c P(c) P(e | c) within the model's prior, B = 1; the prior itself if classes are not grounded.
 
-    ``class_probabilities`` (C,) are those of a map. The prior is sampled and weighed by the classes' densities.
+    ``class_probabilities`` (C,) are those of a map. The prior is sampled, and samples are weighed by the class
+    densities.
     """
     prior = model.prior
     told = np.asarray(class_probabilities, dtype=np.float64)

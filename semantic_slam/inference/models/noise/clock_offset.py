@@ -1,8 +1,8 @@
-"""Odometry whose stamps are not of the detections' clock: how its motion changes with the offset between the two.
+"""Clock offset of odometry: how its motion changes with the offset between its stamps and the detections' stamps.
 
-With an offset tau [s], what odometry tells at t + tau belongs to detections at t. A keyframe carries its motion at a
-few offsets; each hypothesis takes the line that suits what it knows of tau by now, and what bends is noise
-(statistical linearisation: Arasaratnam, Haykin 2009, weights by a Gaussian at points of an even grid).
+With an offset tau [s], the odometry stamped t + tau belongs to detections at t. A keyframe carries its motion at a few
+offsets; each hypothesis fits a line about its current estimate of tau, and treats the nonlinearity as noise
+(statistical linearisation: Arasaratnam, Haykin 2009, weights by a Gaussian at points of a uniform grid).
 """
 
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 
 OFFSETS = np.linspace(-2.0, 2.0, 9)
-"""(G,) at which motions are told, in standard deviations of the prior of the offset; 0 lies in the middle."""
+"""(G,) offsets at which motions are given, in prior standard deviations of the offset; 0 is the middle one."""
 LEAST_SIGMA = float(OFFSETS[1] - OFFSETS[0])
-"""Standard deviation of the weights at least: a line through fewer than three points leaves out how motions bend."""
+"""Least standard deviation of the weights: a line through fewer than three points would ignore the nonlinearity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,17 +24,17 @@ class OffsetLine:
 
     control: Array  # u (3,)
     slope: Array  # (3,)
-    covariance: Array  # (3, 3) of w: what the line does not follow
+    covariance: Array  # (3, 3) of w, the deviation from the line
 
 
 def shifts_of(controls: Array) -> Array:
-    """(G, 3) what planar motions ``controls`` (G, 3) at all offsets add to that without one, in its tangent space."""
+    """(G, 3) differences of planar motions ``controls`` (G, 3) at all offsets from that at 0, in its tangent space."""
     plain = controls[len(OFFSETS) // 2]
     return np.asarray(se2.log(se2.between(np.broadcast_to(plain, controls.shape), controls)))
 
 
 def line_at(control: Array, shifts: Array, mean: float, sigma: float) -> OffsetLine:
-    """The line through ``control`` (3,) with ``shifts`` (G, 3), for an offset of ``mean`` and ``sigma``."""
+    """The line through ``control`` (3,) with ``shifts`` (G, 3), for an offset with ``mean`` and ``sigma``."""
     distance = (OFFSETS - np.clip(mean, OFFSETS[0], OFFSETS[-1])) / max(sigma, LEAST_SIGMA)
     weights = np.exp(-0.5 * distance**2)
     weights /= weights.sum()

@@ -1,4 +1,4 @@
-"""Covariances of odometry and detections that came without any: as configured."""
+"""Configured covariances for odometry and detections that come without any."""
 
 from dataclasses import dataclass, field
 
@@ -13,26 +13,26 @@ from semantic_slam.inference.models.noise.odometry_noise import odometry_covaria
 
 @dataclass(frozen=True)
 class ConfiguredNoise:
-    """NaN stands for what is not told; what is told stays as it is."""
+    """Fills in covariances that are NaN; given ones stay as they are."""
 
     odometry: OdometryConfiguration = field(default_factory=OdometryConfiguration)
     perception: PerceptionConfiguration = field(default_factory=PerceptionConfiguration)
 
     def of_motion(self, control: Array, covariance: Array) -> Array:
-        """(3, 3) over x, y, yaw of a planar motion, which counts as straight where it is not told."""
+        """(3, 3) over x, y, yaw of a planar motion; taken as straight if its covariance is not given."""
         if not np.isnan(covariance).any():
             return covariance
         return odometry_covariance(float(np.hypot(*control[:2])), abs(float(wrap_angle(control[2]))), self.odometry)
 
     def of_motion_in_space(self, control: Array, covariance: Array) -> Array:
-        """(6, 6) over x y z rx ry rz of a motion (7,), as uncertain along and about every axis where it is not told."""
+        """(6, 6) over x y z rx ry rz of a motion (7,); isotropic if its covariance is not given."""
         if not np.isnan(covariance).any():
             return covariance
         travelled, turned = float(np.linalg.norm(control[:3])), float(np.linalg.norm(so3.log(control[3:])))
         return np.diag(np.repeat(odometry_variances(travelled, turned, self.odometry), 3))
 
     def of_detection_in_space(self, range_m: float) -> Array:
-        """(3, 3) of [range, off the ray], as far off in every direction as a bearing is."""
+        """(3, 3) of [range, off the ray], with the bearing's standard deviation in both directions off the ray."""
         by_range = self.perception.sigma_range_m**2 + (self.perception.sigma_range_per_m * range_m) ** 2
         by_ray = self.perception.sigma_bearing_rad**2
         return np.diag([by_range, by_ray, by_ray])

@@ -1,8 +1,8 @@
-"""Detections that err far more than the others: a share of them, in what does not repeat.
+"""Outlier model of detection positions: a share of detections has a far larger white error.
 
-The place of a detection of a known object has the density (1 - e) N(0, R) + e N(0, F R). What repeats, a share s of R,
-repeats in both: the white rest (1 - s) R of an outlier is (F - s) R. Of e there is a beta distribution: what a keyframe
-takes it for is its mean after the keyframes before, each detection counting as an outlier by its probability.
+The position of a detection of a known object has the density (1 - e) N(0, R) + e N(0, F R). The correlated error, a
+share s of R, is the same in both: the white part (1 - s) R becomes (F - s) R in an outlier. e has a beta distribution:
+a keyframe uses its mean after the keyframes before, each detection counting as an outlier by its posterior probability.
 """
 
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from semantic_slam.inference.states.outlier_counts import OutlierCounts
 
 @dataclass(frozen=True)
 class HeavyTail:
-    """How many detections are outliers in their place, and how wide these are."""
+    """Share of detections with outlying positions, and their width."""
 
     share: float  # e
-    width: float  # standard deviation of an outlier's white error, in those of others
+    width: float  # standard deviation of an outlier's white error relative to an inlier's
 
     @classmethod
     def of(cls, settings: DetectionErrorsConfiguration, counts: OutlierCounts) -> "HeavyTail | None":
-        """As configured, for a hypothesis that has had so many; None: no detection is an outlier."""
+        """As configured, updated by a hypothesis's ``counts``; None: no detection is an outlier."""
         if settings.outlier_share <= 0.0:
             return None
         repeated = settings.correlated_share
@@ -31,7 +31,7 @@ class HeavyTail:
 
     @property
     def added(self) -> float:
-        """Variance of an outlier's white error beyond that of others, in their units."""
+        """Excess variance of an outlier's white error, in units of an inlier's."""
         return self.width**2 - 1.0
 
     @property
@@ -41,5 +41,5 @@ class HeavyTail:
 
     @property
     def log_rest(self) -> float:
-        """Log probability that it is none."""
+        """Log probability that a detection is an inlier."""
         return float(np.log1p(-self.share))

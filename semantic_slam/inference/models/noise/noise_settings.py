@@ -1,4 +1,4 @@
-"""What one hypothesis takes a robot's sensors to be; evidence decides between hypotheses that differ in it."""
+"""Noise settings that one hypothesis assumes for a robot's sensors; evidence decides between hypotheses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,17 +16,15 @@ NAMES = {
 }
 """Name in the configuration -> field of :class:`NoiseSettings`."""
 DISTANCE, DEPTH = "distance", "depth"
-"""What a detection's range may be: to the object, or along the sensor's axis alone."""
+"""Meaning of a detection's range: distance to the object, or depth along the sensor's axis."""
 VERY_STRONG = 150.0
-"""Odds by which evidence has to speak for odometry that is better than configured (Kass and Raftery 1995).
-
-Taken to be better than it is, it makes a belief sure of what is wrong; taken to be worse, only less sure.
-"""
+"""Prior odds against odometry that is better than configured, "very strong" evidence (Kass and Raftery 1995).  Odometry
+assumed better than it is makes a belief overconfident; assumed worse, only less certain."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseSettings:
-    """Factors on covariances as they are told or configured, and what the ranges of detections are."""
+    """Factors on the given or configured covariances, and the meaning of the ranges of detections."""
 
     odometry_factor: float = 1.0
     detection_factor: float = 1.0
@@ -35,12 +33,12 @@ class NoiseSettings:
 
     @property
     def as_told(self) -> bool:
-        """Whether detections are taken as they are told."""
+        """Whether detections are used as given."""
         return self.detection_factor == 1.0 and not self.ranges_are_depth
 
     @property
     def log_prior(self) -> float:
-        """Log weight before any measurement, up to what is the same for all settings."""
+        """Log prior weight, up to a constant."""
         return -float(np.log(VERY_STRONG)) if self.odometry_factor < 1.0 else 0.0
 
     @classmethod
@@ -55,6 +53,6 @@ class NoiseSettings:
 
 
 def shares_of_odometry(factors: Sequence[float]) -> Array:
-    """(n,) probabilities of ``factors`` (n,) on the covariance of odometry before any measurement."""
+    """(n,) prior probabilities of ``factors`` (n,) on the covariance of odometry."""
     weights = np.exp([NoiseSettings(odometry_factor=own).log_prior for own in factors])
     return np.asarray(weights / weights.sum())

@@ -1,4 +1,4 @@
-"""How far odometry errs on a motion, as configured."""
+"""Configured noise of odometry on a motion."""
 
 import numpy as np
 
@@ -7,13 +7,13 @@ from semantic_slam.geometry.arrays import Array
 
 
 def odometry_covariance(travelled_m: float, turned_rad: float, noise: OdometryConfiguration) -> Array:
-    """(3, 3) covariance over x, y, yaw of a motion at its end, after a path of some length and all turns on it."""
+    """(3, 3) covariance over x, y, yaw at the end of a motion, from its path length and total rotation."""
     translation, rotation = odometry_variances(travelled_m, turned_rad, noise)
     return np.diag([translation, translation, rotation])
 
 
 def odometry_variances(travelled_m: float, turned_rad: float, noise: OdometryConfiguration) -> tuple[float, float]:
-    """Variances of translation and rotation, each alike for all axes.
+    """Variances of translation and of rotation, equal for all axes.
 
     Those of independent causes add: floor, path length and turning.
     """

@@ -1,6 +1,6 @@
-"""Ranges that are depths along a sensor's axis: distances by them, and the ground that a span of depths covers.
+"""Ranges that are depths along a sensor's axis: conversion to distances, and the ground area that depths cover.
 
-Beyond :data:`WIDEST_RAD` off the axis there are no depths: ranges are distances there.
+Beyond :data:`WIDEST_RAD` off the axis ranges are taken to be distances.
 """
 
 import numpy as np
@@ -8,11 +8,11 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 
 WIDEST_RAD = 1.2
-"""Angle off the axis up to which there are depths: no lens maps a plane beyond."""
+"""Angle off the axis up to which ranges are depths: no lens maps a plane beyond it."""
 
 
 def distance_per_depth(off_axis_rad: Array) -> Array:
-    """(...,) by angles off the axis in [-pi, pi)."""
+    """(...,) ratio of distance to depth, by angles off the axis in [-pi, pi)."""
     off = np.abs(off_axis_rad)
     return np.where(off < WIDEST_RAD, 1.0 / np.cos(np.minimum(off, WIDEST_RAD)), 1.0)
 
@@ -25,6 +25,6 @@ def covered(off_axis_rad: Array) -> Array:
 
 
 def off_axis(area: Array) -> Array:
-    """(...,) the angle at which :func:`covered` is as given."""
+    """(...,) angle at which :func:`covered` has the given value."""
     size, most = np.abs(area), np.tan(WIDEST_RAD)
     return np.asarray(np.sign(area) * (np.arctan(np.minimum(size, most)) + np.maximum(size - most, 0.0)))

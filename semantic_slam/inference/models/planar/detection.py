@@ -1,4 +1,4 @@
-"""Detections as the planar observation model takes them: one by one, and as arrays."""
+"""Detections of the planar observation model: single ones, and as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar.depth_ranges import WIDEST_RAD, distance_per_depth
 
 ASSUMED_RANGE_M = 3.0
-"""Range [m] that a bearing alone counts with where nearness to other detections matters."""
+"""Range [m] assumed for a bearing alone where the distance between detections matters."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,12 +39,12 @@ class PlanarDetection:
 
     @property
     def turn_variance(self) -> float:
-        """[rad^2] of the direction, where its distance is known, too; infinite for a bearing alone."""
+        """[rad^2] of the direction; infinite for a bearing alone."""
         return float(self.covariance[1, 1]) if self.has_range else np.inf
 
     @cached_property
     def whiten(self) -> Array:
-        """(2, 2) residuals of [range, bearing] to unit covariance, no row for a range that is missing."""
+        """(2, 2) matrix that whitens residuals of [range, bearing]; a missing range has a zero row."""
         (a, b), (_, c) = self.covariance.tolist()
         if not self.has_range:
             return np.array([[0.0, 0.0], [0.0, 1.0 / sqrt(c)]])
@@ -74,7 +74,7 @@ class PlanarDetection:
         return np.array(self.feature_covariance.diagonal())
 
     def widened(self, width: float) -> "PlanarDetection":
-        """With errors so many times as wide: one object for each width, whoever asks."""
+        """The detection with ``width`` times the error; cached, so that the result is one object per width."""
         if width not in self._widened:
             self._widened[width] = replace(self, covariance=width**2 * self.covariance)
         return self._widened[width]
@@ -88,7 +88,7 @@ class PlanarDetection:
         return {}
 
     def taken_as(self, settings: NoiseSettings) -> "PlanarDetection":
-        """The detection as a hypothesis takes it: one object for each, whoever asks."""
+        """The detection under a hypothesis's noise settings; cached, so that the result is one object per setting."""
         key = (settings.detection_factor, settings.ranges_are_depth, settings.axis_rad)
         if key not in self._taken:
             scaled = replace(self, covariance=settings.detection_factor * self.covariance)
@@ -96,7 +96,7 @@ class PlanarDetection:
         return self._taken[key]
 
     def _along(self, axis_rad: float) -> "PlanarDetection":
-        """With the distance of what is as deep along the axis as the range says; far beside it as it is.
+        """The detection with its range converted from depth along the axis to distance; unchanged far off the axis.
 
         The bearing's error is one of the distance, too: d = z / cos b, so that dd/dz = 1 / cos b, dd/db = d tan b.
         """
@@ -108,7 +108,7 @@ class PlanarDetection:
         return replace(self, range_m=distance, covariance=change @ self.covariance @ change.T)
 
     def log_change(self, settings: NoiseSettings) -> float:
-        """Log density of the detection as measured, per that of :meth:`taken_as`: the distance's slope in the range."""
+        """Log ratio of the density as measured to that of :meth:`taken_as`: the derivative of distance by depth."""
         return log(self._per_depth(settings.axis_rad)) if settings.ranges_are_depth else 0.0
 
     def _per_depth(self, axis_rad: float) -> float:
@@ -120,7 +120,7 @@ class PlanarDetection:
 
     @property
     def place(self) -> Array:
-        """(2,) in the body frame; a bearing alone counts as at :data:`ASSUMED_RANGE_M`."""
+        """(2,) measured position in the body frame; a bearing alone is placed at :data:`ASSUMED_RANGE_M`."""
         reach = self.range_m if self.has_range else ASSUMED_RANGE_M
         return self.origin + reach * np.array([np.cos(self.bearing_rad), np.sin(self.bearing_rad)])
 
@@ -132,7 +132,7 @@ class PlanarDetection:
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarDetections:
-    """B detections as arrays; a bearing alone has a range that counts nothing. One row stands for any number."""
+    """B detections as arrays; the range of a bearing alone has no effect. One row stands for any number."""
 
     range_m: Array  # (B,) 0 where there is none
     bearing_rad: Array  # (B,)

@@ -1,4 +1,4 @@
-"""Where things in the plane are as others see them: objects from the robot, its camera from the objects."""
+"""Relative positions in the plane: objects in the robot's frame, and its camera in the objects' frames."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
 
 
 def _from_object(x: Array, o: Array, sensor: Array) -> tuple[Array, Array]:
-    """(B,) how far the cameras are from the objects along both axes of map."""
+    """(B,) offsets of the cameras from the objects along the two axes of map."""
     ahead, left = x[..., 0] - o[..., 0], x[..., 1] - o[..., 1]
     if sensor.any():
         sin, cos = sine_cosine(x[..., 2])

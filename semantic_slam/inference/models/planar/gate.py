@@ -1,4 +1,4 @@
-"""What a detection in the plane costs at least if it is of an object whose place is known that well."""
+"""Gating bound in the plane: least cost of associating a detection with an object whose position is uncertain."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from semantic_slam.inference.models.planar.polar import polar
 
 
 def least_cost(detections: PlanarDetections, covariance: Array, body: Array, sigmas: Array) -> tuple[Array, float]:
-    """(P, D, O) nats of D detections, range and bearing each on its own, at the deviation that makes it cheapest.
+    """(P, D, O) lower bound [nats] on the cost of D detections, the larger of those by range and by bearing.
 
     ``body`` (P, D, O, 2) objects in the body frames of P robots of (P, 3, 3) ``covariance``; ``sigmas`` (O,) [m] of the
-    objects' positions. And the log of the densities' peaks. A position that is off by r changes a distance d by at most
-    r and, while r < d, a direction by asin(r / d) <= pi r / 2 d. Deviations of robot and object may go together: their
-    standard deviations add up.
+    objects' positions. Also the log of the densities' peaks. A position error r changes a distance d by at most r and,
+    while r < d, a direction by asin(r / d) <= pi r / 2 d. Errors of robot and object may be correlated: their standard
+    deviations add up.
     """
     heading = np.sqrt(covariance[:, 2, 2])[:, None, None]  # (P, 1, 1)
     offset = np.hypot(*detections.origin.T)[:, None]  # (D, 1): a camera off the centre moves with the heading

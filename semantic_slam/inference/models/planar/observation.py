@@ -47,9 +47,9 @@ class PlanarObservation(ScoredViews):
         tempering: float = 1.0,
         outliers: OutlierScores | None = None,
     ):
-        """``tempering`` N: so many views tell as much as one, each density enters with the power 1 / N.
+        """``tempering`` N: each density enters with power 1 / N, so that N views count as one.
 
-        ``outliers``: what a view's score may be besides what the class model says; None: no view is an outlier.
+        ``outliers``: distribution of outlier scores beside the class model; None: no view is an outlier.
         """
         self.scores = ViewScores(PlanarViews(), model, tempering, outliers) if model is not None else None
         self.visibility = visibility
@@ -57,14 +57,14 @@ class PlanarObservation(ScoredViews):
         self._collected: tuple[Sequence[PlanarDetection], PlanarDetections] | None = None
 
     def collect(self, detections: Sequence[PlanarDetection]) -> PlanarDetections:
-        """Detections as arrays; the same ones are asked for by one hypothesis after the other."""
+        """Detections as arrays; cached, as one hypothesis after the other asks for the same ones."""
         if self._collected is None or self._collected[0] is not detections:
             found = PlanarDetections.of(detections)
             self._collected = detections, found if self.scores is None else self.scores.with_outliers(found)
         return self._collected[1]
 
     def geometry(self, detections: PlanarDetections, x: Array, o: Array) -> Linearisation:
-        """Residual of [range, bearing], the range's 0 where there is only a bearing."""
+        """Residual of [range, bearing]; the range's is 0 for a bearing alone."""
         rows = MeasuredRows.of(detections, x, o)
         body, d, distance, whitened = rows.polar_residual()
         by_point = rows.by_polar(d, distance)
@@ -78,7 +78,7 @@ class PlanarObservation(ScoredViews):
         )
 
     def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
-        """(B,) log density without its slopes."""
+        """(B,) log density without its Jacobians."""
         whitened = MeasuredRows.of(detections, x, o).polar_residual()[3]
         total = (detections.log_normaliser - 0.5 * (whitened[..., 0] ** 2 + whitened[..., 1] ** 2)).reshape(-1)
         return np.asarray(total) if classes is None else self._view_scores.added_to(total, detections, x, o, classes)
@@ -89,7 +89,7 @@ class PlanarObservation(ScoredViews):
         return self.visibility.log_probability(distance, bearing, soft=soft)
 
     def robot_start(self, detections: PlanarDetections, x: Array, o: Array) -> Array:
-        """Keep the heading, stand where the object is seen as measured."""
+        """Keep the heading, and move to where the object is seen as measured."""
         direction = x[:, 2] + detections.bearing_rad
         start = x.copy()
         start[:, 0] = np.where(detections.has_range, o[:, 0] - detections.range_m * np.cos(direction), x[:, 0])
@@ -97,7 +97,7 @@ class PlanarObservation(ScoredViews):
         return start
 
     def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
-        """Prior where the detection points, heading as the robot's; without depth as uncertain as the guess is far."""
+        """Prior at the measured position, heading as the robot's; without a range, as wide as the assumed range."""
         new = self.new_objects
         distance = detection.range_m if detection.has_range else new.range_m
         sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
@@ -129,7 +129,7 @@ class PlanarObservation(ScoredViews):
     def least_cost(
         self, detections: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
     ) -> tuple[Array, float]:
-        """Range and bearing each on its own, at the deviation that makes it cheapest."""
+        """The larger of the least costs by range and by bearing, each minimised over position errors."""
         shape = (len(x), len(detections.range_m), o.shape[1], 3)
         body = object_in_body(np.broadcast_to(x[:, None, None], shape), np.broadcast_to(o[:, None], shape))
         return least_cost(detections, covariance, body, sigmas)

@@ -1,7 +1,7 @@
-"""Range and bearing of a point in the plane: of a landmark that has a place and no heading.
+"""Range and bearing of a point landmark in the plane, which has a position and no heading.
 
-With d the point in the body frame, less the detection's origin there, the residual is whiten [|d| - range, angle of d -
-bearing]. Where the point is in the body frame, and how that changes with robot and landmark, their spaces tell.
+With d the point in the body frame, relative to the detection's origin there, the residual is whiten [|d| - range, angle
+of d - bearing]. The state spaces give the point in the body frame and its Jacobians by robot and landmark.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ POSES_AND_POINTS = Spaces(PlanarPoses(), PlanarPositions())
 
 @dataclass(frozen=True)
 class PointObservation(PointGeometry):
-    """Geometry alone, in the plane."""
+    """The geometric observation model alone, in the plane."""
 
     visibility: PlanarVisibility = field(default_factory=PlanarVisibility)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
@@ -45,7 +45,7 @@ class PointObservation(PointGeometry):
         return PlanarDetections.of(detections)
 
     def geometry(self, detections: PlanarDetections, x: Array, o: Array) -> Linearisation:
-        """Residual of [range, bearing], the range's 0 where there is only a bearing."""
+        """Residual of [range, bearing]; the range's is 0 for a bearing alone."""
         detections = _repeated(detections, len(x))
         relative = self.spaces.relative_position(x, o)
         d = relative.point - detections.origin
@@ -60,7 +60,7 @@ class PointObservation(PointGeometry):
         )
 
     def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
-        """(B,) log density without its slopes."""
+        """(B,) log density without its Jacobians."""
         detections = _repeated(detections, len(x))
         residual = _residual(detections, self.spaces.relative_position(x, o).point - detections.origin)
         return np.asarray(detections.log_normaliser - 0.5 * squared_norms(residual))
@@ -70,14 +70,14 @@ class PointObservation(PointGeometry):
         return self.visibility.log_probability(*polar(self.spaces.relative_position(x, o).point), soft=soft)
 
     def robot_start(self, detections: PlanarDetections, x: Array, o: Array) -> Array:
-        """Keep the heading, stand where the point is seen as measured."""
+        """Keep the heading, and move to where the point is seen as measured."""
         detections, start = _repeated(detections, len(x)), x.copy()
         ahead = self.spaces.robot.displacement(x, _measured(detections.range_m, detections.bearing_rad), x[:, :2])
         start[:, :2] = np.where(detections.has_range[:, None], o - ahead, x[:, :2])
         return start
 
     def object_prior(self, detection: PlanarDetection, x: Array) -> GaussianPrior:
-        """Prior where the detection points; without depth as uncertain as the guess is far."""
+        """Prior at the measured position; without a range, as uncertain as the assumed range."""
         new = self.new_objects
         distance = detection.range_m if detection.has_range else new.range_m
         sigma_m = new.sigma_position_m if detection.has_range else min(new.range_m, new.sigma_position_m)
@@ -94,7 +94,7 @@ class PointObservation(PointGeometry):
     def least_cost(
         self, detections: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array
     ) -> tuple[Array, float]:
-        """Range and bearing each on its own, at the deviation that makes it cheapest."""
+        """The larger of the least costs by range and by bearing, each minimised over position errors."""
         robots = np.broadcast_to(x[:, None], (*o.shape[:2], x.shape[-1]))
         body = self.spaces.relative_position(robots, o).point
         return least_cost(detections, covariance, np.repeat(body[:, None], len(detections.range_m), axis=1), sigmas)
@@ -113,6 +113,6 @@ def _measured(range_m: Array, bearing_rad: Array) -> Array:
 
 
 def _repeated(detections: PlanarDetections, count: int) -> PlanarDetections:
-    """(S,) detections for ``count`` rows, of which row b is of detection b mod S."""
+    """(S,) detections tiled to ``count`` rows; row b is of detection b mod S."""
     number = len(detections.range_m)
     return detections if number == count else detections.take(np.arange(count) % max(number, 1))

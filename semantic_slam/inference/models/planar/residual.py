@@ -1,4 +1,4 @@
-"""Range and bearing of an object against what was measured."""
+"""Residual of a measured range and bearing."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from semantic_slam.inference.models.repeated_rows import per_detection
 
 @dataclass(frozen=True)
 class MeasuredRows:
-    """Robots and objects (B / S, S, 3) beside S detections, which repeat."""
+    """Robots and objects (B / S, S, 3) against S repeated detections."""
 
     detections: PlanarDetections
     x: Array

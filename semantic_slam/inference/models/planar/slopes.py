@@ -1,8 +1,8 @@
-"""Derivatives of what is measured by poses in the plane, from those by a point in a frame that moves with them.
+"""Chain rule in the plane: Jacobians by poses, from Jacobians by a point in a frame that moves with them.
 
-Right perturbations of robot x and object o give, S turning by a quarter, for the object in the body frame d and the
-camera in the object's frame v: dd/dx = [-I, -S d], dd/do = [R_x^T R_o, 0], dv/dx = R_o^T R_x [I, S s],
-dv/do = [-I, -S v].
+Right perturbations of robot x and object o give, S rotating by a quarter turn, for the object in the body frame d and
+the camera in the object's frame v: dd/dx = [-I, -S d], dd/do = [R_x^T R_o, 0], dv/dx = R_o^T R_x [I, S s], dv/do = [-I,
+-S v].
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ def by_pose(by_point: Array, point: Array) -> Array:
 
 
 def by_position(by_point: Array, sin: Array, cos: Array) -> Array:
-    """(..., m, 3) derivatives by a pose of which only the position counts, turned against the frame."""
+    """(..., m, 3) derivatives by a pose of which only the position matters, rotated against the frame."""
     sin, cos = sin[..., None], cos[..., None]
     derivative = np.empty((*by_point.shape[:-1], 3))
     derivative[..., 0] = by_point[..., 0] * cos + by_point[..., 1] * sin

@@ -1,4 +1,4 @@
-"""From where cameras see objects in the plane."""
+"""Viewpoints of cameras on objects in the plane."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ from semantic_slam.viewpoint.model import Viewpoints
 
 @dataclass(frozen=True)
 class PlanarViews:
-    """Views by robots and of objects x, y, yaw: all are level."""
+    """Viewpoints between robots and objects with states x, y, yaw: elevation is 0."""
 
     coordinates = slice(None, None, 2)
 
     def seen(self, x: Array, o: Array, sensor: Array) -> tuple[Viewpoints, Slopes]:
-        """Azimuths and ranges, with their slopes."""
+        """Azimuths and ranges, with their Jacobians."""
         v = camera_in_object(x, o, repeated(sensor, len(x)))
         distance, azimuth = polar(v)
 

@@ -1,6 +1,6 @@
-"""Range, ray and viewpoint-dependent semantics of an object in space: one that has a place and an attitude.
+"""Range, ray and viewpoint-dependent semantics of an object in space that has a position and an attitude.
 
-Range and ray are those of its centre, as of a point. Gravity holds its roll and pitch; its yaw is what views tell.
+Range and ray are those of its centre, as of a point. Gravity fixes its roll and pitch; views determine its yaw.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ class BodyObservation(ScoredViews, SpatialObservation):
     spaces = POSES_IN_SPACE
 
     def collect(self, detections: Sequence[SpatialDetection]) -> ScoredDetections:
-        """Detections as arrays; the same ones are asked for by one hypothesis after the other."""
+        """Detections as arrays; cached, as one hypothesis after the other asks for the same ones."""
         if not self._newest or self._newest[0][0] is not detections:
             found = ScoredDetections.of(detections)
             found = found if self.scores is None else self.scores.with_outliers(found)
@@ -40,17 +40,17 @@ class BodyObservation(ScoredViews, SpatialObservation):
         return self._newest[0][1]
 
     def log_likelihood(self, detections: Any, x: Array, o: Array, classes: Classes | None) -> Array:
-        """(B,) log density without its slopes."""
+        """(B,) log density without its Jacobians."""
         total = super().log_likelihood(detections, x, o, None)
         return total if classes is None else self._view_scores.added_to(total, detections, x, o, classes)
 
     def turned_start(self, detections: SpatialDetections, x: Array, first: Array, second: Array) -> Array:
-        """Keep roll and pitch, turn as the way from one object to the other says."""
+        """Keep roll and pitch, take the yaw that fits the direction from one object to the other."""
         position = self.spaces.landmark.position
         return super().turned_start(detections, x, position(first), position(second))
 
     def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
-        """Prior where the detection points, upright, heading as the robot's; without range as wide as it is far."""
+        """Prior at the measured position, upright, heading as the robot's; without a range, as wide as it is far."""
         new = self.new_objects
         distance, sigma_m = detection.range_m, new.sigma_position_m
         if not detection.has_range:
@@ -60,7 +60,10 @@ class BodyObservation(ScoredViews, SpatialObservation):
         return GaussianPrior(np.concatenate([place, _upright(x[3:])]), np.diag(sigmas) ** 2)
 
     def geometry_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
-        """GTSAM's own where the ray errs alike in all directions, as with points, and the range was measured."""
+        """GTSAM's own factor where a range was measured and the ray's error is isotropic, as with points.
+
+        Otherwise a custom factor.
+        """
         if detection.is_round and detection.has_range:
             return gtsam.BearingRangeFactorPose3(*keys, detection.direction, detection.range_m, detection.noise)
         return self._custom_factor(detection, keys)
@@ -73,6 +76,6 @@ class BodyObservation(ScoredViews, SpatialObservation):
 
 
 def _upright(attitude: Array) -> Array:
-    """(4,) the turn about the vertical that is nearest to an attitude (4,), none where all are as near."""
+    """(4,) the rotation about the vertical nearest to an attitude (4,); identity where all are equally near."""
     about = np.array([0.0, 0.0, attitude[2], attitude[3]])
     return so3.normalised(about) if about.any() else np.array([0.0, 0.0, 0.0, 1.0])

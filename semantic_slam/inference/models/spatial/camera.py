@@ -1,4 +1,4 @@
-"""Where a camera is mounted: its optical frame, z ahead, x to the right and y down in the image."""
+"""Camera mount: its optical frame has z ahead, x to the right and y down in the image."""
 
 from dataclasses import dataclass, field
 
@@ -8,7 +8,7 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 
 LOOKS_AHEAD = np.array([0.0, 0.0, 0.0, -0.5, 0.5, -0.5, 0.5])
-"""The optical frame of a camera at the body's origin that looks along its x."""
+"""Optical frame of a camera at the body's origin that looks along the body's x axis."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Camera:
         return np.asarray(self.T_body_camera[:3] + so3.rotated(self.T_body_camera[3:], points))
 
     def turned(self, covariances: Array) -> Array:
-        """(..., 3, 3) covariances along the axes of the body, along those of the optical frame."""
+        """(..., 3, 3) covariances rotated from the axes of the body to those of the optical frame."""
         back = so3.matrix(self.T_body_camera[3:]).T
         return np.asarray(back @ covariances @ back.T)
 

@@ -1,4 +1,4 @@
-"""Detections as the observation model in space takes them: one by one, and as arrays."""
+"""Detections of the observation model in space: single ones, and as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 
 ROUND = 1e-9
-"""Relative to its variances, how far the covariance of a ray may be from that of a circle, by which none counts it."""
+"""Relative deviation of a ray's covariance from an isotropic one that is ignored."""
 
 
 def across(ray: Array) -> Array:
@@ -25,14 +25,14 @@ def across(ray: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialDetection:
-    """One detection, along the axes of the body: with a range from its origin, without one from the camera."""
+    """One detection, along the axes of the body: from the body's origin with a range, from the camera without."""
 
     ray: Array  # (3,) of unit length
     range_m: float  # NaN: not measured
     covariance: Array  # (3, 3) of [range, off the ray along both columns of ``basis``], metres and radians; NaN of a
     # range that was not measured
     sensor: Array = field(default_factory=lambda: np.zeros(3))  # (3,) camera in the body frame, metres
-    log_range: LogRange = ANYWHERE  # what is known of a range that was not measured, if its object is new
+    log_range: LogRange = ANYWHERE  # prior of an unmeasured range, if its object is new
     feature: Array = field(default_factory=lambda: np.zeros(0))  # (F,) z_sem
     feature_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (F, F) of the dropout samples
 
@@ -48,30 +48,30 @@ class SpatialDetection:
 
     @property
     def turn_variance(self) -> float:
-        """[rad^2] of the ray, in the direction in which it is largest; 0 of a ray alone, which puts nothing anywhere.
+        """[rad^2] of the ray in its most uncertain direction, 0 for a ray alone, which gives no position.
 
-        By how far a place that is turned bends, that is.
+        It measures how nonlinear a position is that is rotated by this error.
         """
         return self.ray_variance if self.has_range else 0.0
 
     @cached_property
     def ray_variance(self) -> float:
-        """[rad^2] in the direction in which the ray errs most."""
+        """[rad^2] of the ray in its most uncertain direction."""
         return float(np.linalg.eigvalsh(self.covariance[1:, 1:])[-1])
 
     @cached_property
     def direction(self) -> Any:
-        """The ray as GTSAM has it."""
+        """The ray as a GTSAM Unit3."""
         return gtsam.Unit3(self.ray)
 
     @cached_property
     def basis(self) -> Array:
-        """(3, 2) of the plane across the ray, as GTSAM has it."""
+        """(3, 2) axes of the plane across the ray, as GTSAM has them."""
         return across(self.ray)
 
     @cached_property
     def whiten(self) -> Array:
-        """(3, 3) residuals of range and ray to unit covariance; 0 of a range that was not measured."""
+        """(3, 3) matrix that whitens residuals of range and ray; 0 for a range that was not measured."""
         if not self.has_range:
             whiten = np.zeros((3, 3))
             whiten[1:, 1:] = np.linalg.inv(np.linalg.cholesky(self.covariance[1:, 1:]))
@@ -80,13 +80,13 @@ class SpatialDetection:
 
     @cached_property
     def log_normaliser(self) -> float:
-        """Log normaliser of the Gaussian density per metre and square radian, in nats; of a ray per square radian."""
+        """Log normaliser of the Gaussian density [nats], per metre and square radian; per square radian for a ray."""
         measured = np.diagonal(self.whiten)[0 if self.has_range else 1 :]
         return float(np.log(measured).sum() - 0.5 * len(measured) * LOG_2PI)
 
     @cached_property
     def is_round(self) -> bool:
-        """Whether the ray errs as far in every direction, and the range by itself: how the plane turns is nothing."""
+        """Whether the ray's error is isotropic and independent of the range, so that its axes do not matter."""
         (a, b, c), (_, d, e), (_, _, f) = self.covariance.tolist()
         if not self.has_range:
             a, b, c = 0.0, 0.0, 0.0
@@ -99,7 +99,7 @@ class SpatialDetection:
         return gtsam.noiseModel.Gaussian.Covariance(self.covariance[order][:, order])
 
     def widened(self, width: float) -> "SpatialDetection":
-        """With errors so many times as wide: one object for each width, whoever asks."""
+        """The detection with ``width`` times the error; cached, so that the result is one object per width."""
         if width not in self._widened:
             self._widened[width] = replace(self, covariance=width**2 * self.covariance)
         return self._widened[width]

@@ -1,4 +1,4 @@
-"""What a detection in space costs at least if it is of an object whose place is known that well."""
+"""Gating bound in space: least cost of associating a detection with an object whose position is uncertain."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from semantic_slam.inference.models.spatial.ray import polar
 
 
 def least_cost(detections: SpatialDetections, covariance: Array, body: Array, sigmas: Array) -> tuple[Array, float]:
-    """(P, D, O) nats of D detections, range and ray each on its own, at the deviation that makes it cheapest.
+    """(P, D, O) lower bound [nats] on the cost of D detections, the larger of those by range and by ray.
 
     ``body`` (P, O, 3) objects in the body frames of P robots of (P, 6, 6) ``covariance``; ``sigmas`` (O,) [m] of the
-    objects' positions. And the log of the densities' peaks. A position that is off by r changes a distance d by at most
-    r and, while r < d, a direction by asin(r / d) <= pi r / 2 d; a robot that is turned changes it by its turn at most.
-    Deviations of robot and object may go together: their standard deviations add up.
+    objects' positions. Also the log of the densities' peaks. A position error r changes a distance d by at most r and,
+    while r < d, a direction by asin(r / d) <= pi r / 2 d; a rotation of the robot changes it by its angle at most.
+    Errors of robot and object may be correlated: their standard deviations add up.
     """
     turn, place = (largest_sigmas(covariance[:, rows, rows]) for rows in (se3.ROTATION, se3.TRANSLATION))
     position = place[:, None, None] + sigmas  # (P, 1, O)

@@ -1,8 +1,8 @@
-"""What is known of a range that nobody measured, before its object is known: a Gaussian over its logarithm.
+"""Prior of an unmeasured range: a Gaussian over its logarithm.
 
-An object may be anywhere along the ray that the region holds: the logarithm of its range is even between the region's
-least and largest one. How large its kind is, beside how large its box looks, tells more; the truth repeats in every
-view of the same object, and so it counts once.
+A new object may be anywhere along its ray within the region: log-uniform between the region's least and largest range.
+The typical size of its kind, with the apparent size of its box, says more; that evidence repeats in every view of one
+object, so it counts once.
 """
 
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import ndtr
 
 LEAST_SHARE = 0.01
-"""Share of the largest range below which none counts where a region begins at the camera: logarithms have an end."""
+"""Least range, as a share of the largest, where a region begins at the camera: logarithms need a lower bound."""
 LEAST_INSIDE = 1e-3
-"""Probability of lying inside the region below which a size is not that of this object: it says nothing then."""
+"""Probability of lying inside the region below which a size estimate is rejected as not of this object."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class LogRange:
 
     @classmethod
     def between(cls, least_m: float, most_m: float) -> "LogRange":
-        """With the moments of one that is even from one range to another one."""
+        """With the moments of a log-uniform range between two ranges."""
         low, high = _ends(least_m, most_m)
         return cls(0.5 * (low + high), (high - low) / float(np.sqrt(12.0)))
 
     def within(self, least_m: float, most_m: float) -> "LogRange":
-        """With the moments of what lies within a region; all of the region where hardly any does."""
+        """With the moments truncated to a region; those of the whole region where hardly any probability is in it."""
         low, high = _ends(least_m, most_m)
         a, b = (low - self.mean) / self.sigma, (high - self.mean) / self.sigma
         inside = float(ndtr(b) - ndtr(a))
@@ -53,4 +53,4 @@ def _ends(least_m: float, most_m: float) -> tuple[float, float]:
 
 
 ANYWHERE = LogRange.between(0.3, 5.0)
-"""In a region as wide as that of a configuration that says nothing."""
+"""For a region with the default limits of the configuration."""

@@ -1,8 +1,8 @@
-"""Range and ray to a point in space: of a landmark that has a place, and no attitude.
+"""Range and ray (direction) of a point landmark in space, which has a position and no attitude.
 
-With d = R_x^T (t_o - t_x) the point in the body frame, the residual is whiten [|d| - range, how far d is off the ray],
-the latter along the arc between them (:mod:`ray`). A ray alone begins at the camera, from where d is then seen. Where
-the point is in the body frame, and how that changes with robot and landmark, their spaces tell.
+With d = R_x^T (t_o - t_x) the point in the body frame, the residual is whiten [|d| - range, deviation of d from the
+ray], the latter along the arc between them (:mod:`ray`). A ray alone begins at the camera, and d is then relative to
+it. The state spaces give the point in the body frame and its Jacobians by robot and landmark.
 """
 
 from collections.abc import Sequence
@@ -35,12 +35,12 @@ POSES_AND_POINTS_IN_SPACE = Spaces(SpatialPoses(), SpatialPositions())
 
 @dataclass(frozen=True)
 class SpatialObservation(PointGeometry):
-    """Geometry alone; the field of view is a cone about an axis of the body frame."""
+    """The geometric observation model alone; the field of view is a cone about an axis of the body frame."""
 
     visibility: PlanarVisibility = field(default_factory=PlanarVisibility)
     new_objects: NewObjectConfiguration = field(default_factory=NewObjectConfiguration)
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))  # (3,) of the cone, of length 1
-    ray_tail: float = 0.0  # standard deviations beyond which a ray alone counts less; 0: none does
+    ray_tail: float = 0.0  # scale of the Cauchy loss of a ray alone, in standard deviations; 0: none
 
     spaces = POSES_AND_POINTS_IN_SPACE
 
@@ -66,7 +66,7 @@ class SpatialObservation(PointGeometry):
         )
 
     def log_likelihood(self, detections: SpatialDetections, x: Array, o: Array, classes: Classes | None) -> Array:
-        """(B,) log density without its slopes."""
+        """(B,) log density without its Jacobians."""
         detections = _repeated(detections, len(x))
         point = self._seen(x, o) - detections.origin
         off = _residual(detections, polar(point, detections.ray, detections.basis))
@@ -80,8 +80,8 @@ class SpatialObservation(PointGeometry):
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """Standard deviation of the direction, or of the robot's attitude, whichever is larger.
 
-        A robot on a ring about a landmark sees what stands near that one in much the same direction wherever it is on
-        the ring, and yet at another distance: turned by so much, no linear step tells of it.
+        A robot anywhere on a ring about a landmark sees other objects near that landmark in much the same direction,
+        but at another distance: with so much rotation no linearisation shows this.
         """
         robot = charts[:, se3.ROTATION, : self.spaces.layout.robot]
         known = covariance[:, : self.spaces.layout.robot, : self.spaces.layout.robot]
@@ -89,7 +89,7 @@ class SpatialObservation(PointGeometry):
         return np.maximum(super().bearing_sigma(x, o, covariance, charts), attitude)
 
     def robot_start(self, detections: SpatialDetections, x: Array, o: Array) -> Array:
-        """Keep the attitude, stand where the point is seen as measured; stay where there is a ray alone."""
+        """Keep the attitude, and move to where the point is seen as measured; stay in place for a ray alone."""
         detections, start = _repeated(detections, len(x)), x.copy()
         seen = detections.range_m[:, None] * detections.ray
         placed = self.spaces.landmark.position(o) - self.spaces.robot.displacement(x, seen, x[:, :3])
@@ -97,9 +97,9 @@ class SpatialObservation(PointGeometry):
         return start
 
     def turned_start(self, detections: SpatialDetections, x: Array, first: Array, second: Array) -> Array:
-        """Keep roll and pitch, turn as the way from one point to the other says, stand between where each has it.
+        """Keep roll and pitch, take the yaw that fits the direction from point to point, and the mean of the positions.
 
-        The robot stays where one of them is a ray alone.
+        The robot stays in place where one of them is a ray alone.
         """
         if not detections.has_range.all():
             return x
@@ -112,16 +112,16 @@ class SpatialObservation(PointGeometry):
         return np.concatenate([place, turn], axis=1)
 
     def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
-        """Prior where the detection points; along a ray alone, what is known of the range."""
+        """Prior at the measured position; along a ray alone, the prior of the range."""
         if not detection.has_range:
             return RangePrior.of(detection.log_range, detection.ray, detection.origin, x)
         place = self.spaces.robot.displacement(x, detection.range_m * detection.ray, np.zeros(3))
         return GaussianPrior(place, self.new_objects.sigma_position_m**2 * np.eye(3))
 
     def geometry_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
-        """GTSAM's own where the ray errs alike in all directions, for it turns the plane across the ray with the point.
+        """GTSAM's own factor where the ray's error is isotropic, as it rotates the plane across the ray with the point.
 
-        Of the others, GTSAM's would change with where it puts the axes of that plane.
+        Otherwise a custom factor: GTSAM's would depend on where it puts the axes of that plane.
         """
         if detection.is_round and not detection.has_range and not detection.origin.any():
             return gtsam.BearingFactor3D(*keys, detection.direction, with_tail(detection.noise, self.ray_tail))
@@ -140,7 +140,7 @@ class SpatialObservation(PointGeometry):
     def least_cost(
         self, detections: SpatialDetections, x: Array, covariance: Array, o: Array, sigmas: Array
     ) -> tuple[Array, float]:
-        """Range and ray each on its own, at the deviation that makes it cheapest."""
+        """The larger of the least costs by range and by ray, each minimised over position errors."""
         robots = np.broadcast_to(x[:, None], (*o.shape[:2], x.shape[-1]))
         return least_cost(detections, covariance, self._seen(robots, o), sigmas)
 
@@ -149,13 +149,13 @@ class SpatialObservation(PointGeometry):
 
 
 def _residual(detections: SpatialDetections, off: Array) -> Array:
-    """(B, 3) whitened residual of range and ray of points that are at ranges and ``off`` (B, 3) the rays."""
+    """(B, 3) whitened residual of range and ray, from ranges and deviations ``off`` (B, 3)."""
     residual = off.copy()
     residual[:, 0] -= detections.range_m
     return np.asarray((detections.whiten @ residual[..., None])[..., 0])
 
 
 def _repeated(detections: SpatialDetections, count: int) -> SpatialDetections:
-    """(S,) detections for ``count`` rows, of which row b is of detection b mod S."""
+    """(S,) detections tiled to ``count`` rows; row b is of detection b mod S."""
     number = len(detections.range_m)
     return detections if number == count else detections.take(np.arange(count) % max(number, 1))

@@ -1,8 +1,8 @@
-"""The prior of an object that one ray started: what is known of the logarithm of its range, and nothing across the ray.
+"""Inverse-depth-like prior of an object started by a ray alone: a Gaussian over the logarithm of its range.
 
-About the place where the camera is estimated to have been then, which stays: across the ray the detection itself says
-where the object is, with what is not known of the camera. A Gaussian over x, y and z would be wrong by metres as soon
-as the object is not where it was guessed.
+It is about the camera position as estimated at that time, which stays fixed: across the ray the detection factor itself
+places the object, with the camera's uncertainty. A Gaussian over x, y and z would be wrong by metres as soon as the
+object is not where it was guessed.
 """
 
 from dataclasses import dataclass, field
@@ -19,12 +19,12 @@ from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.kinds.state_space import StateSpace
 
 LEAST_DISTANCE_M = 1e-3
-"""Nearer than that to the camera a logarithm has no slope that means anything."""
+"""Distance to the camera below which the derivative of the logarithm is meaningless."""
 
 
 @dataclass(frozen=True)
 class RangePrior(GaussianPrior):
-    """Mean and covariance are those of the small problems, in which nothing but the range is known."""
+    """Range prior; mean and covariance are those for the small problems, in which only the range is constrained."""
 
     sensor: Array = field(default_factory=lambda: np.zeros(3))  # (3,) the camera in the body frame
     log_range: LogRange = ANYWHERE
@@ -39,12 +39,12 @@ class RangePrior(GaussianPrior):
         return cls(place, spread, anchor, sensor, log_range)
 
     def at(self, mean: Array, robot: Array) -> "RangePrior":
-        """From where another ``robot`` (7,) has its camera; the object begins at ``mean`` (3,)."""
+        """With the camera position of another ``robot`` (7,); the object starts at ``mean`` (3,)."""
         anchor = robot[:3] + so3.rotated(robot[3:], self.sensor)
         return RangePrior(mean, self.covariance, anchor, self.sensor, self.log_range)
 
     def factor(self, space: StateSpace, key: int) -> Any:
-        """The logarithm of the distance from the anchor, in standard deviations."""
+        """GTSAM factor: deviation of the log distance from the anchor, in standard deviations."""
         known, anchor = self.log_range, np.asarray(self.anchor)
 
         def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:

@@ -1,8 +1,8 @@
-"""Distance and direction of points in space, the latter off a ray: by the shortest arc, in the plane across the ray.
+"""Distance and direction of points in space; the direction as deviation from a ray, by the arc in the plane across it.
 
-With a ray z, an orthonormal basis B across it and the direction u of a point, B^T u is sin(t) e, t the arc between both
-and e of length 1, and the point is t e off the ray. Moved along the arc, it is as much farther off; moved across it, by
-t / sin(t) as much. On the ray, and at half a turn from it, e is one of all directions.
+With a ray z, an orthonormal basis B across it and the direction u of a point, B^T u is sin(t) e, with t the arc between
+both and |e| = 1, and the deviation of the point is t e. It grows by arc length for motion along the arc, and by t /
+sin(t) for motion across it. On the ray, and opposite to it, the direction e is arbitrary.
 """
 
 import numpy as np
@@ -11,10 +11,11 @@ from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 
 LEAST_SINE = 0.1
-"""Least sine of an arc beyond a quarter turn, in slopes across it, which have no bound near half a turn."""
+"""Least sine of an arc beyond a quarter turn in Jacobians across it, which are unbounded near half a turn."""
 
 NEAREST_M = 1e-3
-"""Least distance in slopes of directions, which have no bound where the robot stands on an object: no camera does."""
+"""Least distance in Jacobians of directions, which are unbounded where the robot stands on an object; no camera
+does."""
 
 
 def distances(point: Array) -> Array:
@@ -29,7 +30,7 @@ def off_axis(point: Array, axis: Array) -> Array:
 
 
 def polar(point: Array, ray: Array, basis: Array) -> Array:
-    """(..., 3) distance [m] of points (..., 3), and how far off rays (..., 3) they are [rad], along (..., 3, 2)."""
+    """(..., 3) distance [m] of points (..., 3), and their deviation [rad] from rays (..., 3), by basis (..., 3, 2)."""
     unit, distance = _direction(point)
     aside, sine, cosine = _arc(unit, ray, basis)
     return _polar(distance, np.arctan2(sine, cosine), aside)

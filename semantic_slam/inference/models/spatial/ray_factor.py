@@ -1,6 +1,6 @@
-"""GTSAM factor of a ray alone, from a camera anywhere on the robot and with any noise, which GTSAM has none for.
+"""GTSAM factor of a ray alone, from a camera anywhere on the robot and with any noise; GTSAM has none.
 
-It is called for every ray that is linearised anew: what it needs of robot and point GTSAM itself works out.
+It is called for every ray that is relinearised, so GTSAM itself computes the transform of robot and point.
 """
 
 from typing import Any
@@ -15,14 +15,14 @@ from semantic_slam.inference.models.spatial.ray import polar, polar_and_slopes
 
 
 def with_tail(noise: Any, sigmas: float) -> Any:
-    """A noise model whose residuals count the less the farther they are beyond ``sigmas``; 0: as it is."""
+    """A noise model with a Cauchy loss of scale ``sigmas``; 0: unchanged."""
     if sigmas <= 0.0:
         return noise
     return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(sigmas), noise)
 
 
 def ray_factor(detection: SpatialDetection, keys: tuple[int, int], tail: float = 0.0) -> Any:
-    """Factor on a robot, a Pose3, and a point: how far it is off the ray, in both directions across, whitened."""
+    """Factor on a robot, a Pose3, and a point: whitened deviation of the point from the ray in both directions."""
     whiten, origin, ray, basis = detection.whiten[1:, 1:], detection.origin, detection.ray, detection.basis
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:

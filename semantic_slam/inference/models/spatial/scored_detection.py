@@ -1,4 +1,4 @@
-"""Detections in space whose objects a classifier has looked at, as arrays."""
+"""Detections in space with classifier features, as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

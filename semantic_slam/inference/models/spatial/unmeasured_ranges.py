@@ -1,4 +1,4 @@
-"""How far objects may be that are seen without a range: anywhere in the region, or as large as their kind is."""
+"""Prior of the range of objects seen without one: anywhere in the region, or by the typical size of their kind."""
 
 from dataclasses import dataclass, field
 from typing import Self
@@ -11,17 +11,17 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 
 WIDEST_RAD = 2.5
-"""Wider than that counts as so wide: the tangent of half an angle has no end."""
+"""Angles are clipped to this width: the tangent of half an angle is unbounded."""
 
 
 @dataclass(frozen=True)
 class UnmeasuredRanges:
-    """What is known of the range of a new object before a second look."""
+    """Prior of the range of a new object before a second view."""
 
     anywhere: LogRange = ANYWHERE
     least_m: float = 0.3
     most_m: float = 5.0
-    sizes_m: dict[str, float] = field(default_factory=dict)  # detector's label, in lower case -> metres
+    sizes_m: dict[str, float] = field(default_factory=dict)  # detector label in lower case -> size [m]
     sigma_log_size: float = 0.4
 
     @classmethod
@@ -37,7 +37,7 @@ class UnmeasuredRanges:
         )
 
     def of_detection(self, label: str, angular_size_rad: Array) -> LogRange:
-        """By the label and the angles (2,) that width and height of the box fill, NaN where the border cuts them."""
+        """By label and the angles (2,) that the box's width and height subtend; NaN where the border cuts them."""
         size, seen = self.sizes_m.get(label.lower()), log_angle(angular_size_rad)
         if size is None or np.isnan(seen):
             return self.anywhere
@@ -45,7 +45,7 @@ class UnmeasuredRanges:
 
 
 def log_angle(angular_size_rad: Array) -> float:
-    """Logarithm of how large a box (2,) looks, the size of what it shows per metre of its range; NaN where it is cut.
+    """Log of the apparent size of a box (2,), size per range; NaN where it is cut by the border.
 
     The size is the square root of width times height.
     """

@@ -1,4 +1,4 @@
-"""From where cameras see objects in space.
+"""Viewpoints of cameras on objects in space.
 
 Right perturbations of robot x and object o give for the camera in the object's frame v, its place in the body being s:
 dv/dx = R_o^T R_x [-hat(s), I] and dv/do = [hat(v), -I].
@@ -18,17 +18,17 @@ from semantic_slam.viewpoint.model import Viewpoints
 
 POSES_IN_SPACE = Spaces.same(SpatialPoses())
 LEAST_COSINE = 1e-3
-"""Least cosine of an elevation in slopes of azimuths, which have no bound above an object."""
+"""Least cosine of an elevation in Jacobians of azimuths, which are unbounded right above an object."""
 
 
 @dataclass(frozen=True)
 class SpatialViews:
-    """Views by robots and of objects in SE(3), in two angles."""
+    """Viewpoints between robots and objects in SE(3), with azimuth and elevation."""
 
     coordinates = slice(None)
 
     def seen(self, x: Array, o: Array, sensor: Array) -> tuple[Viewpoints, Slopes]:
-        """Azimuths, elevations and ranges, with their slopes."""
+        """Azimuths, elevations and ranges, with their Jacobians."""
         cameras = repeated(sensor, len(x))
         v = POSES_IN_SPACE.camera_positions(x, o, cameras)
 

@@ -1,8 +1,8 @@
-"""What a detection weighs as one of each object, given what the other detections of its frame are of.
+"""Joint association costs: the weight of a detection as of each object, given the associations of the others.
 
-All pairs of a detection and an object that are looked at have one joint innovation, through the robot, the objects and
-the errors that detections share. Most of it is the robot's pose, which the others tell better than the prediction does:
-given them, what stays undecided are questions of single detections.
+All candidate pairs of a frame have one joint innovation, correlated through the robot, the objects and shared detection
+errors. Most of it is the robot's pose error, which the other detections determine better than the prediction does:
+given them, the remaining ambiguity is one of single detections.
 """
 
 from collections.abc import Callable
@@ -22,14 +22,14 @@ from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedE
 class JointCosts:
     """P pairs of D detections and M objects under one Gaussian of their whitened residuals, c components each.
 
-    What a detection weighs that is of none of these objects hangs on nothing: T ways, the last one of no known object.
+    A detection of none of these objects has an independent weight, in T ways, the last of which is no known object.
     """
 
     rows: Index  # (P,) detection
     columns: Index  # (P,) object
     residual: Array  # (P, c)
     covariance: Array  # (P, P, c, c)
-    log_constant: Array  # (P,) normaliser of each, and what detecting its object weighs against missing it
+    log_constant: Array  # (P,) normaliser, and log ratio of detecting the object to missing it
     log_alone: Array  # (D, T)
     num_objects: int  # M
     tail: HeavyTail | None  # of detections' errors; None: none is an outlier
@@ -37,9 +37,9 @@ class JointCosts:
 
     @classmethod
     def of(cls, linear: LinearisedEvidence, admitted: Flags, log_ratio: Array, log_alone: Array) -> "JointCosts":
-        """Costs of the ``admitted`` (D, M) pairs; ``log_ratio`` (M,) of detecting an object against missing it.
+        """Costs of the ``admitted`` (D, M) pairs; ``log_ratio`` (M,) of detecting an object to missing it.
 
-        Or (D, M), with what else each pair weighs.
+        ``log_ratio`` may be (D, M), with further evidence of each pair.
         """
         rows, columns = np.nonzero(admitted)
         joint, count = linear.innovation_of_pairs(rows, columns), len(rows)
@@ -57,7 +57,7 @@ class JointCosts:
         )
 
     def log_scores(self, assignments: Index) -> Array:
-        """(K,) log weights of joint assignments (K, D): objects, from M on the ways of being of none of them."""
+        """(K,) log weights of joint assignments (K, D): objects, and from M on the ways of being none of them."""
         pairs = self._pairs(assignments)
         ways = np.clip(assignments - self.num_objects, 0, self.log_alone.shape[1] - 1)
         alone = self.log_alone[np.arange(len(self.log_alone)), ways]
@@ -76,14 +76,14 @@ class JointCosts:
         return likeliest_outliers(self.tail, *self._joint(pairs), self._told(pairs))
 
     def _told(self, pairs: Index) -> Flags:
-        """(K, n, c) which components of the residuals of ``pairs`` (K, n) there are."""
+        """(K, n, c) which residual components of ``pairs`` (K, n) are measured."""
         return np.asarray(self.measured[pairs] & (pairs >= 0)[..., None])
 
     def given_others(self, assignment: Index) -> Array:
-        """(D, M) log weight of each pair given what the joint ``assignment`` (D,) says of the others; -inf: no pair.
+        """(D, M) log weight of each pair given the other detections of the joint ``assignment`` (D,); -inf: no pair.
 
-        Given those that are of another object, that is: differences are those of :meth:`log_scores` between assignments
-        in which one detection differs.
+        Only others of another object count: differences equal those of :meth:`log_scores` between assignments that
+        differ in one detection.
         """
         taken = self._pairs(assignment[None])
         others = np.repeat(taken, len(self.rows), axis=0)
@@ -92,7 +92,7 @@ class JointCosts:
         return self._table(self._conditional(others, self._outliers(taken)))
 
     def given_each(self) -> Array:
-        """(P, D, M) log weight of each pair given each pair by itself, which stands; -inf: none, or impossible then."""
+        """(P, D, M) log weight of each pair given each single pair, which stays; -inf: no pair, or excluded by it."""
         count, root = len(self.rows), cholesky(self._alone)
         cross = forward(root[:, None], self.covariance)  # of the first pair, whitened, with the second
         white = forward(root, self.residual[..., None])
@@ -111,7 +111,7 @@ class JointCosts:
         return self._table(values)
 
     def _conditional(self, others: Index, outlier: Flags) -> Array:
-        """(P,) log weight of each pair given ``others`` (P, n), pairs or -1; ``outlier`` (1, n): which of them are."""
+        """(P,) log weight of each pair given ``others`` (P, n), pairs or -1; ``outlier`` (1, n): which are outliers."""
         every, which = distinct_rows(others)
         residual, covariance = self._joint(every)
         if self.tail is not None:
@@ -132,7 +132,7 @@ class JointCosts:
 
     @cached_property
     def _alone(self) -> Array:
-        """(P, c, c) of each pair by itself."""
+        """(P, c, c) innovation covariance of each pair by itself."""
         pairs = np.arange(len(self.rows))
         return np.asarray(self.covariance[pairs, pairs])
 
@@ -143,7 +143,7 @@ class JointCosts:
         covariance: Array,
         log_gaussian: Callable[[Array, Array], Array],
     ) -> Array:
-        """(K,) log densities of ``pairs`` (K,) by themselves, up to what normalises whitened residuals (K, c)."""
+        """(K,) log densities of single ``pairs`` (K,), without the constant normaliser of whitened residuals (K, c)."""
         log_density = log_gaussian(residual, covariance)
         if self.tail is None:
             return log_density
@@ -151,7 +151,7 @@ class JointCosts:
         return np.logaddexp(self.tail.log_rest + log_density, self.tail.log_share + log_gaussian(residual, wide))
 
     def _joint(self, pairs: Index) -> tuple[Array, Array]:
-        """(K, n c) residuals and their covariances for ``pairs`` (K, n); one for sure in place of -1."""
+        """(K, n c) residuals and their covariances for ``pairs`` (K, n); identity in place of -1."""
         used, size = pairs >= 0, self.residual.shape[1]
         residual = np.where(used[..., None], self.residual[pairs], 0.0)
         both = (used[:, :, None] & used[:, None, :])[..., None, None]
@@ -162,26 +162,26 @@ class JointCosts:
         return residual.reshape(-1, width), np.swapaxes(covariance, 2, 3).reshape(-1, width, width)
 
     def _pairs(self, assignments: Index) -> Index:
-        """(K, D) which pairs joint assignments take; -1: of none of these objects."""
+        """(K, D) the pairs that joint assignments contain; -1: of none of these objects."""
         places = np.full((len(self.log_alone), self.num_objects + 1), -1)
         places[self.rows, self.columns] = np.arange(len(self.rows))
         return np.asarray(places[np.arange(len(places)), np.minimum(assignments, self.num_objects)])
 
     def _table(self, values: Array) -> Array:
-        """(..., D, M) from (..., P)."""
+        """(..., D, M) table of values (..., P); -inf where there is no pair."""
         found = np.full((*values.shape[:-1], len(self.log_alone), self.num_objects), -np.inf)
         found[..., self.rows, self.columns] = values
         return found
 
 
 def _log_gaussian(residual: Array, covariance: Array) -> Array:
-    """(K,) log densities up to what normalises whitened residuals (K, c) with ``covariance`` (K, c, c)."""
+    """(K,) log densities of whitened residuals (K, c) with ``covariance`` (K, c, c), without the constant."""
     squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=-1)
     return np.asarray(-0.5 * squared - 0.5 * np.linalg.slogdet(covariance)[1])
 
 
 def _log_gaussian_of_many(residual: Array, covariance: Array) -> Array:
-    """:func:`_log_gaussian`, entry by entry, rounded otherwise: for thousands that only tell where to begin."""
+    """:func:`_log_gaussian` in faster arithmetic with other rounding, for many rows that serve as starts alone."""
     root = cholesky(covariance)
     white = forward(root, residual[..., None])[..., 0]
     return np.asarray(-0.5 * squared_norms(white) - row_sums(np.log(np.diagonal(root, axis1=-2, axis2=-1))))

@@ -1,7 +1,7 @@
-"""Weights and modes of joint assignments from one linearisation at the prediction, where that is enough.
+"""Evidence and modes of joint assignments from one linearisation at the prediction, where that is accurate.
 
-Objects are distinct, so that the measurements of K assignments with the same number of known objects stack into
-systems of one size. Detections that start an object tell nothing of the robot: they follow from its mode.
+Objects are distinct, so the measurements of K assignments with equally many known objects stack into systems of one
+size. Detections that start an object carry no information on the robot: their objects follow from its mode.
 """
 
 from dataclasses import dataclass
@@ -24,19 +24,19 @@ from semantic_slam.inference.states.spaces import Spaces
 class _Results:
     """Columns of K assignments that are filled row by row."""
 
-    log_evidence: Array  # (K,) of the detections, those that start an object under their stand-in
+    log_evidence: Array  # (K,) of the detections, births under their stand-in priors
     robot: Array  # (K, s) modes
     robot_covariance: Array  # (K, r, r)
-    object_states: Array  # (K, D, s) NaN of no object
+    object_states: Array  # (K, D, s) NaN without an object
     object_covariances: Array  # (K, D, l, l)
     bend: Array  # (K,)
     innovation_nees: Array  # (K,) NaN without a known object
-    outlier: Flags  # (K, D) which are taken for outliers in their place
+    outlier: Flags  # (K, D) which are taken for position outliers
     outlier_probability: Array  # (K, D)
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], spaces: Spaces) -> "_Results":
-        """To be filled, (K, D) in shape."""
+        """Unfilled results, (K, D) in shape."""
         count, detections = shape
         storage, r, own = spaces.storage, spaces.layout.robot, spaces.layout.landmark
         return cls(
@@ -54,9 +54,9 @@ class _Results:
 
 @dataclass(frozen=True)
 class JointInnovation:
-    """Whitened residuals of n detections before they are taken in, with a robot and n objects, k coordinates.
+    """Joint innovation of n detections: whitened residuals against a robot and n objects, k coordinates.
 
-    In each of G assignments, or (without that axis) in one.
+    For each of G assignments, or (without that axis) for one.
     """
 
     residual: Array  # (G, m)
@@ -67,7 +67,7 @@ class JointInnovation:
 
     @property
     def measured(self) -> Flags:
-        """(G, n, m / n) which components of each detection there are."""
+        """(G, n, m / n) which residual components of each detection are measured."""
         return np.asarray(self.jacobian.any(axis=-1).reshape(*self.log_normalisers.shape, -1))
 
 
@@ -87,8 +87,8 @@ class LinearisedEvidence:
     ):
         """``mean`` (1 + M, s) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad].
 
-        ``errors`` of the detections where these repeat, the ``pairs`` being whitened accordingly; ``anchors`` (M, 3)
-        from where objects were first seen along a ray alone, NaN of others.
+        ``errors`` of the detections where these are correlated, the ``pairs`` being whitened accordingly; ``anchors``
+        (M, 3) from where objects were first seen along a ray alone, NaN of others.
         """
         self.spaces, self.mean, self.covariance = spaces, mean, covariance
         self.births, self.turns, self.errors = births, turns, errors
@@ -97,7 +97,7 @@ class LinearisedEvidence:
 
     @classmethod
     def of(cls, spaces: Spaces, prediction: Prediction, pairs: PairDensities) -> Self:
-        """That of one parent, with the ``pairs`` of its detections and near objects."""
+        """The evidence of one parent, from the ``pairs`` of its detections and near objects."""
         return cls(
             spaces,
             prediction.predicted.mean[0],
@@ -110,10 +110,10 @@ class LinearisedEvidence:
         )
 
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
-        """Assignments with evidence and states.
+        """Assignments with evidence and states at their modes.
 
-        ``columns`` (K, D): object, M + i where detection i starts one, or -1 where it counts nothing: it is of none, or
-        weighed elsewhere.
+        ``columns`` (K, D): object; M + i where detection i starts one; -1 where it is ignored, being clutter or weighed
+        elsewhere.
         """
         results = _Results.empty(columns.shape, self.spaces)
         is_known = (columns >= 0) & (columns < self.known)
@@ -159,15 +159,15 @@ class LinearisedEvidence:
         return OutlierChoices.of(self.tail, joint.residual, joint.covariance, joint.measured)
 
     def innovation(self, columns: Index, seen: list[int]) -> JointInnovation:
-        """The detections ``seen`` together, before they are taken in; ``columns`` (D,): of which object each is."""
+        """Joint innovation of the detections ``seen``; ``columns`` (D,): the object of each detection."""
         numbers = np.array(seen, dtype=int)
         return _first(self._innovation(numbers[None], columns[numbers][None]))
 
     def innovation_of_pairs(self, numbers: Index, objects: Index) -> JointInnovation:
-        """Detections ``numbers`` (P,) each as one of ``objects`` (P,), before they are taken in.
+        """Joint innovation of detections ``numbers`` (P,), each as one of ``objects`` (P,).
 
-        Pairs may share a detection or an object, which has one place among the states. Detections err by themselves in
-        each pair.
+        Pairs may share a detection or an object, which then occurs once among the states. White errors are independent
+        between pairs.
         """
         every, place = np.unique(objects, return_inverse=True)
         part, seen, layout = self._part, numbers[None], self.layout
@@ -182,7 +182,7 @@ class LinearisedEvidence:
         return _first(self._together(seen, self._places(every[None]), *system))
 
     def _innovation(self, seen: Index, objects: Index) -> JointInnovation:
-        """Detections ``seen`` (G, n) of ``objects`` (G, n), before they are taken in."""
+        """Joint innovation of detections ``seen`` (G, n) of ``objects`` (G, n)."""
         return self._together(seen, self._places(objects), *self._system(seen, objects))
 
     def _together(
@@ -206,13 +206,13 @@ class LinearisedEvidence:
 
     @staticmethod
     def _repeated(errors: PredictedErrors, seen: Index, places: Index) -> Array:
-        """(G, p, m) covariance of the states at ``places`` (G, p) with the part of the residuals that repeats."""
+        """(G, p, m) covariance of the states at ``places`` (G, p) with the correlated part of the residuals."""
         rows = _components(seen)
         return np.asarray(errors.cross[places[:, :, None], rows[:, None]] * errors.slopes.ravel()[rows][:, None])
 
     @staticmethod
     def _repeated_noise(errors: PredictedErrors, seen: Index) -> Array:
-        """(G, m, m) covariance of that part."""
+        """(G, m, m) covariance of the correlated part of the residuals."""
         rows = _components(seen)
         slopes = errors.slopes.ravel()[rows]
         return np.asarray(slopes[:, :, None] * errors.covariance[rows[:, :, None], rows[:, None]] * slopes[:, None])
@@ -231,7 +231,7 @@ class LinearisedEvidence:
         return residual.reshape(count, -1), stacked, part.log_normaliser[seen, objects]
 
     def _from_where_linear(self, seen: Index, objects: Index, change: Array, variances: Array) -> tuple[Array, Array]:
-        """Changes (G, m) from where detections were linearised, and (G, m) variances of what is left open there."""
+        """Changes (G, m) relative to the linearisation points, and (G, m) variances that remain there."""
         if self._pairs.offsets is None or self._pairs.elsewhere is None:
             return change, variances
         offsets, elsewhere = self._pairs.offsets[seen, objects], self._pairs.elsewhere[seen, objects]
@@ -239,7 +239,7 @@ class LinearisedEvidence:
         return change - offsets.reshape(change.shape), np.minimum(variances, widths.reshape(change.shape))
 
     def _bend(self, seen: Index, change: Array, variances: Array) -> Array:
-        """(G,) a direction that turns by a = sigma c has a^2 / 2 of its distance as its second-order term.
+        """(G,) nonlinearity: a direction that turns by a = sigma c has a second-order term of a^2 / 2 of its distance.
 
         ``change`` (G, m) of the whitened measurements from prediction to mode, and ``variances`` of the prediction.
         """
@@ -249,7 +249,7 @@ class LinearisedEvidence:
     def _fill(
         self, result: _Results, rows: Index, columns: Index, seen: Index, own: Index, shift: Array, after: Array
     ) -> None:
-        """States and covariances at the modes; charts are those of the prediction, for shifts are small."""
+        """Fill in states and covariances at the modes, in the tangent spaces of the prediction, as shifts are small."""
         robot, storage = self.layout.block(0), self.spaces.storage
         states = self._retracted(own, shift)
         result.robot[rows], result.robot_covariance[rows] = states[:, 0, : storage.robot], after[:, robot, robot]
@@ -280,7 +280,7 @@ class LinearisedEvidence:
 
 
 def _first(joint: JointInnovation) -> JointInnovation:
-    """What joint innovations of assignments say of the first one."""
+    """The joint innovation of the first assignment."""
     return JointInnovation(*(values[0] for values in vars(joint).values()))
 
 
@@ -289,5 +289,5 @@ def _transposed(matrices: Array) -> Array:
 
 
 def _components(seen: Index) -> Index:
-    """(G, 2 n) components of the errors of detections (G, n)."""
+    """(G, 2 n) error components of detections (G, n)."""
     return np.asarray((2 * seen[:, :, None] + np.arange(2)).reshape(len(seen), -1))

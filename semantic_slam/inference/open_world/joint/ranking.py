@@ -1,9 +1,9 @@
-"""The best joint assignments of a frame, weighed over the robot's pose that its detections share.
+"""Ranking of a frame's joint assignments, with the evidence of the robot's pose that detections share.
 
-About a joint assignment that changes of single detections do not improve, each detection is weighed given what the
-others are of. Weights are then products over clusters of detections that may be of one object: exact where clusters are
-independent, and for all that differs in one detection anywhere. Assignments in which many detections differ at once,
-for the robot may stand elsewhere, are found from each pair of a detection and an object by itself.
+About a locally optimal joint assignment each detection is weighed given the associations of the others. Weights are
+then products over clusters of detections that compete for objects: exact where clusters are independent, and for all
+assignments that differ from it in one detection. Assignments in which many detections differ at once, as the robot may
+be elsewhere, are found from each pair of a detection and an object by itself.
 """
 
 from collections.abc import Callable
@@ -17,23 +17,23 @@ from semantic_slam.inference.association.gating import RankedAssignments, log_pr
 from semantic_slam.inference.open_world.joint.costs import JointCosts
 
 STEPS = 5
-"""From one joint assignment to better ones, at most."""
+"""Most improvement steps from one joint assignment."""
 PLACES = 3
-"""Joint assignments at most about which others are looked for."""
+"""Most joint assignments whose neighbourhoods are searched."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointRanking:
-    """How joint assignments of D detections are looked for; C columns are objects, and then what ``costs`` has not."""
+    """Search for joint assignments of D detections; C columns are objects, then those not in ``costs``."""
 
     costs: JointCosts
-    log_pairs: Array  # (D, C) of pairs by themselves
+    log_pairs: Array  # (D, C) log weights of pairs by themselves
     admitted: Flags  # (D, C)
-    ranked: Callable[[Array], RankedAssignments]  # the best by (D, C) log weights of pairs, and the mass of others
-    reach: float  # nats behind the best from which on nobody asks what else is about a joint assignment
+    ranked: Callable[[Array], RankedAssignments]  # ranks by (D, C) log weights of pairs, with the mass left out
+    reach: float  # nats behind the best beyond which no neighbourhood is searched
 
     def best(self, limit: int, gate: float) -> RankedAssignments:
-        """By their joint weights, at most ``limit``, none more than ``gate`` nats behind the best."""
+        """The best by joint weight, at most ``limit``, none more than ``gate`` nats behind the best."""
         about = self._neighbourhoods()
         found = [own.ranked.columns for own in about]
         columns, numbers = distinct_rows(np.concatenate(found))
@@ -45,7 +45,7 @@ class JointRanking:
         return RankedAssignments(columns[order], scores[order], left_out - float(scores[order[0]]))
 
     def _neighbourhoods(self) -> list["_Neighbourhood"]:
-        """About the best joint assignment that is found, and then about those that are not near one before."""
+        """The neighbourhood of the best joint assignment found, then of those outside the ones before."""
         tables = np.concatenate([self.log_pairs[None], self._filled(self.costs.given_each())])
         starts, _ = distinct_rows(self._cheapest(tables))
         scores = self.costs.log_scores(starts)
@@ -62,7 +62,7 @@ class JointRanking:
         return _Neighbourhood(log_pairs=table, log_new=self.costs.log_alone[:, -1], ranked=self.ranked(table))
 
     def _improved(self, start: Index, score: float) -> Array:
-        """(D, C) what the others say of each detection, taken at its word while that makes the whole more likely."""
+        """(D, C) log weights given the others, about an assignment improved step by step while its weight grows."""
         table = self._given_others(start)
         for _ in range(STEPS):
             better = self._cheapest(table[None])[0]
@@ -78,14 +78,14 @@ class JointRanking:
         return self._filled(self.costs.given_others(assignment))
 
     def _filled(self, tables: Array) -> Array:
-        """(..., D, C) from (..., D, M): what is no pair of ``costs`` weighs what it weighs by itself."""
+        """(..., D, C) from (..., D, M): columns not in ``costs`` have their independent weights."""
         objects = slice(tables.shape[-1])
         found = broadcast_copy(self.log_pairs, (*tables.shape[:-1], self.log_pairs.shape[1]))
         found[..., objects] = np.where(self.admitted[:, objects], tables, self.log_pairs[:, objects])
         return found
 
     def _cheapest(self, tables: Array) -> Index:
-        """(T, D) the joint assignments of distinct columns that weigh most by each of T tables of pairs (T, D, C)."""
+        """(T, D) the best joint assignment of distinct columns by each of T tables of pairs (T, D, C)."""
         count, known = self.log_pairs.shape
         costs = np.full((len(tables), count, known + count), np.inf)
         costs[:, :, :known] = np.where(self.admitted, -tables, np.inf)
@@ -102,11 +102,11 @@ class _Neighbourhood:
     ranked: RankedAssignments
 
     def holds(self, assignment: Index) -> bool:
-        """Whether it was found here."""
+        """Whether an assignment is in this neighbourhood."""
         return bool((self.ranked.columns == assignment).all(axis=1).any())
 
     def log_left_out(self, columns: Index, log_best: float) -> float:
-        """Log mass of all that is not among ``columns`` (K, D), where the best of them weighs ``log_best`` jointly."""
+        """Log mass of everything not among ``columns`` (K, D), the best of which has the joint weight ``log_best``."""
         own = self.ranked
         log_all = np.logaddexp(np.logaddexp.reduce(own.log_scores), own.log_left_out + own.log_scores[0])
         log_scale = float(log_best - own.log_scores[0])

@@ -1,4 +1,4 @@
-"""What a keyframe says of the existence of objects: detected, missed, or born; and of how often a sensor detects."""
+"""What a keyframe says of the existence of objects (detected, missed, born) and of the sensor's detection rates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 
 def least_detected(settings: OpenWorldConfiguration) -> float:
-    """The detection probability of an object that was detected is not below this."""
+    """Lower bound on the detection probability of an object that was in fact detected."""
     return LEAST_DETECTION_SHARE * settings.detection_probability
 
 
 class ExistenceAccounts:
-    """Log factors and existence updates of the candidates of one keyframe; ``born`` (D,) ids that it would start."""
+    """Log factors and existence updates of one keyframe's candidates; ``born`` (D,) ids of the objects it may start."""
 
     def __init__(
         self, settings: OpenWorldConfiguration, step: Step, predictions: Sequence[Prediction], born: Index
@@ -49,7 +49,10 @@ class ExistenceAccounts:
         return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
 
     def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
-        """(K, O, G) detection probabilities at the modes; (1, O, G) at the prediction where that tells as much."""
+        """(K, O, G) detection probabilities at the candidates' modes; (1, O, G) at the prediction where that is enough.
+
+        The prediction is enough where the robot is not lost and objects do not occlude each other.
+        """
         if not prediction.is_lost and prediction.region.occluder_radius_m <= 0.0:
             return prediction.detected[None]
         detected = np.zeros((len(rows), *prediction.detected.shape))
@@ -67,10 +70,10 @@ class ExistenceAccounts:
 
 
 class _IfMissed:
-    """A parent's O objects at one candidate's mode: what is known of them if none is detected, and what if they are."""
+    """A parent's O objects at one candidate's mode: log factors and existence if missed, and the change if detected."""
 
     def __init__(self, prediction: Prediction, standing: Array, settings: OpenWorldConfiguration) -> None:
-        """``standing`` (O, G) is the probability of being detected, if an object stands still."""
+        """``standing`` (O, G) is the detection probability of an object if it stands still."""
         self.prediction, self.standing, self.settings = prediction, standing, settings
         self.least = least_detected(settings)
         self.detected = prediction.detected_at_all(standing[None])[0]  # (O, G)
@@ -78,12 +81,12 @@ class _IfMissed:
 
     @cached_property
     def existence(self) -> Array:
-        """(O, G) of those that are missed."""
+        """(O, G) existence of the objects if they are missed."""
         return existence_after_miss(self.prediction.existence, self.detected)
 
     @cached_property
     def log_total(self) -> Array:
-        """(G,) of a keyframe without detections."""
+        """(G,) log likelihood of a keyframe without detections."""
         expected = self.prediction.rates.clutter_per_frame + self.prediction.expected_births
         total = self.log_missed.sum(axis=0) - expected
         if self.prediction.movers is not None:
@@ -91,39 +94,39 @@ class _IfMissed:
         return np.asarray(total)
 
     def log_detected(self, rows: Index) -> Array:
-        """(n, G) by how much more likely it is that objects are detected, standing still."""
+        """(n, G) log ratio of detecting objects that stand still to missing them."""
         stands = self.prediction.existence[rows] * self.prediction.stands[rows]
         seen = np.maximum(stands * np.maximum(self.standing[rows], self.least), LEAST_PROBABILITY)
         return np.asarray(np.log(seen) - self.log_missed[rows])
 
     @cached_property
     def log_moving(self) -> Array:
-        """(T, G) the same of what moves, or may."""
+        """(T, G) log ratio of detecting objects that move, or may move, to missing them."""
         movers = self.prediction.movers
         assert movers is not None
         return movers.log_detected(self.least, self.log_missed, self.prediction.undecided)
 
     @cached_property
     def stands(self) -> Array:
-        """(O, G) probability that they stand still, if they exist and were missed."""
+        """(O, G) probability that an object stands still, if it exists and was missed."""
         return np.asarray(self.prediction.stands * (1.0 - self.standing) / (1.0 - self.detected))
 
 
 @dataclass(frozen=True)
 class _Account:
-    """One candidate; n of its D detections are first ones."""
+    """The account of one candidate; n of its D detections are first detections (births)."""
 
     if_missed: _IfMissed
-    observed: Index  # rows of the objects that are detected, and stand still
-    moving_ids: Index  # of those that are detected, and move
-    new: Index  # (n,) detections
+    observed: Index  # rows of the objects detected that stand still
+    moving_ids: Index  # ids of the objects detected that move
+    new: Index  # (n,) detections that are births
     new_ids: Index  # (n,)
     log_factor: float
-    log_weights: Array  # (G,) of the settings of the sensor, afterwards
+    log_weights: Array  # (G,) log weights of the sensor settings after this keyframe
 
     @classmethod
     def of(cls, if_missed: _IfMissed, association: Index, moves: Flags, born: Index) -> "_Account":
-        """With (D,) objects and whether they move."""
+        """The account of an ``association`` with (D,) objects, of which some ``moves`` (D,)."""
         prediction = if_missed.prediction
         is_new = association >= born[0] if len(born) else np.zeros(0, dtype=bool)
         observed = prediction.component.objects.rows(association[~is_new & ~moves])
@@ -139,7 +142,7 @@ class _Account:
         return cls(if_missed, observed, moving_ids, new, association[new], factor, weights)
 
     def update(self) -> ExistenceUpdate:
-        """What it makes of the existence of the parent's objects, under the settings that are left."""
+        """The existence update of the parent's objects, under the sensor settings that keep enough weight."""
         if_missed, prediction = self.if_missed, self.if_missed.prediction
         rates, left = prediction.rates.reweighed(self.log_weights)
         existence, stands = if_missed.existence[:, left].copy(), if_missed.stands[:, left]
@@ -168,7 +171,7 @@ class _Account:
         )
 
     def _gone(self, left: Flags) -> Array | None:
-        """(O, G) probability that the parent's objects have left, which a miss makes likelier; None: nothing leaves."""
+        """(O, G) probability that an object has left, which a miss makes likelier; None: objects do not leave."""
         before = self.if_missed.prediction.population.gone
         if before is None:
             return None
@@ -177,7 +180,7 @@ class _Account:
         return np.asarray(gone)
 
     def _detectable(self, left: Flags, kept: Flags) -> Array | None:
-        """Whether objects kept and new ones can be detected in the next keyframe, where misses come in runs."""
+        """Probability that kept and new objects can be detected next; None where misses do not come in runs."""
         detectable = self.if_missed.prediction.detectable
         if detectable is None:
             return None
@@ -190,7 +193,7 @@ class _Account:
 
 
 class ExistenceUpdates(Sequence[ExistenceUpdate]):
-    """The updates of K candidates, each computed when it is asked for: few survive."""
+    """The existence updates of K candidates, computed on access: few candidates survive."""
 
     def __init__(self, accounts: Sequence[_Account]) -> None:
         self._accounts = accounts

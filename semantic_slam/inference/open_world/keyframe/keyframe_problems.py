@@ -1,4 +1,7 @@
-"""The small problems of candidates from several parents over one set of columns: near objects, then new ones."""
+"""The small problems in which one keyframe's candidates are weighed, of several parents over one set of columns.
+
+The columns are the robot, the objects near some parent's detections, and the objects that may be born.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,9 +21,9 @@ FIXED_HEADING_VARIANCE = 1e-8
 def open_keyframe_problem(
     problem: Problem, detections: Sequence[Any], predictions: list[Prediction], object_ids: Index, rows: Assignments
 ) -> KeyframeProblem:
-    """K candidates over ``object_ids`` (O,): objects near some parent, ascending, and then the D that may be born.
+    """The problem of K candidates over ``object_ids`` (O,): objects near some parent, ascending, then D births.
 
-    ``detections``: D, any of them of no object where a candidate says so.
+    ``detections``: D of them, any of which may belong to no object in a candidate.
     """
     num_births = len(detections)
     predicted = _padded(problem.spaces.storage, predictions, object_ids[: len(object_ids) - num_births], num_births)
@@ -32,7 +35,7 @@ def open_keyframe_problem(
 
 
 def _padded(storage: Layout, predictions: list[Prediction], known: Index, num_births: int) -> PredictedBelief:
-    """Predicted Gaussians of all parents over the same columns; those a parent does not know are never referred to."""
+    """Predicted Gaussians of all parents over the same columns; columns unknown to a parent are never referred to."""
     layout, count = predictions[0].predicted.layout, len(known) + num_births
     mean = np.zeros((len(predictions), 1 + count, storage.width))
     covariance = np.tile(np.eye(layout.size(count)), (len(predictions), 1, 1))
@@ -47,7 +50,7 @@ def _padded(storage: Layout, predictions: list[Prediction], known: Index, num_bi
 
 
 def _with_births(storage: Layout, prediction: Prediction) -> tuple[Array, Array]:
-    """States (1 + M + D, s) and their covariance: robot, near objects, and the objects that D detections start."""
+    """States (1 + M + D, s) and joint covariance of the robot, M near objects, and the D objects that may be born."""
     predicted, births = prediction.predicted, prediction.births
     before, layout = predicted.covariance[0], predicted.layout
     if not births:
@@ -62,9 +65,9 @@ def _with_births(storage: Layout, prediction: Prediction) -> tuple[Array, Array]
 
 
 def _without_headings(predicted: PredictedBelief, heading: int | None) -> PredictedBelief:
-    """Objects that do not turn: no measurement depends on it, and a wide angle bends their positions.
+    """Objects with fixed headings: no measurement depends on them, and a wide angle makes positions nonlinear.
 
-    ``heading`` is the coordinate that turns them, if any does.
+    ``heading`` is the coordinate that is the heading; None: states have none.
     """
     if heading is None:
         return predicted

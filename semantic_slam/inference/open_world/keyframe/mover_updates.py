@@ -1,4 +1,4 @@
-"""What one continuation of a hypothesis makes of what moves, or may: detected, missed, decided, given up, started."""
+"""Update of moving objects by one continuation: detected, missed, decided to be moving, given up, or started."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 LIKELY = 0.5
-"""Existence from which on what moves is kept although nothing could be recognised as it any more."""
+"""Existence above which a moving object is kept even when its position has become too uncertain to recognise it."""
 
 
 def movers_after(
@@ -25,9 +25,10 @@ def movers_after(
     update: ExistenceUpdate,
     least_existence: float,
 ) -> Movers | None:
-    """With the robot's mode ``robot`` (3,) and its ``covariance`` (3, 3); ``update`` of the objects that stand still.
+    """Moving objects after a keyframe, given the robot's mode ``robot`` (3,) and its ``covariance`` (3, 3).
 
-    An object that is seen a second time is decided: if it stands still it is not among what moves any more.
+    ``update`` is that of the existence of objects standing still. A second detection decides whether an object moves:
+    if its history takes it to stand still, it is dropped from the moving objects.
     """
     predicted = prediction.movers
     if predicted is None:
@@ -50,7 +51,7 @@ def movers_after(
 def _missed(
     prediction: Prediction, predicted: PredictedMovers, left: Index, update: ExistenceUpdate, least_existence: float
 ) -> Movers:
-    """The objects in the rows ``left``, which were not detected, without those that are given up."""
+    """The undetected objects in the rows ``left``, without those that are given up."""
     own, detected = predicted.movers.take(left).with_rates(update.rates_kept), predicted.detected[left]
     if update.rates_kept is not None:
         detected = detected[:, update.rates_kept]
@@ -74,13 +75,13 @@ def _missed(
 
 
 def _of_static(prediction: Prediction, update: ExistenceUpdate, object_ids: Index) -> Array:
-    """(n, G) whether objects that are kept among those that stand still can be detected next."""
+    """(n, G) detectability in the next keyframe of objects that are also kept as static ones."""
     assert update.detectable is not None
     return np.asarray(update.detectable[np.searchsorted(prediction.component.objects.ids[update.kept], object_ids)])
 
 
 def _detectable_again(rates: DetectionRates, movers: Movers) -> Movers:
-    """Movers that were just seen, one keyframe later."""
+    """Moving objects that were just detected, with their detectability one keyframe later."""
     if movers.detectable is None:
         return movers
     return replace(movers, detectable=rates.runs.next(np.ones(movers.detectable.shape)))

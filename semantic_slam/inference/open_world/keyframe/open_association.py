@@ -1,4 +1,4 @@
-"""Association without a fixed map: objects come and go, and a detection may be a false alarm."""
+"""Open-world data association: objects appear and disappear, and a detection may be a false alarm."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -40,7 +40,7 @@ from semantic_slam.inference.world.problem import Problem
 
 
 class OpenAssociation:
-    """The k best joint assignments of every parent to objects that it knows, or to new ones."""
+    """The k best joint assignments of every parent's detections to objects that it knows, or to new ones."""
 
     carries_views = tracks_objects = True
     needs_map, wants_identities, counts_misses, merges_copies = False, False, True, True
@@ -54,12 +54,12 @@ class OpenAssociation:
 
     @classmethod
     def suited_to(cls, configuration: Configuration) -> type[Any]:
-        """Itself."""
+        """This class, for every configuration."""
         return cls
 
     @staticmethod
     def check(configuration: Configuration) -> None:
-        """Raises InputError for parameters that mean nothing, or something else, in an open world."""
+        """Raises InputError for parameters that have no meaning, or another one, in an open world."""
         what = f"association: {configuration.association}"
         if not configuration.distinct_assignment:
             raise InputError(f"{what} has one detection per object and frame; set distinct_assignment: true")
@@ -72,20 +72,20 @@ class OpenAssociation:
 
     @staticmethod
     def introduce(registry: ObjectRegistry, step: Step) -> None:
-        """Ids for the objects that the detections may start."""
+        """Reserve ids for the objects that the detections may start."""
         registry.reserve(step.index, len(step.names), step.labels)
 
     @staticmethod
     def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
-        """The objects that some hypothesis holds."""
+        """The objects that are alive in some hypothesis."""
         return registry.alive(alive)
 
     def root(self, number: int) -> Component:
-        """The prior of Eq. 4.3 with what existence the map states, under one of the noises of odometry and starts."""
+        """The prior of Eq. 4.3 with the map's existence probabilities, under one odometry noise and start pose."""
         return self.problem.tracking_root(number)
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
-        """Each parent on its own."""
+        """The prediction and ranked joint assignments of each parent, or of the one continuation ``path``."""
         sensed = [component.sensed(step.detections) for component in parents.components]
         looks = step.camera or step.sensed
         predictions = [
@@ -114,9 +114,9 @@ class OpenAssociation:
         )
 
     def pairs_of(self, predictions: Sequence[Prediction], asked: Sequence[Flags] | None = None) -> list[PairDensities]:
-        """Densities of the detections of each parent under each object near them.
+        """Densities of each parent's detections under each object near them.
 
-        ``asked`` (D, M) for each parent: pairs of which they matter, where these are known; None: all.
+        ``asked`` (D, M) for each parent: the pairs whose densities matter, where that is known; None: all.
         """
         every = [self._at_prediction(prediction) for prediction in predictions]
         parents = {
@@ -136,7 +136,7 @@ class OpenAssociation:
         return every
 
     def _with_words(self, step: Step, prediction: Prediction, pairs: PairDensities) -> PairDensities:
-        """The pairs with what a detector's words tell of each, where rays alone leave many of them."""
+        """The pairs with the evidence of detector labels, where rays (bearings without range) leave many possible."""
         spaces, semantics, predicted = self.problem.spaces, self.problem.semantics, prediction.predicted
         if prediction.anchors is None or step.words is None or not isinstance(semantics, RanksPairs):
             return pairs
@@ -160,10 +160,12 @@ class OpenAssociation:
         )
 
     def ranked(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:
-        """The joint assignments of one parent that are weighed.
+        """The joint assignments of one parent that are to be weighed.
 
-        They are ranked by what each pair weighs by itself, over the settings of the sensor as a keyframe without
-        detections would leave them. Columns are its near objects, then what the detections may start, then what moves.
+        They are ranked by the sum of independent pair weights, or with ``joint_ranking`` by the linearised joint
+        evidence. Pair weights are averaged over the sensor settings, with the weights that a keyframe without
+        detections would leave them. Columns are the near objects, then the D objects that the detections may start,
+        then the moving objects.
         """
         near, least = prediction.near, least_detected(self.settings)
         log_missed = log_miss(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])
@@ -211,7 +213,7 @@ class OpenAssociation:
         return replace(found, columns=columns)
 
     def _outliers(self, pairs: PairDensities, log_known: Array, log_new: Array) -> Flags:
-        """(D, M) pairs of outliers that weigh something beside what their detections weigh otherwise."""
+        """(D, M) outlier pairs whose weight is not negligible beside the alternatives of their detections."""
         if pairs.outlier_distance is None:
             return np.zeros(log_known.shape, dtype=bool)
         near = pairs.distance < self.settings.gate_sigma
@@ -228,7 +230,7 @@ class OpenAssociation:
         log_missed: Array,
         log_weights: Array,
     ) -> tuple[Array, Flags, Index | None]:
-        """(D, T) log weights of pairs with what moves, (D, T) which may be, and ids of near objects and movers."""
+        """(D, T) log weights of pairs with moving objects, (D, T) which are admitted, and ids of near and moving."""
         movers = prediction.movers
         if movers is None or not len(movers):
             nothing = np.zeros((len(log_new), 0))
@@ -243,7 +245,7 @@ class OpenAssociation:
         return moving, likely & (distance < self.settings.gate_sigma), ids
 
     def _columns(self, step: Step, prediction: Prediction, path: LineageStep) -> Index:
-        """(1, D) columns of a lineage's association."""
+        """(1, D) columns of the association that a lineage names. Raises UnknownObjectsError."""
         born = self.registry.first_new_id(step.index) + np.arange(len(step.detections))
         place = {(n, False): column for column, n in enumerate([*prediction.near_ids.tolist(), *born.tolist()])}
         if prediction.movers is not None:
@@ -257,5 +259,5 @@ class OpenAssociation:
 
 
 def _named(columns: Index, known: int) -> Flags:
-    """(D, M) which pairs with the M known objects the columns (D,) of a joint assignment name."""
+    """(D, M) which pairs of a detection and one of M known objects the columns (D,) of a joint assignment name."""
     return np.asarray(columns[:, None] == np.arange(known))

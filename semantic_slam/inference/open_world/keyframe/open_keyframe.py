@@ -1,8 +1,8 @@
-"""A keyframe where the number of objects is unknown: a Poisson multi-Bernoulli mixture over SLAM hypotheses.
+"""A keyframe with an unknown number of objects: a Poisson multi-Bernoulli mixture (PMBM) over SLAM hypotheses.
 
-A detection is of an object that its hypothesis knows, or of none: then a new object starts, whose existence weighs
-objects not detected so far against false alarms. Objects that should have been detected and were not lose existence,
-and their hypothesis weight, by the same probabilities.
+A detection belongs to an object that its hypothesis knows, or to none; in the latter case it starts a new object
+(birth), whose existence probability weighs objects undetected so far against false alarms. A missed detection lowers an
+object's existence, and its hypothesis's weight, by the same probabilities.
 """
 
 from collections.abc import Sequence
@@ -36,56 +36,57 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
 UNLIKELY = 10.0
-"""Nats behind the best of its parent from which on a candidate is weighed by the linearisation whatever it bends."""
+"""Nats behind its parent's best candidate from which on a candidate is weighed by the linearisation, however
+nonlinear."""
 LARGEST_BEND = 0.3
-"""Sigmas of second order in a measurement from which on its assignment is weighed at its own mode."""
+"""Second-order term of a measurement, in sigmas, from which on its assignment is weighed at a mode of its own."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OpenKeyframe:
-    """The keyframe of P parents, each of which has objects of its own; n of its detections are used."""
+    """One keyframe of P parents, each with its own objects; all n detections are used."""
 
     problem: Problem
     registry: ObjectRegistry
     step: Step
     parents: Parents
-    path: LineageStep | None  # the one continuation that is wanted
+    path: LineageStep | None  # the only continuation wanted; None: all
     predictions: list[Prediction]  # P
     pairs: list[PairDensities]  # P
     ranked: list[RankedAssignments]  # P
 
     @cached_property
     def used(self) -> Index:
-        """(n,) every detection: of an object, or of a new one that may be a false alarm."""
+        """(n,) indices of the detections used: all of them, as each may start an object or be a false alarm."""
         return np.arange(len(self.step.detections))
 
     @property
     def detections(self) -> Sequence[Any]:
-        """(n,) those that are used."""
+        """(n,) the detections used."""
         return self.step.detections
 
     @cached_property
     def born(self) -> Index:
-        """(n,) ids of the objects that the detections would start: a function of the keyframes so far."""
+        """(n,) ids of the objects that the detections would start: determined by the keyframes so far."""
         return self.registry.first_new_id(self.step.index) + self.used
 
     @cached_property
     def known(self) -> Index:
-        """(N,) ids of the objects near some parent's detections, and of what moves, ascending."""
+        """(N,) ids of the objects near some parent's detections and of moving objects, ascending."""
         ids = [own for prediction in self.predictions for own in (prediction.near_ids, prediction.mover_ids)]
         return np.unique(np.concatenate(ids)).astype(int)
 
     def _places(self, object_ids: Index) -> Index:
-        """Positions of (m,) known objects among them."""
+        """(m,) positions of known object ids in ``known``."""
         return np.asarray(np.searchsorted(self.known, object_ids))
 
     @property
     def object_ids(self) -> Index:
-        """(N + n,) ids of the known objects, and then of those that may be born."""
+        """(N + n,) ids of the known objects, then of those that may be born."""
         return np.concatenate([self.known, self.born]).astype(int)
 
     def associate(self) -> Candidates:
-        """The best joint assignments of each parent."""
+        """The best joint assignments of each parent, as candidates."""
         counts = [len(item.columns) for item in self.ranked]
         born = len(self.known) + np.arange(len(self.born))
         places = [
@@ -106,7 +107,7 @@ class OpenKeyframe:
 
     @property
     def _kinds(self) -> Index | None:
-        """(K, D) which detections are of what moves, in place of classes; None: nothing moves."""
+        """(K, D) MOVES where a detection is of a moving object, else -1, in place of classes; None: nothing moves."""
         if not self.problem.moving.is_on:
             return None
         parts = [
@@ -116,16 +117,16 @@ class OpenKeyframe:
         return np.where(np.concatenate(parts), MOVES, -1)
 
     def weigh(self, candidates: Candidates) -> Candidates:
-        """Assignments times classes at their modes, or assignments alone by one linearisation where that is enough."""
+        """Candidates weighed: with classes at their modes; without, by one linearisation where that is accurate."""
         has_classes = self.problem.model.num_classes > 0 and len(self.used) > 0
         weighed = self._with_classes(candidates) if has_classes else self._by_linearisation(candidates)
         if self.step.index > 0:
             return weighed
         begun = [self.problem.with_start(component.noise, component.start) for component in self.parents.components]
-        return weighed.gaining(numbers=np.array(begun)[weighed.assignments.parents])  # how a lineage begins
+        return weighed.gaining(numbers=np.array(begun)[weighed.assignments.parents])  # noise and start pose
 
     def semantic_input(self, candidates: Candidates) -> SemanticInput:
-        """What no map knows may be of any class."""
+        """Input of the semantic models; an object that no map knows may be of any class."""
         return SemanticInput(
             step=self.step,
             parents=self.parents.components,
@@ -137,11 +138,14 @@ class OpenKeyframe:
 
     @property
     def expected_births(self) -> Array:
-        """(P,) first detections that each parent expects."""
+        """(P,) expected number of first detections under each parent."""
         return np.array([own.rates.average(own.expected_births) for own in self.predictions])
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """Births, detections and misses; and what gravity tells, which is as likely whatever is detected."""
+        """Log factors of births, detections and misses, with the gravity evidence, and the existence updates.
+
+        The evidence of the direction of gravity is the same for every association.
+        """
         accounts = ExistenceAccounts(self.problem.open_world, self.step, self.predictions, self.born)
         factors, updates = accounts.of(candidates.assignments, candidates.assignments.object_ids(self.object_ids))
         return factors + self._log_levels[candidates.assignments.parents], updates
@@ -154,7 +158,7 @@ class OpenKeyframe:
     def updates(
         self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
     ) -> list[ComponentUpdate]:
-        """One for each row, with a local map where updates are not iterated."""
+        """One component update per row, with a local map where updates are not iterated."""
         some = candidates.assignments.take(np.array(rows, dtype=int))
         steps = replace(candidates, assignments=some).steps(np.arange(len(self.used)), len(self.used))
         return [self._update(some, row, steps[row], existence[number]) for row, number in enumerate(rows)]
@@ -192,18 +196,18 @@ class OpenKeyframe:
         )
 
     def _outliers(self, own: Assignments, row: int, known: list[int]) -> OutlierCounts:
-        """What an assignment has had of them, with its detections of ``known`` objects."""
+        """Outlier counts of an assignment's parent, with this keyframe's detections of ``known`` objects added."""
         before = self.parents.components[int(own.parents[row])].outliers
         return before.with_more(own.column("outlier_probability")[row, known])
 
     @cached_property
     def _births(self) -> list[dict[int, GaussianPrior]]:
-        """Priors of the objects that the detections would start, for each parent."""
+        """Priors of the objects that the detections would start, by id, for each parent."""
         born = self.born.tolist()
         return [{n: own.prior for n, own in zip(born, each.births, strict=True)} for each in self.predictions]
 
     def _by_linearisation(self, candidates: Candidates) -> Candidates:
-        """Candidates weighed by one linearisation at the prediction, or by own searches where measurements bend."""
+        """Candidates weighed by one linearisation at the prediction, or by a mode search each where nonlinear."""
         rows, scores = candidates.assignments, candidates.assignments.column("log_evidence")
         parts: list[Assignments] = []
         curved: list[int] = []
@@ -221,7 +225,7 @@ class OpenKeyframe:
         return replace(candidates, assignments=self._with_movers(found))
 
     def _with_movers(self, rows: Assignments) -> Assignments:
-        """The assignments with what moves: weighed and placed, given the robot at their modes."""
+        """Assignments with detections of moving objects weighed and placed, given the robot's pose at their modes."""
         if rows.classes is None or not (rows.classes == MOVES).any():
             return rows
         evidence, states = rows.column("log_evidence").copy(), rows.column("object_states").copy()
@@ -242,10 +246,7 @@ class OpenKeyframe:
 
     @property
     def _suits_searches(self) -> bool:
-        """Whether the small problems of own searches do, in which detections are as told, and err each on its own.
-
-        None of them is an outlier there.
-        """
+        """Whether mode searches apply: noise as configured, independent detection errors and no outlier model."""
         settings = [component.settings for component in self.parents.components]
         are_told = all(own is None or own.as_told for own in settings)
         are_plain = all(own.tail is None for own in self.pairs)
@@ -257,7 +258,7 @@ class OpenKeyframe:
         return [LinearisedEvidence.of(spaces, *own) for own in zip(self.predictions, self.pairs, strict=True)]
 
     def _searched(self, rows: Assignments) -> Assignments:
-        """The assignments weighed at modes that are searched for each."""
+        """Assignments weighed at a mode that is searched for each of them."""
         objects = rows.objects if rows.classes is None else np.where(rows.classes == MOVES, -1, rows.objects)
         still = rows.gaining(objects=objects)
         problem = open_keyframe_problem(self.problem, self.detections, self.predictions, self.object_ids, still)
@@ -273,7 +274,7 @@ class OpenKeyframe:
         return found.at_modes().assignments.gaining(log_evidence=mode.log_evidence, bend=np.zeros(len(rows)))
 
     def _with_classes(self, candidates: Candidates) -> Candidates:
-        """Assignments times the classes of the objects that they observe first."""
+        """Candidates times the classes of the objects that they observe first, weighed at their modes."""
         rows = candidates.assignments
         problem = open_keyframe_problem(self.problem, self.detections, self.predictions, self.object_ids, rows)
         mode = find_modes(problem, search_start(problem))

@@ -1,7 +1,7 @@
-"""Histories in which what was taken to stand still moves, or the other way: proposals, which replays then weigh.
+"""Proposals of histories in which a static object moves, or a moving one stands still; replays then weigh them.
 
-Objects are joined greedily, by what their detections weigh as one moving object against what they weigh apart, the
-robot being where the history at hand has it. That is rough, and only says what is worth a replay.
+Objects are merged greedily by the evidence of their detections as one moving object against that of separate ones, with
+the robot at its estimated path. That is rough, and only selects what is worth a replay.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,12 +20,12 @@ from semantic_slam.inference.states.lineage import MOVES, LineageStep, movers_of
 from semantic_slam.inference.states.movers import Movers
 
 MOST_DETECTIONS = 40
-"""Detections from which on an object stands where it was seen, or moves and is known to."""
+"""Number of detections beyond which an object is known to stand still or to move."""
 LEAST_DETECTIONS = 3
 LIKELY = 0.5
-"""Probability that it drives up to which what may move is tried as standing."""
+"""Probability of moving up to which an undecided object is proposed as standing still."""
 ROBOT_SIGMA_M = 0.05
-"""By which the robot's path may be off from one keyframe to the next, besides what detections are off."""
+"""Standard deviation [m] of the robot's path between keyframes, in addition to detection errors."""
 
 Lineage = tuple[LineageStep, ...]
 Group = tuple[int, ...]
@@ -41,7 +41,7 @@ class Sightings:
     variances: Array  # (n,) along x and along y
 
     def with_others(self, others: Self) -> "Sightings":
-        """Sightings of both, in the order of their keyframes."""
+        """The sightings of both, in the order of their keyframes."""
         order = np.argsort(np.concatenate([self.keyframes, others.keyframes]), kind="stable")
         columns = zip(vars(self).values(), vars(others).values(), strict=True)
         return Sightings(*(np.concatenate(pair)[order] for pair in columns))
@@ -56,17 +56,17 @@ def mover_proposals(
     settings: OpenWorldConfiguration,
     since: int = 0,
 ) -> list[Group]:
-    """Objects of a history, younger than ``first_new``, that may be one that moves; the most gain first.
+    """Groups of objects, with ids from ``first_new`` on, that may be one moving object; largest gain first.
 
-    ``trail`` (K, 3): the robot at the keyframes of ``steps``, whose detections are as the history takes them. Objects
-    that were not seen from the keyframe ``since`` on are left out: all that tells of them was weighed before.
+    ``trail`` (K, 3): the robot at the keyframes of ``steps``, whose detections have the noise that the history assumes.
+    Objects not seen from keyframe ``since`` on are left out: all evidence of them was weighed before.
     """
     every = _sightings(lineage, steps, trail)
     seen = {n: own for n, own in every.items() if n >= first_new and own.keyframes[-1] >= since}
     groups: dict[Group, Sightings] = {(n,): own for n, own in seen.items() if len(own.stamps_ns) <= MOST_DETECTIONS}
     share = moving.largest_share
     log_birth = float(np.log(settings.birth_density))  # detections have the same probability either way
-    allowance = -float(np.log(share / np.sum(~moving.stands)))  # two sightings do not tell a velocity: a third one may
+    allowance = -float(np.log(share / np.sum(~moving.stands)))  # two sightings give no velocity: a third may
     scores = {group: _scores(own, moving, share) for group, own in groups.items()}
     apart = {group: max(own) for group, own in scores.items()}
 
@@ -97,9 +97,9 @@ def mover_proposals(
 
 
 def standing_proposals(lineage: Lineage, movers: Movers, since: int = 0) -> list[Group]:
-    """Objects of a history that it takes for ones that may move, and that stand, each by itself; the surest first.
+    """Objects that a history takes to move and that may stand still, each by itself; the surest first.
 
-    ``movers`` of that history. Objects that were not seen from the keyframe ``since`` on are left out.
+    ``movers`` are of that history. Objects that were not seen from the keyframe ``since`` on are left out.
     """
     seen = {n for step in lineage[since:] for n in step.association}
     rows = np.flatnonzero(movers.decided & (movers.drives < LIKELY))
@@ -108,7 +108,7 @@ def standing_proposals(lineage: Lineage, movers: Movers, since: int = 0) -> list
 
 
 def with_standing(lineage: Lineage, group: Group) -> Lineage:
-    """The history in which none of a group moves."""
+    """The history in which no object of a group moves."""
 
     def standing(step: LineageStep) -> LineageStep:
         pairs = zip(step.association, step.class_assignment, strict=True)
@@ -118,7 +118,7 @@ def with_standing(lineage: Lineage, group: Group) -> Lineage:
 
 
 def with_mover(lineage: Lineage, group: Group) -> Lineage:
-    """The history in which all of a group are the one that was seen first, and moves."""
+    """The history in which all objects of a group are one moving object, the one seen first."""
     members, started = set(group), False
     steps: list[LineageStep] = []
     for step in lineage:
@@ -147,7 +147,7 @@ def _sightings(lineage: Lineage, steps: Sequence[Step], trail: Array) -> Mapping
 
 
 def _scores(seen: Sightings, moving: Moving, share: float) -> tuple[float, float]:
-    """Log weights of all detections but the first, as of an object that stands still and as of one that moves."""
+    """Log weights of all detections but the first, as of a static object and as of a moving one."""
     speeds = np.concatenate([[0.0], moving.speeds[~moving.stands]])
     place = np.full(len(speeds), seen.variances[0])
     both, rate = np.zeros(len(speeds)), speeds**2

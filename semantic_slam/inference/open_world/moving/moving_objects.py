@@ -1,7 +1,7 @@
-"""Moving objects in a keyframe of one hypothesis: where they are expected, what is detected of them, what is left.
+"""Moving objects in a keyframe of one hypothesis: prediction, association densities, and update.
 
-They have no part in the smoother. A detection of one is weighed given the robot as it is known by all that stands
-still, robot and object being integrated out; the object is updated given the robot, and the robot is not.
+They are not variables of the smoother. A detection of one is weighed with robot and object integrated out, the robot
+being known from all that stands still; the object is updated given the robot, the robot is not updated by it.
 """
 
 from collections.abc import Sequence
@@ -20,26 +20,26 @@ from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.movers import STATE, Movers
 
 LOST_M = 5.0
-"""Standard deviation of its place, under every speed, from which on a moving object is not recognised any more."""
+"""Standard deviation [m] of its position, under every likely speed, above which a moving object is not recognised."""
 LOG_LEAST_SPEED = float(np.log(0.01))
-"""Log probability below which a speed does not count there."""
+"""Log probability below which a speed is ignored there."""
 HEADING_VARIANCE = 3.1**2
-"""Variance [rad^2] of the heading of what moves: nothing is known of it."""
+"""Variance [rad^2] of the heading of a moving object, which is unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedDetections:
     """D detections as points in the body frame."""
 
-    has_range: Flags  # (D,) those of a bearing alone tell nothing of what moves
+    has_range: Flags  # (D,) a bearing alone is not used for moving objects
     points: Array  # (D, 2) metres
     covariances: Array  # (D, 2, 2)
-    by_error: Array  # (D, 2, 2) slopes by the errors of range and bearing, of unit variance
+    by_error: Array  # (D, 2, 2) Jacobian by whitened range and bearing errors
     log_area: Array  # (D,) from a density per square metre to one per metre and radian
 
     @classmethod
     def of(cls, detections: Sequence[Any]) -> Self:
-        """With the covariances that a hypothesis takes them to have."""
+        """With the covariances that a hypothesis assumes."""
         count = len(detections)
         has_range = np.array([item.has_range for item in detections], dtype=bool)
         reach = np.array([item.range_m for item in detections])
@@ -61,24 +61,24 @@ class PlacedDetections:
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedMovers:
-    """T moving objects before the D detections, their reference pose being the predicted robot's."""
+    """T moving objects predicted for D detections, relative to the predicted robot pose."""
 
     model: Moving
     movers: Movers
     detections: PlacedDetections
     detected_by_speed: Array  # (T, S, G) detection probabilities, if they exist and move
     shares: Array  # (D,) probability that what a detection would start moves
-    recognised: Flags  # (T,) whether a detection may be of them
+    recognised: Flags  # (T,) whether detections can be associated with them
     rates: DetectionRates
 
     def __len__(self) -> int:
         return len(self.movers)
 
     def log_densities(self, rows: Index, numbers: Index, robot: Array, covariance: Array) -> tuple[Array, Array]:
-        """(N,) log densities per metre and radian of detections ``numbers`` of the objects in ``rows``, (N,) each.
+        """(N,) log densities per metre and radian of detections ``numbers`` (N,) as of the objects in ``rows`` (N,).
 
-        And (N,) their Mahalanobis distances, under the speed that suits best. The robot is known by (N, 3) poses and
-        (N, 3, 3) covariances.
+        Also (N,) their Mahalanobis distances under the best fitting speed. The robot is known by (N, 3) poses and (N,
+        3, 3) covariances.
         """
         residual, by_state, by_robot = self._linearised(rows, numbers, robot)
         innovation = by_robot @ covariance[:, None] @ np.swapaxes(by_robot, -1, -2)
@@ -90,7 +90,7 @@ class PredictedMovers:
         return density, np.sqrt(squared.min(axis=1))
 
     def pairs(self, covariance: Array) -> tuple[Array, Array]:
-        """(D, T) log densities and distances at the prediction; infinitely far where there is nothing to recognise."""
+        """(D, T) log densities and distances at the prediction; infinite distance where not recognisable."""
         numbers, rows = np.nonzero(self.detections.has_range[:, None] & self.recognised)
         robots = broadcast_copy(self.movers.robot, (len(rows), 3))
         found = self.log_densities(rows, numbers, robots, np.broadcast_to(covariance, (len(rows), 3, 3)))
@@ -101,13 +101,13 @@ class PredictedMovers:
 
     @cached_property
     def detected(self) -> Array:
-        """(T, G) detection probabilities, if they exist and move, whatever their speed."""
+        """(T, G) detection probabilities if they exist and move, averaged over speeds."""
         return np.asarray(np.einsum("ts,tsg->tg", np.exp(self.movers.log_speeds), self.detected_by_speed))
 
     def log_speeds_missed(self, rates: DetectionRates, kept: Flags | None) -> Array:
-        """(T, S) log probabilities of the speeds of what is not detected: who is fast may be out of view.
+        """(T, S) log probabilities of the speeds after a miss: a fast object may be out of view.
 
-        Under ``rates`` as they are known then, of which those ``kept`` (G,) are left; None: all.
+        Under ``rates`` as known afterwards, of which those ``kept`` (G,) are left; None: all.
         """
         detected = self.detected_by_speed if kept is None else self.detected_by_speed[..., kept]
         with np.errstate(divide="ignore"):
@@ -116,15 +116,15 @@ class PredictedMovers:
 
     @cached_property
     def log_missed(self) -> Array:
-        """(T, G) log probabilities that what is known to move is not detected; 0 for others."""
+        """(T, G) log probabilities of missing objects decided to move; 0 for the others."""
         own = self.movers
         return np.asarray(np.where(own.decided[:, None], log_miss(own.existence, self.detected), 0.0))
 
     def log_detected(self, least: float, log_missed: Array, undecided: Index) -> Array:
-        """(T, G) log weights of being detected, as an object that moves, against a miss.
+        """(T, G) log ratio of detecting each as a moving object to missing it.
 
         Detection probabilities are not below ``least``. ``log_missed`` (O, G) are those of misses of static objects,
-        among which the ``undecided`` (u,) stand.
+        which include the ``undecided`` (u,) ones.
         """
         own = self.movers
         against = self.log_missed.copy()
@@ -133,7 +133,7 @@ class PredictedMovers:
             return np.asarray(np.log(own.existence * own.moving * np.maximum(self.detected, least)) - against)
 
     def observed(self, rows: Index, numbers: Index, robot: Array, covariance: Array) -> Movers:
-        """The objects in ``rows`` after the detections ``numbers``, one of each; they move, and surely exist.
+        """The objects in ``rows`` updated by the detections ``numbers``, one each; they move, and exist for sure.
 
         The robot is known by ``robot`` (3,), the new reference pose, and ``covariance`` (3, 3).
         """
@@ -157,9 +157,9 @@ class PredictedMovers:
         )
 
     def places(self, numbers: Index, robot: Array, covariance: Array) -> tuple[Array, Array]:
-        """(N, 3) states and (N, 3, 3) covariances of objects where they are detected from robots (N, 3) with (N, 3, 3).
+        """(N, 3) states and (N, 3, 3) covariances of objects as detected from robots (N, 3) with (N, 3, 3).
 
-        To first order, and without what was known of their places before.
+        First order, without the prior of their positions.
         """
         turn, points = rotation(robot), self.detections.points[numbers]
         states, covariances = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3, 3))
@@ -173,7 +173,7 @@ class PredictedMovers:
         return states, covariances
 
     def started(self, numbers: Index, ids: Index, existence: Array, robot: Array) -> Movers:
-        """What the detections ``numbers`` start if it moves, from a robot (3,) that sees them there."""
+        """The moving objects that the detections ``numbers`` may start, seen from a robot (3,)."""
         count, speeds = len(numbers), self.model.speeds
         turn, place = rotation(robot[None])[0], self.detections.points[numbers]
         by_error = np.sqrt(self.model.errors.correlated_share) * (turn @ self.detections.by_error[numbers])[:, None]
@@ -206,13 +206,13 @@ class PredictedMovers:
         )
 
     def _white(self, numbers: Index) -> Array:
-        """(N, 1, 2, 2) covariances of the part of detections' errors that does not repeat."""
+        """(N, 1, 2, 2) covariances of the white part of the detections' errors."""
         return (1.0 - self.model.errors.correlated_share) * self.detections.covariances[numbers, None]
 
     def _linearised(self, rows: Index, numbers: Index, robot: Array) -> tuple[Array, Array, Array]:
-        """(N, S, 2) residuals in the body frame, (N, 1, 2, 6) slopes by the state and (N, S, 2, 3) by the robot.
+        """(N, S, 2) residuals in the body frame, Jacobians (N, 1, 2, 6) by the state and (N, S, 2, 3) by the robot.
 
-        Points are linear in the state; turning the robot is linearised where the detection is.
+        Points are linear in the state; the rotation of the robot is linearised at the detection.
         """
         shift = se2.log(se2.between(broadcast_copy(self.movers.robot, robot.shape), robot))
         gains = self.movers.gains[rows]
@@ -230,9 +230,9 @@ class PredictedMovers:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotMotion:
-    """The robot from one keyframe to the next, as it is predicted; poses (3,), covariances (3, 3)."""
+    """The predicted motion of the robot between two keyframes; poses (3,), covariances (3, 3)."""
 
-    before: Array  # as it is estimated by now
+    before: Array  # current estimate
     after: Array
     covariance_before: Array
     cross: Array  # of the pose before with the one after
@@ -251,7 +251,7 @@ def predicted_movers(
     detections: Sequence[Any],
     labels: Sequence[str],
 ) -> PredictedMovers:
-    """What is expected at ``stamp_ns`` of the objects of one hypothesis; (D,) ``labels`` of the detections."""
+    """The prediction at ``stamp_ns`` of one hypothesis's moving objects; (D,) ``labels`` of the detections."""
     moved = _moved(model, movers, motion, stamp_ns)
     detected = _detected(moved, motion.covariance, region, rates)
     if moved.detectable is not None:
@@ -271,7 +271,7 @@ def predicted_movers(
 
 
 def _moved(model: Moving, movers: Movers, motion: RobotMotion, stamp_ns: int) -> Movers:
-    """One motion of the robot later, which is the new reference."""
+    """The objects after one motion of the robot, whose new pose becomes the reference."""
     elapsed_s = max(stamp_ns - movers.stamp_ns, 0) / 1e9
     known = movers.seen_from(motion.before)
     transition, noise = _transition(model, known, motion.control, elapsed_s)
@@ -290,7 +290,7 @@ def _moved(model: Moving, movers: Movers, motion: RobotMotion, stamp_ns: int) ->
 
 
 def _transition(model: Moving, movers: Movers, control: Array, elapsed_s: float) -> tuple[Array, Array]:
-    """(T, S, 6, 6) of the states, and the covariances of what it leaves open."""
+    """(T, S, 6, 6) state transition matrices and process noise covariances."""
     shape = (*movers.means.shape[:2], STATE, STATE)
     transition, noise = np.zeros(shape), np.zeros(shape)
     transition[..., :4, :4], noise[..., :4, :4] = model.transition(elapsed_s), model.noise(elapsed_s)
@@ -303,7 +303,7 @@ def _transition(model: Moving, movers: Movers, control: Array, elapsed_s: float)
 
 
 def _detected(movers: Movers, covariance: Array, region: SensorRegion, rates: DetectionRates) -> Array:
-    """(T, S, G) probabilities of being detected, if they exist and move; nothing hides anything."""
+    """(T, S, G) detection probabilities if they exist and move, without occlusion."""
     if not len(movers):
         return np.zeros((*movers.log_speeds.shape, len(rates)))
     turn = rotation(movers.robot[None])[0]
@@ -321,7 +321,7 @@ def _detected(movers: Movers, covariance: Array, region: SensorRegion, rates: De
 
 
 def as_objects(movers: Movers, robot_covariance: Array) -> tuple[Array, Array]:
-    """(T, 3) states and (T, 3, 3) covariances of moving objects as of static ones; they have no heading."""
+    """(T, 3) states and (T, 3, 3) covariances of moving objects in the form of static ones; headings are unknown."""
     mean, spread = movers.moments(robot_covariance)
     states, covariances = np.zeros((len(movers), 3)), np.zeros((len(movers), 3, 3))
     states[:, :2], covariances[:, :2, :2] = mean[:, :2], spread[:, :2, :2]
@@ -330,7 +330,7 @@ def as_objects(movers: Movers, robot_covariance: Array) -> tuple[Array, Array]:
 
 
 def rotation(poses: Array) -> Array:
-    """(N, 2, 2) from the body frames of poses (N, 3) to map."""
+    """(N, 2, 2) rotations from the body frames of poses (N, 3) to map."""
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
 

@@ -1,7 +1,7 @@
-"""Association by identities that come with the detections, where states are tracked as in an open world.
+"""Known data association: detections carry identities; states are tracked as in an open world.
 
-Odometry's biases, errors that repeat and a sensor's region that is learned are estimated as there; which object a
-detection is of is what it says, up to a share of wrong names.
+Odometry biases, correlated errors and a learned sensor region are estimated as there; the object of a detection is the
+one it names, up to a share of wrong names.
 """
 
 from collections.abc import Sequence
@@ -29,21 +29,22 @@ from semantic_slam.inference.states.lineage import LineageStep
 class NamedAssociation(OpenAssociation):
     """Each detection names its object; a new name is a new object, and a detection without a name is clutter.
 
-    So is one whose name is wrong, which each may be, but for the first of its object. Objects surely exist.
+    A detection with a wrong name is clutter too; any name may be wrong, except the first of each object. Objects exist
+    for sure.
     """
 
     wants_identities, counts_misses, merges_copies = True, False, False
 
     @classmethod
     def suited_to(cls, configuration: Configuration) -> type[Any]:
-        """That of a closed world where updates are iterated."""
+        """The closed-world association where updates are iterated, else this class."""
         return GivenAssociation if configuration.open_world.iterate_updates else cls
 
     introduce = staticmethod(GivenAssociation.introduce)
     reported = staticmethod(GivenAssociation.reported)
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> NamedKeyframe:
-        """Each parent on its own, about the objects that the keyframe names."""
+        """Each parent's prediction, for the objects that the keyframe names."""
         told = np.array([self.registry.identify(name) for name in step.names], dtype=int)
         used = self._used(told)
         identities, detections = told[used], [step.detections[number] for number in used]
@@ -80,14 +81,14 @@ class NamedAssociation(OpenAssociation):
         )
 
     def _used(self, told: Index) -> Index:
-        """The detections that carry a name; where no name is wrong, the first of each object alone."""
+        """The detections that carry a name; where names cannot be wrong, only the first of each object."""
         used = np.flatnonzero(told >= 0)
         if np.isfinite(log_odds_of_wrong_identity(self.problem)):
             return used
         return used[_first_of(told[used], np.arange(len(used)))]
 
     def _log_wrong(self, region: SensorRegion, detections: Sequence[Any]) -> Array:
-        """(n,) log odds that a name is wrong, times the density of its detection if it is: even over the region."""
+        """(n,) log odds that a name is wrong, times the density of its detection as uniform clutter."""
         clutter = EvenClutter(region.area_m2, region.field_of_view_rad)
         return log_odds_of_wrong_identity(self.problem) + clutter.log_place(detections)
 
@@ -109,7 +110,7 @@ class NamedAssociation(OpenAssociation):
 
 
 def _first_of(identities: Index, among: Index) -> Index:
-    """Which ``among`` the detections are the first of their object."""
+    """Which of ``among`` are the first detections of their objects."""
     _, first = np.unique(identities[among], return_index=True)
     return np.sort(among[first])
 

@@ -1,4 +1,4 @@
-"""A keyframe whose detections name their objects: each is of the object that it names, or its name is wrong."""
+"""A keyframe with known association: each detection is of the object that it names, or its name is wrong."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class NamedKeyframe(OpenKeyframe):
         return self.identities
 
     def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
-        """Factors of wrong names and of first detections, and updates: objects surely exist, and none is missed."""
+        """Factors of wrong names and first detections, and updates: objects exist for sure, and misses do not count."""
         rows, log_wrong, clutter = candidates.assignments, self.log_wrong, self.problem.clutter
         if clutter is not None:
             log_wrong = log_wrong + clutter.log_scores(self.detections)
@@ -51,7 +51,7 @@ class NamedKeyframe(OpenKeyframe):
         return factors, [updates[parent] for parent in rows.parents.tolist()]
 
     def _log_first(self, births: list[Birth]) -> float:
-        """Log density of the first detections under their objects' broad priors, in place of their stand-ins'."""
+        """Log density of the first detections under their objects' broad priors, relative to the stand-in priors."""
         total = 0.0
         for number in self.first.tolist():
             born = births[number]

@@ -1,7 +1,7 @@
-"""Which of the detections of a keyframe carry a wrong name: the likeliest sets of right ones, weighed jointly.
+"""Wrong identities in a keyframe: the likeliest sets of right ones, weighed jointly.
 
-Detections are taken one after the other, each given the right ones before it: a pose that is off puts all of them off,
-and is no reason to doubt every name. The sets grow by one linearisation at the prediction.
+Detections are taken in turn, each conditioned on the right ones before: a pose error offsets all of them, and is no
+reason to doubt every name. The sets grow by one linearisation at the prediction.
 """
 
 from dataclasses import dataclass
@@ -16,21 +16,21 @@ from semantic_slam.inference.open_world.joint.linear_evidence import JointInnova
 
 @dataclass(frozen=True)
 class RightNames:
-    """B sets of n detections whose names are right, the heaviest first."""
+    """B sets of the n detections with right names, heaviest first."""
 
     right: Flags  # (B, n)
-    log_scores: Array  # (B,) log evidence of the detections, the wrong ones among them
+    log_scores: Array  # (B,) log evidence of all detections, wrong ones included
     log_left_out: float  # estimate of the mass of all other sets, relative to the heaviest
 
 
 @dataclass(frozen=True)
 class _Sets:
-    """B sets of the first detections, with what those in them say of the next one."""
+    """B sets over the first i detections, with what is needed to condition the next one on them."""
 
     right: Flags  # (B, i)
     log_scores: Array  # (B,)
-    root: Array  # (B, 2 i, 2 i) Cholesky factor of the residuals' covariance, that of a wrong one the identity
-    whitened: Array  # (B, 2 i) residuals in their own standard deviations, those of a wrong one 0
+    root: Array  # (B, 2 i, 2 i) Cholesky factor of residual covariance; identity for wrong ones
+    whitened: Array  # (B, 2 i) whitened residuals; 0 for wrong ones
 
     def take(self, rows: Index) -> "_Sets":
         return _Sets(self.right[rows], self.log_scores[rows], self.root[rows], self.whitened[rows])
@@ -44,14 +44,14 @@ def right_names(
     gate: float,
     tail: HeavyTail | None = None,
 ) -> RightNames:
-    """At most ``limit`` sets of n detections, none more than ``gate`` nats behind the heaviest; n of ``joint``.
+    """At most ``limit`` sets of right names, none more than ``gate`` nats behind the heaviest; n are in ``joint``.
 
-    ``objects`` (n,): what each is of if its name is right, one detection each at most. ``log_wrong`` (n,): log odds
-    that its name is wrong, times its density if it is; -inf: it is right. ``tail``: of detections'
-    errors, an outlier being one where that is likelier given those before; None: none is one.
+    ``objects`` (n,): the object of each detection if its name is right, at most one detection per object. ``log_wrong``
+    (n,): log odds that its name is wrong, times its density if so; -inf: it is right. ``tail``: outlier model of
+    detections' errors, a detection being an outlier where that is likelier given those before; None: no outliers.
     """
     sets = _Sets(np.zeros((1, 0), dtype=bool), np.zeros(1), np.zeros((1, 0, 0)), np.zeros((1, 0)))
-    behind = -np.inf  # mass of the sets that were given up, relative to the heaviest of their size
+    behind = -np.inf  # log mass of dropped sets, relative to the heaviest of their size
     for number, log_density in enumerate(log_wrong):
         sets = _extended(sets, joint, objects, number, float(log_density), tail)
         order = np.argsort(-sets.log_scores, kind="stable")
@@ -67,7 +67,7 @@ def right_names(
 def _extended(
     sets: _Sets, joint: JointInnovation, objects: Index, number: int, log_wrong: float, tail: HeavyTail | None
 ) -> _Sets:
-    """Every set with the next detection, and every set without it."""
+    """Every set with the next detection taken as right, then every set with it taken as wrong."""
     count, known = sets.whitened.shape
     size = len(joint.residual) // len(objects)
     rows = slice(known, known + size)
@@ -102,7 +102,7 @@ def _extended(
 
 
 def _weighed(residual: Array, spread: Array, log_normaliser: float) -> tuple[Array, Array, Array]:
-    """Cholesky factors of the ``spread`` (B, c, c), residuals (B, c) by them, and log densities (B,)."""
+    """Cholesky factors of ``spread`` (B, c, c), residuals (B, c) whitened by them, and log densities (B,)."""
     root = cholesky(spread)
     whitened = forward(root, residual[..., None])[..., 0]
     log_density = log_normaliser - 0.5 * (whitened**2).sum(axis=1)

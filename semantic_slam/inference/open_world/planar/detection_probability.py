@@ -1,4 +1,4 @@
-"""How probably each object of one hypothesis is detected by a robot at each of K modes (planar poses)."""
+"""Detection probability of each object of one hypothesis, for a robot at each of K modes (planar poses)."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,17 +13,17 @@ from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 
 LEAST_DETECTION_SHARE = 0.02
-"""Least share of the detection probability for objects detected although they seem to lie outside the region."""
+"""Least share of the detection probability for detected objects that seem to lie outside the region."""
 
 MOST_LOOKS = 50
-"""Newest looks at one place that count: by then next to nothing is left to be found there."""
+"""Number of newest looks at one place that count: by then next to nothing is left to be found there."""
 
 NOTHING = np.zeros((0, 2))
-"""Places of no object."""
+"""No object positions."""
 
 
 class Occluders(NamedTuple):
-    """What a frame itself tells of what stands in the way, in the body frame."""
+    """What a frame itself shows of occlusion, in the body frame."""
 
     ranges_m: Array  # (D,) of its detections, NaN without depth
     bearings_rad: Array  # (D,)
@@ -32,7 +32,7 @@ class Occluders(NamedTuple):
 
     @classmethod
     def of(cls, detections: Sequence[Any], free_range_scan: Array = NO_SCAN) -> "Occluders":
-        """What a frame's planar ``detections`` tell; a bearing alone hides nothing."""
+        """Occluders by a frame's planar ``detections``; a bearing alone occludes nothing."""
         covariances = np.array([detection.covariance for detection in detections]).reshape(-1, 2, 2)
         return cls(
             ranges_m=np.array([detection.range_m for detection in detections], dtype=np.float64),
@@ -42,7 +42,7 @@ class Occluders(NamedTuple):
         )
 
     def variances_before(self, relative: Array, covariance: Array) -> Array:
-        """(..., D, 2) of distance and angle between the detections and positions (..., 2) with (..., 2, 2)."""
+        """(..., D, 2) variances of distance and angle between detections and positions (..., 2) with (..., 2, 2)."""
         own = polar_variances(relative, covariance)
         return np.asarray(own[..., None, :] + self.variances)
 
@@ -64,9 +64,9 @@ def detection_probabilities(
     covariance: Array,
     shown: Occluders,
 ) -> Array:
-    """(K, N, G) probabilities that objects that exist are detected from modes ``robot`` (K, 3) with (K, 3, 3).
+    """(K, N, G) detection probabilities of existing objects from modes ``robot`` (K, 3) with (K, 3, 3).
 
-    What is ``shown`` may hide what is behind it.
+    Objects may be occluded by what is ``shown``.
     """
     shift = se2.log(se2.between(prediction.robot, robot))  # (K, 3)
     moved = np.einsum("nij,kj->kni", prediction.gain, shift)
@@ -85,16 +85,16 @@ def detection_probabilities(
 def predicted_detection_probabilities(
     region: SensorRegion, rates: DetectionRates, prediction: PredictedObjects
 ) -> Array:
-    """(N, G) the same at the prediction itself, nothing being hidden."""
+    """(N, G) detection probabilities of existing objects at the prediction, without occlusion."""
     relative = se2.between(prediction.robot, prediction.objects)[None]
     spread = _relative_covariance(relative, prediction, prediction.robot_covariance[None])
     return _by_rates(region, rates, region.contains(relative[..., :2], spread)[0], relative[0])
 
 
 def _by_rates(region: SensorRegion, rates: DetectionRates, inside: Array, relative: Array) -> Array:
-    """(..., G) detection probabilities of objects at (..., 3) in the body frame, (...,) of which lies inside.
+    """(..., G) detection probabilities of objects at (..., 3) in the body frame, each inside with probability (...,).
 
-    They fall off with the distance that is expected, and by the direction that is.
+    They fall off with the expected distance and depend on the expected direction.
     """
     distance = np.hypot(relative[..., 0], relative[..., 1])
     found = inside[..., None] * rates.probability * rates.fall_off(distance)
@@ -120,10 +120,10 @@ def _relative_covariance(relative: Array, prediction: PredictedObjects, covarian
 def undetected_share(
     region: SensorRegion, rates: DetectionRates, trail: Array, points: Array, hiding: Array = NOTHING
 ) -> Array:
-    """(D, G) how much less likely first detections at ``points`` (D, 2) in map are than without ``trail`` (T, 3).
+    """(D, G) factor on first detections at ``points`` (D, 2) in map, by earlier looks from ``trail`` (T, 3).
 
-    Those are the robot's poses so far, from which nothing was detected there. Positions count as known: what is looked
-    for lies where a detection is. What is behind the objects ``hiding`` (N, 2) was not looked at.
+    These are the robot's poses so far, from which nothing was detected there. Positions count as exact. What is
+    occluded by the objects ``hiding`` (N, 2) was not looked at.
     """
     numbers, times, ranges = looks(region, trail, points, hiding)
     shares = _shares(region, rates.sensors[0], points[numbers], trail[times], ranges)
@@ -133,10 +133,10 @@ def undetected_share(
 def share_after_looks(
     rates: DetectionRates, numbers: Index, times: Index, shares: Array, counts: tuple[int, int]
 ) -> Array:
-    """(D, G) how much less likely first detections are after L looks, by points ``numbers`` (L,) and then ``times``.
+    """(D, G) factor on first detections after L looks without one, sorted by points ``numbers`` (L,), then ``times``.
 
-    ``shares`` (L, P) are the detection probabilities under each of the rates' sensors, as shares of those right at the
-    sensor; ``counts``: of points and of keyframes.
+    ``shares`` (L, P) are the detection probabilities under each sensor of the rates, relative to those right at the
+    sensor; ``counts``: numbers of points and of keyframes.
     """
     (num_points, num_times), (sensors, which) = counts, rates.sensors
     ends = np.cumsum(np.bincount(numbers, minlength=num_points))
@@ -160,9 +160,9 @@ def _shares(region: SensorRegion, sensors: DetectionRates, points: Array, robots
 
 
 def looks(region: SensorRegion, trail: Array, points: Array, hiding: Array) -> tuple[Index, Index, Array]:
-    """(L,) which of (D, 2) points the robot's poses ``trail`` (T, 3) have in the region, from where, at what range [m].
+    """(L,) which of (D, 2) points are in the region from poses ``trail`` (T, 3), from which pose, and the range [m].
 
-    By points, and then by poses; without those that something stands before.
+    Sorted by points, then by poses; without occluded ones.
     """
     x, y = (points[:, None, axis] - trail[:, axis] for axis in (0, 1))
     squared = x * x + y * y
@@ -181,7 +181,7 @@ def looks(region: SensorRegion, trail: Array, points: Array, hiding: Array) -> t
 
 
 def _hidden(region: SensorRegion, point: Array, hiding: Array) -> Flags:
-    """(Q,) whether one of N objects (Q, N, 2) stands before a point (Q, 2), all as seen from where the robot is."""
+    """(Q,) whether one of N objects (Q, N, 2) occludes a point (Q, 2), both relative to the robot."""
     x, y = point[:, None, 0], point[:, None, 1]
     distance, reach = np.hypot(x, y), np.hypot(hiding[..., 0], hiding[..., 1])
     aside = np.abs(x * hiding[..., 1] - y * hiding[..., 0]) < region.occluder_radius_m * distance

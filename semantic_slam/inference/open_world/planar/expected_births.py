@@ -1,4 +1,4 @@
-"""First detections that a hypothesis expects, all in all and where the detections of a keyframe lie."""
+"""Expected first detections (births) of a hypothesis, in total and at the detections of a keyframe."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,9 +15,9 @@ from semantic_slam.inference.open_world.planar.unseen_ground import first_detect
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 
 LEAST_IN_SIGHT = 0.02
-"""Share of first detections left where something stands before them: what stands there may be a false alarm."""
+"""Least share of first detections that remains behind an occluder, which may be a false alarm itself."""
 HIDES = 0.5
-"""Existence above which an object counts as hiding what is behind it."""
+"""Existence above which an object counts as an occluder."""
 
 
 def expected_births(
@@ -31,9 +31,9 @@ def expected_births(
 ) -> tuple[Array, Array, Array]:
     """(G,) first detections expected from ``robot`` (3,), most of them where it has not looked before.
 
-    (D, G) log intensities of those that the detections may be, and existence of what they are detections of. Behind
-    what another detection of the frame shows there is hardly anything but false alarms; ``second`` (D, G) [1/m^2] are
-    the intensities of second boxes of what is known.
+    Also (D, G) log intensities at the detections, and the existence of the objects they would start. Behind another
+    detection of the frame hardly anything but false alarms is expected; ``second`` (D, G) [1/m^2] are the intensities
+    of duplicate boxes of known objects.
     """
     rates, trail = component.objects.rates, tracked_states(component).trail
     points, weights = _born_at(settings, component, births)
@@ -47,9 +47,9 @@ def expected_births(
 
 
 def _born_at(settings: OpenWorldConfiguration, component: Component, births: list[Birth]) -> tuple[Array, Array]:
-    """(D S, 2) points in map that stand for where the objects of detections may be, and their (D, S) weights.
+    """(D S, 2) sample points in map of where the objects of detections may be, and their (D, S) weights.
 
-    A region that is learned ends where detections end, whose errors are in it: there the places count as known.
+    A learned region ends where detections end, errors included: there the positions count as exact.
     """
     known = settings.learn_region or settings.least_undetected_share >= 1.0
     if known or not len(tracked_states(component).trail) or not births:
@@ -59,7 +59,7 @@ def _born_at(settings: OpenWorldConfiguration, component: Component, births: lis
 
 
 def _in_sight(region: SensorRegion, detections: Sequence[Any]) -> Array:
-    """(D,) probability that none of the others stands before a detection, or else little."""
+    """(D,) probability that no other detection occludes a detection, or at least a small share."""
     shown = Occluders.of(detections)
     bearings = shown.bearings_rad
     relative = np.nan_to_num(shown.ranges_m)[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
@@ -68,7 +68,7 @@ def _in_sight(region: SensorRegion, detections: Sequence[Any]) -> Array:
 
 
 def _hiding(component: Component) -> Array:
-    """(N, 2) places of the objects that rather exist than not, which hide what is behind them."""
+    """(N, 2) positions of likely existing objects, which occlude what is behind them."""
     hides = component.objects.existence > HIDES
     if component.left_behind:
         hides &= ~np.isin(component.objects.ids, list(component.left_behind))
@@ -77,7 +77,7 @@ def _hiding(component: Component) -> Array:
 
 
 def _places(born: Birth) -> tuple[Array, Array]:
-    """(S, 2) points in map and their (S,) weights that stand for where a detection's object may be, given the robot."""
+    """(S, 2) sample points in map and their (S,) weights for a detection's object position, given the robot."""
     cos, sin = np.cos(born.prior.mean[2]), np.sin(born.prior.mean[2])
     root = np.array([[cos, -sin], [sin, cos]]) @ np.linalg.cholesky(born.noise[:2, :2])
     offsets = np.sqrt(3.0) * np.concatenate([np.zeros((1, 2)), root.T, -root.T])

@@ -1,4 +1,4 @@
-"""What an open world asks of the plane: SE(2) for robot and objects."""
+"""Open-world geometry in the plane: SE(2) for robot and objects."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -28,11 +28,11 @@ from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 MOST_AHEAD = 80
-"""Objects where the sensor looks that it holds besides: any of them may be detected before it is read again."""
+"""Most objects ahead of the sensor in a local map: any of them may be detected before it is read again."""
 AHEAD_RAD = 0.2
-"""Beyond the region's bearings, where a turn of the robot brings them into it."""
+"""Margin beyond the region's bearings, into which a turn of the robot may bring objects."""
 LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
-"""Standard deviations of the predicted robot from which on it counts as lost."""
+"""Standard deviations of the predicted robot above which it counts as lost."""
 
 
 class PlanarGeometry:
@@ -92,7 +92,7 @@ class PlanarGeometry:
         return np.array([self._sigmas_away(tracked, robot, spread, *pair) for pair in pairs])
 
     def _sigmas_away(self, tracked: TrackedStates, robot: Array, spread: Array, born: Birth, detection: Any) -> Array:
-        """(O,) of one detection: of the direction alone where it has no range."""
+        """(O,) distances in sigmas from one detection; of the direction alone where it has no range."""
         sigma = float(position_sigmas(spread[None])[0])
         if detection.has_range:
             swing, noise = spread[2, 2] * detection.range_m**2, float(position_sigmas(born.noise[None])[0])

@@ -1,4 +1,4 @@
-"""Where the sensor detects, and what hides what."""
+"""The sensor's region (field of view and range limits), and occlusion."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -16,21 +16,21 @@ from semantic_slam.inference.models.sensed_region import SensedRegion
 NO_SCAN = np.zeros((0, 2))
 EXACT = np.zeros((1, 2))
 LEAST_SIGMA = 1e-6
-"""Metres and radians: the softest edge is never quite sharp."""
+"""Least softness [m, rad] of the region's edges."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorRegion:
-    """Where the sensor detects: an annular sector about a direction of the body, seen from its origin.
+    """The region in which the sensor detects: an annular sector about a direction of the body, seen from its origin.
 
-    Where its ranges are depths along ``axis_rad``, what lies between two lines across it instead.
+    Where ranges are depths along ``axis_rad``, the range limits are lines across that axis instead of arcs.
     """
 
     min_range_m: float
     max_range_m: float
     field_of_view_rad: float  # full angle
     direction_rad: float = 0.0  # bearing of the sector's middle in the body frame
-    occluder_radius_m: float = 0.0  # of what stands in front; 0: nothing hides anything
+    occluder_radius_m: float = 0.0  # radius of occluding objects; 0: no occlusion
     axis_rad: float | None = None  # bearing along which ranges are depths; None: they are distances
 
     @property
@@ -47,13 +47,13 @@ class SensorRegion:
         return self.max_range_m / float(np.cos(min(widest, WIDEST_RAD)))
 
     def per_range(self, bearings_rad: Array) -> Array:
-        """(...,) distance per range in a direction of the body frame."""
+        """(...,) ratio of distance to range in a direction of the body frame; 1 unless ranges are depths."""
         if self.axis_rad is None:
             return np.ones(np.shape(bearings_rad))
         return distance_per_depth(wrap_angle(bearings_rad - self.axis_rad))
 
     def even_bearings(self, count: int) -> Array:
-        """(count,) bearings in the body frame, each for as much of the area."""
+        """(count,) bearings in the body frame, each representing an equal area."""
         right, left = self._covered
         spread = right + (left - right) * (np.arange(count) + 0.5) / count
         return self.direction_rad + spread if self.axis_rad is None else self.axis_rad + off_axis(spread)
@@ -69,17 +69,17 @@ class SensorRegion:
         return right, left
 
     def _off_axis(self, axis_rad: float) -> float:
-        """Bearing of its middle, from an axis, in [-pi, pi)."""
+        """Bearing of the region's middle relative to an axis, in [-pi, pi)."""
         return float(wrap_angle(np.array(self.direction_rad - axis_rad)))
 
     def read_by(self, settings: NoiseSettings | None) -> Self:
-        """The region as a hypothesis has it, by what it takes ranges to be."""
+        """The region under a hypothesis's noise settings, by which ranges are distances or depths."""
         if settings is None or not settings.ranges_are_depth:
             return self
         return replace(self, axis_rad=settings.axis_rad)
 
     def reaching(self, sensed: SensedRegion | None) -> Self:
-        """With the bounds that its detections have shown; as it is where they are not learned."""
+        """The region with the bounds learned from detections; unchanged where they are not learned."""
         if sensed is None:
             return self
         return replace(
@@ -115,7 +115,7 @@ class SensorRegion:
         return wrap_angle(bearings_rad - self.direction_rad)
 
     def holds(self, ranges_m: Array, bearings_rad: Array) -> Flags:
-        """(...,) whether what is measured exactly lies inside; NaN ranges are taken to."""
+        """(...,) whether exact measurements lie inside; NaN ranges are taken to."""
         outside = (ranges_m < self.min_range_m) | (ranges_m > self.max_range_m)
         return np.asarray(~outside & (np.abs(self.off_centre(bearings_rad)) <= 0.5 * self.field_of_view_rad))
 
@@ -127,10 +127,10 @@ class SensorRegion:
         free_range_scan: Array = NO_SCAN,
         variances: Array = EXACT,
     ) -> Array:
-        """(...,) probability that nothing stands in front of (..., 2) positions in the body frame.
+        """(...,) probability that nothing occludes (..., 2) positions in the body frame.
 
-        What hides: discs of the occluder's radius where the frame's own detections (D,) are, NaN ranges aside; and
-        what lies behind the ``free_range_scan`` (B, 2), bearing and range of the farthest surface in a depth image.
+        Occluders are discs of the occluder's radius at the frame's own detections (D,), except those with NaN ranges,
+        and surfaces of the ``free_range_scan`` (B, 2), bearing and range of the farthest surface in a depth image.
         ``variances`` (..., D or 1, 2): of how far each position is behind each detection [m^2], and of the angle
         between them [rad^2].
         """
@@ -140,7 +140,7 @@ class SensorRegion:
         return unhidden * self._within(relative, free_range_scan)
 
     def _unhidden_by_objects(self, relative: Array, ranges_m: Array, bearings_rad: Array, variances: Array) -> Array:
-        """Angle and distance count as independent normals, and so do the detections."""
+        """(...,) probability not to be occluded by detections; angle, distance and detections count as independent."""
         known = np.isfinite(ranges_m)
         if not known.any():
             return np.ones(relative.shape[:-1])
@@ -154,7 +154,7 @@ class SensorRegion:
         return np.asarray((1.0 - aside * behind).prod(axis=-1))
 
     def _within(self, relative: Array, free_range_scan: Array) -> Array:
-        """(...,) 1 for positions within the free range, else 0; those beside every bearing of the scan count as 1."""
+        """(...,) 1 for positions nearer than the scanned surface, else 0; 1 outside the scan's bearings."""
         if len(free_range_scan) < 2:
             return np.ones(relative.shape[:-1])
         distance = np.hypot(relative[..., 0], relative[..., 1])
@@ -166,7 +166,7 @@ class SensorRegion:
 
 
 def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
-    """The region in which a miss counts."""
+    """The sensor's region as configured, in which a missed detection counts."""
     return SensorRegion(
         min_range_m=settings.min_range_m,
         max_range_m=settings.max_range_m,

@@ -1,6 +1,6 @@
-"""How likely it is that objects were detected when they were, and missed when they were in view and were not.
+"""Likelihood of the detections of objects, and of their misses while in view, along a known path.
 
-For histories that are proposed: the path is taken as known. What the engine makes of misses, the replay tells.
+For proposals of histories; the engine's own account of misses is computed by the replay.
 """
 
 from collections.abc import Sequence
@@ -15,19 +15,19 @@ from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 PLACE_SIGMA_M = 0.1
-"""Standard deviation of an object beside the path: the edge of the region is as soft."""
+"""Standard deviation [m] of an object relative to the path, which softens the edge of the region."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sightings:
-    """T keyframes, and the P sensors that it may have been, from what they detect."""
+    """T keyframes, and P sensor settings."""
 
     path: Array  # (T, 3)
     regions: Sequence[SensorRegion]  # T
     sensors: DetectionRates  # P
 
     def in_view(self, points: Array) -> Array:
-        """(..., T, P) how likely points (..., 2) in the path's frame are detected, relative to those at the sensor."""
+        """(..., T, P) detection probability of points (..., 2) in the path's frame, relative to that at the sensor."""
         spread = PLACE_SIGMA_M**2 * np.eye(2)
         found = np.zeros((*points.shape[:-1], len(self.path), len(self.sensors)))
         poses = np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
@@ -39,9 +39,9 @@ class Sightings:
         return found
 
     def log_likelihoods(self, in_view: Array, detected: Flags, first: Index) -> Array:
-        """(..., P) of ``detected`` (..., T) and missed, from the keyframe after ``first`` (...,) on; -1: from all.
+        """(..., P) log likelihood of being ``detected`` (..., T) or missed after keyframe ``first`` (...,); -1: in all.
 
-        ``in_view`` (..., T, P).
+        ``in_view`` is (..., T, P).
         """
         runs = self.sensors.runs
         hit, share, persistence = runs.hit, runs.share, runs.persistence

@@ -1,4 +1,4 @@
-"""How many first detections are expected, in all of the sensor's region and where detections are."""
+"""Expected number of first detections over the sensor's region, and their intensity at given points."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 NUM_RINGS, NUM_BEARINGS = 4, 8
-"""Points of equal area over which the region is averaged."""
+"""Sample points of equal area over which the region is averaged."""
 
 
 def first_detections(
@@ -20,10 +20,10 @@ def first_detections(
     least: float,
     hiding: Array = NOTHING,
 ) -> tuple[Array, Array]:
-    """(G,) how many are expected from ``robot`` (3,) in the region, and (D, G) intensities [1/m^2] at ``points``.
+    """(G,) first detections expected from ``robot`` (3,) in the region, and (D, G) intensities [1/m^2] at ``points``.
 
-    Fewer where the sensor has looked before: ``trail`` (T, 3) are the robot's poses at the keyframes before, and
-    (D, 2) points are in map. A share of at least ``least`` is left. Objects ``hiding`` (N, 2) hide what is behind them.
+    They are fewer where the sensor has looked before: ``trail`` (T, 3) are the robot's earlier poses, and (D, 2) points
+    are in map. A share of at least ``least`` remains. Objects ``hiding`` (N, 2) occlude what is behind them.
     """
     ranges, everywhere = _all_over(region, robot)
     places = np.concatenate([everywhere, points])
@@ -36,7 +36,7 @@ def first_detections(
 
 
 def _all_over(region: SensorRegion, robot: Array) -> tuple[Array, Array]:
-    """(P,) ranges and (P, 2) points in map, each for as much of the region."""
+    """(P,) ranges and (P, 2) points in map, each representing an equal part of the region."""
     centres = (np.arange(NUM_RINGS) + 0.5) / NUM_RINGS
     ranges = np.sqrt(region.min_range_m**2 + centres * (region.max_range_m**2 - region.min_range_m**2))
     bearing, range_m = (grid.ravel() for grid in np.meshgrid(region.even_bearings(NUM_BEARINGS), ranges))

@@ -1,4 +1,4 @@
-"""Which objects a keyframe is about, and what is known of robot and objects together."""
+"""The objects that a keyframe may concern, and the joint covariance of robot and objects."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,7 +20,7 @@ from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 LOCAL_OBJECTS = 40
-"""Objects that a local map holds from the start besides those near the detections: amid these and the robot."""
+"""Objects around robot and detections that a new local map holds besides those near the detections."""
 
 
 def near_objects(
@@ -32,10 +32,10 @@ def near_objects(
     detections: Sequence[Any],
     reach: Index,
 ) -> tuple[Index, Array]:
-    """(M,) rows of objects that a detection may be of; where objects are few, of all within reach.
+    """(M,) rows of objects that a detection may belong to, and (D,) bounds on the evidence of those left out.
 
-    Those that fit best where they are too many, and (D,) a bound on what the others would weigh. Errors of robot
-    and object are taken as independent: what they share brings them closer.
+    All objects within reach where there are few; the best fitting ones where they are too many. Errors of robot and
+    object are taken as independent, although shared errors bring them closer.
     """
     limit, gate = settings.max_joint_objects, settings.gate_sigma
     objects, tracked, geometry = component.objects, tracked_states(component), geometry_of(component.spaces)
@@ -55,9 +55,10 @@ def near_objects(
 
 
 def local_around(component: Component, robot: Array, near: Index, ahead: Index) -> LocalMap:
-    """The joint covariance of the newest robot pose and what is near, from the smoother where it has to be.
+    """The local map of the newest robot pose and near objects; read from the smoother where the last one will not do.
 
-    Reading it costs as much as eliminating the whole drive anew: it holds what may be near next, too, ``ahead`` (n,).
+    Reading costs as much as eliminating the whole drive again, so objects that may be near next, ``ahead`` (n,), are
+    included.
     """
     tracked, known = tracked_states(component), component.local
     ids = component.objects.ids[near]
@@ -87,7 +88,7 @@ def local_around(component: Component, robot: Array, near: Index, ahead: Index) 
 def objects_in_reach(
     spaces: Spaces, tracked: TrackedStates, robot: Array, reach: Index, near: Index, predicted: PredictedBelief
 ) -> PredictedObjects:
-    """Objects within range given the robot; without a covariance with it at hand they count as moving along."""
+    """Objects within range given the robot; those without a known cross-covariance are taken to move with it."""
     r, landmark = predicted.layout.block(0), slice(predicted.layout.landmark)
     spread = predicted.covariance[0, r, r]
     states = tracked.states[reach]

@@ -1,4 +1,4 @@
-"""What an open world asks of the space that robot and objects are in: where a sensor looks, and where births are."""
+"""Interface of open-world geometry, planar or spatial: the sensor's region, births, and detection probabilities."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -18,10 +18,10 @@ from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 
 class OpenGeometry(Protocol):
-    """States are (..., s) of robot or object; a ``region`` is of the kind that :meth:`region` makes."""
+    """States are (..., s) of robot or object; a ``region`` is of the type that :meth:`region` returns."""
 
     def region(self, settings: OpenWorldConfiguration) -> Any:
-        """The region in which a miss counts, as configured."""
+        """The sensor's region, in which a missed detection counts, as configured."""
 
     def births(self, model: ObservationModel, detections: Sequence[Any], robot: Array, region: Any) -> list[Birth]:
         """The objects that detections start, seen from the predicted ``robot`` (s,)."""
@@ -36,13 +36,13 @@ class OpenGeometry(Protocol):
         detections: Sequence[Any],
         second: Array,
     ) -> tuple[Array, Array, Array]:
-        """(G,) first detections expected from ``robot`` (s,), (D, G) log intensities at the detections, and existence.
+        """(G,) expected first detections from ``robot`` (s,), (D, G) log intensities at detections, and existence.
 
-        ``second`` (D, G) are intensities of second boxes of what is known.
+        ``second`` (D, G): intensities of duplicate boxes of known objects.
         """
 
     def predicted_detections(self, region: Any, rates: DetectionRates, objects: PredictedObjects) -> Array:
-        """(N, G) detection probabilities at the prediction itself, nothing being hidden."""
+        """(N, G) detection probabilities at the prediction, without occlusion."""
 
     def detections_at(
         self,
@@ -53,26 +53,26 @@ class OpenGeometry(Protocol):
         covariance: Array,
         step: Step,
     ) -> Array:
-        """(K, N, G) those at modes ``robot`` (K, s) with (K, r, r), where what the frame shows hides what is behind."""
+        """(K, N, G) detection probabilities at modes ``robot`` (K, s) with covariances (K, r, r), with occlusion."""
 
     def distances(self, states: Array, robot: Array) -> Array:
-        """(O,) metres of objects from a robot (s,)."""
+        """(O,) distances [m] of objects from a robot (s,)."""
 
     def ahead(self, region: Any, states: Array, robot: Array, reach: Index) -> Index:
-        """(n,) rows of the objects within ``reach`` (N,) towards which the sensor looks, the nearest ones."""
+        """(n,) rows of the nearest objects within ``reach`` (N,) in the direction that the sensor looks."""
 
     def moving_along(self, robot: Array, states: Array) -> Array:
-        """(N, l, r) changes of objects that move with the robot as if they were fixed to it."""
+        """(N, l, r) Jacobians of objects by the robot, as if they were fixed to it."""
 
     def sigmas_away(
         self, tracked: TrackedStates, robot: Array, spread: Array, births: list[Birth], detections: Sequence[Any]
     ) -> Array:
-        """(D, O) standard deviations between detections and where each object is predicted."""
+        """(D, O) distances in standard deviations between detections and predicted objects."""
 
     def is_lost(self, spread: Array) -> bool:
-        """Whether a predicted robot with (r, r) covariance does not tell what is in sight."""
+        """Whether a predicted robot with (r, r) covariance is too uncertain to tell what is in view."""
 
 
 def geometry_of(spaces: Spaces) -> OpenGeometry:
-    """That of a robot and its objects."""
+    """The open-world geometry of some state spaces."""
     return SpatialGeometry(spaces) if spaces.name == "spatial" else PlanarGeometry()

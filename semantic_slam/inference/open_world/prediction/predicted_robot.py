@@ -1,4 +1,4 @@
-"""The robot of one hypothesis after a motion and a look at gravity, and what is known together with it."""
+"""The predicted robot of one hypothesis, after a motion and a gravity measurement, with jointly known quantities."""
 
 from dataclasses import dataclass
 
@@ -15,21 +15,21 @@ from semantic_slam.inference.smoothing.local_map import LocalMap
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedRobot:
-    """Where a component's robot is expected; r dimensions of its tangent space, p biases of odometry."""
+    """The predicted robot of a component; r tangent dimensions, p odometry biases."""
 
     component: Component
-    noise: Motion  # as the component takes odometry to be
-    control: Array  # (s,) odometry without what it always gets wrong, as far as that is known
+    noise: Motion  # with the noise that the component assumes
+    control: Array  # (s,) odometry corrected by the estimated biases
     transition: Array  # (r, r + p)
     before: Array  # (r + p, r + p) covariance before the motion
-    as_moved: Array  # (s,) by odometry alone
+    as_moved: Array  # (s,) prediction by odometry alone
     state: Array  # (s,)
     covariance: Array  # (r, r)
-    log_level: float = 0.0  # log density of what gravity tells, where something feels it
+    log_level: float = 0.0  # log density of the gravity measurement, if any
 
     @classmethod
     def of(cls, component: Component, motion: Motion) -> "PredictedRobot":
-        """After ``motion``, under the noise that the component takes it to have."""
+        """The robot after ``motion``, with the noise that the component assumes."""
         noise, space, tracked = component.moved_by(motion), component.spaces.robot, tracked_states(component)
         control = _control(component, noise)
         transition = space.propagation(control)
@@ -56,7 +56,7 @@ class PredictedRobot:
 
     @property
     def motion(self) -> RobotMotion:
-        """From the keyframe before to this one."""
+        """The motion from the previous keyframe to this one."""
         tracked = tracked_states(self.component)
         return RobotMotion(
             before=tracked.robot,
@@ -68,13 +68,13 @@ class PredictedRobot:
         )
 
     def moved(self, local: LocalMap) -> tuple[LocalMap, Array | None]:
-        """A local map after the motion, and how far gravity moves the means of its rows; None: nothing feels it."""
+        """The local map after the motion, and the shift of its means by gravity; None: gravity is not measured."""
         before = with_changed_bias(local.covariance, self.component.keyframe + 1, local.num_biases)
         local = local.moved(self.state, before, self.transition, self.noise.covariance)
         return local.levelled(self.noise.gravity, self.as_moved)
 
     def with_objects(self, near: Index, local: LocalMap, shift: Array | None) -> PredictedBelief:
-        """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and near objects, which gravity shifts with the robot."""
+        """b^-[x_k, O] (Eqs. 4.11, 4.21) over the robot and near objects, with the means shifted by gravity."""
         spaces, ids = self.component.spaces, self.component.objects.ids[near]
         states = tracked_states(self.component).states[near]
         if shift is not None and len(near):

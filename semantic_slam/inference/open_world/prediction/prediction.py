@@ -1,4 +1,4 @@
-"""What one hypothesis expects of a keyframe: the robot, the objects that detections may be of, and births."""
+"""The prediction of one hypothesis for a keyframe: the robot, candidate objects of detections, and births."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -25,33 +25,33 @@ from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """One parent before the detections: M objects near them, N within reach of the sensor."""
+    """One parent's prediction: M objects near the detections, N within reach of the sensor."""
 
     component: Component
-    population: HypothesisObjects  # its objects, as time has left them
+    population: HypothesisObjects  # its objects, with departures until now
     near: Index  # (M,) rows of the population whose covariance with the robot is known
-    predicted: PredictedBelief  # of one parent: robot and near objects
-    local: LocalMap  # predicted, holds all near objects
-    errors: PredictedErrors | None  # of the detections, where they repeat
-    carried_errors: CarriedErrors | None  # of earlier detections, as the motion leaves them
+    predicted: PredictedBelief  # robot and near objects
+    local: LocalMap  # predicted; holds all near objects
+    errors: PredictedErrors | None  # of the detections, where they are correlated
+    carried_errors: CarriedErrors | None  # of earlier detections, after the motion
     births: list[Birth]  # D
-    rates: DetectionRates  # G settings, given which all below is
+    rates: DetectionRates  # G settings, on which all below is conditioned
     log_intensity: Array  # (D, G) [1/m^2] or, for a bearing alone, in the region
     birth_existence: Array  # (D, G)
-    expected_births: Array  # (G,) first detections, and second boxes
-    log_beyond: Array  # (D,) bound on the evidence of being of an object that is near but one too many
+    expected_births: Array  # (G,) first detections and duplicate boxes
+    log_beyond: Array  # (D,) bound on the evidence of near objects left out
     in_reach: Index  # (N,) rows of the population that may be in the region
-    objects: PredictedObjects  # of those
-    detections: Sequence[Any]  # D, with the covariances that the hypothesis takes them to have
-    region: Any  # as its geometry makes it
-    detected: Array  # (O, G) detection probabilities at the prediction, nothing being hidden
+    objects: PredictedObjects  # the N objects in reach
+    detections: Sequence[Any]  # D, with the covariances that the hypothesis assumes
+    region: Any  # the type depends on the geometry
+    detected: Array  # (O, G) detection probabilities at the prediction, without occlusion
     detectable: Array | None  # (O, G) probability that an object can be detected at all, where misses come in runs
-    movers: PredictedMovers | None = None  # objects that move, or may; None: nothing does
-    log_level: float = 0.0  # log density of what gravity tells, where something feels it
+    movers: PredictedMovers | None = None  # objects that move or may move; None: nothing moves
+    log_level: float = 0.0  # log density of the gravity measurement, if any
 
     @cached_property
     def stands(self) -> Array:
-        """(O, G) probability that the parent's objects stand still, if they exist."""
+        """(O, G) probability that an object stands still, if it exists."""
         stands = np.ones(self.existence.shape)
         if self.movers is not None:
             stands[self.undecided] -= self.movers.movers.moving[~self.movers.movers.decided]
@@ -59,19 +59,19 @@ class Prediction:
 
     @cached_property
     def log_born(self) -> Array:
-        """(D, G) by how much more likely detections are as first ones than under their stand-ins, in logarithms."""
+        """(D, G) log ratio of the evidence as a first detection to that under the stand-in prior."""
         areas = np.array([birth.log_area - birth.log_stand_in for birth in self.births])
         return np.asarray(self.log_intensity + areas[:, None])
 
     @cached_property
     def undecided(self) -> Index:
-        """(u,) rows of the objects that may move, in the order of their ids."""
+        """(u,) rows of the objects that may move (undecided), in the order of their ids."""
         assert self.movers is not None
         own = self.movers.movers
         return self.component.objects.rows(own.ids[~own.decided])
 
     def detected_at_all(self, detected: Array) -> Array:
-        """(K, O, G) detection probabilities of objects that stand still or move, from those if they stand still."""
+        """(K, O, G) detection probabilities averaged over standing still or moving, from those if standing still."""
         if self.movers is None:
             return detected
         mixed = detected * self.stands
@@ -81,7 +81,7 @@ class Prediction:
 
     @property
     def existence(self) -> Array:
-        """(O, G) of the parent's objects before the keyframe."""
+        """(O, G) existence of the parent's objects before the keyframe."""
         return self.population.existence_given
 
     @property
@@ -91,24 +91,24 @@ class Prediction:
 
     @property
     def anchors(self) -> Array | None:
-        """(M, 3) from where near objects were first seen along a ray alone, NaN of others; None: of all of them."""
+        """(M, 3) position from which a near object was first seen along a ray alone, NaN for others; None: all NaN."""
         anchors = tracked_states(self.component).anchors
         return None if anchors is None else anchors[self.near]
 
     @property
     def is_lost(self) -> bool:
-        """Whether the prediction does not tell what is in sight."""
+        """Whether the robot's prediction is too uncertain to tell what is in view."""
         return geometry_of(self.component.spaces).is_lost(self.objects.robot_covariance)
 
     @property
     def mover_ids(self) -> Index:
-        """(T,) ids of the objects that move, or may."""
+        """(T,) ids of the objects that move or may move."""
         return np.zeros(0, dtype=int) if self.movers is None else self.movers.movers.ids
 
     def local_after(
         self, pairs: PairDensities, observed: Sequence[AssociatedDetection], births: Collection[int]
     ) -> LocalMap:
-        """The local map with what is ``observed`` in one continuation, of objects that stand or that it starts."""
+        """The local map updated by what one continuation has ``observed`` of static objects, new ones included."""
         seen = []
         for item in observed:
             if item.object_id not in births:
@@ -123,14 +123,14 @@ class Prediction:
         return self.local.updated(seen).with_new(started)
 
     def _residual_by_errors(self, number: int) -> Array:
-        """(2, q) slope of a detection's whitened residual by the errors that repeat."""
+        """(2, q) Jacobian of a detection's whitened residual by the correlated errors."""
         slope = np.zeros((2, self.local.num_errors))
         if self.errors is not None:
             slope[:, 2 * number : 2 * number + 2] = np.diag(self.errors.slopes[number])
         return slope
 
     def _place_by_errors(self, number: int, born: Birth) -> tuple[Array, Array]:
-        """(3, 3) covariance of a new object's place that does not repeat, and (3, q) its slope by what does."""
+        """(3, 3) white covariance of a new object's position, and (3, q) its Jacobian by the correlated errors."""
         slope = np.zeros((3, self.local.num_errors))
         if self.errors is None:
             return born.noise, slope

@@ -1,4 +1,4 @@
-"""Predicts what one hypothesis expects of a keyframe."""
+"""Prediction of a keyframe by one hypothesis."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -31,7 +31,7 @@ from semantic_slam.inference.world.departures import Departures
 
 
 class Predictor:
-    """Predicts; a pure function of the component and the keyframe."""
+    """Makes predictions; a pure function of the component and the keyframe."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class Predictor:
         stamp_ns: int = 0,
         labels: Sequence[str] = (),
     ) -> Prediction:
-        """Under the noises that the component takes robot and sensor to have. Raises LostComponentError.
+        """The prediction, with the noise that the component assumes. Raises LostComponentError.
 
         ``sensed``: the sensor's region where it is learned, or in space its camera. ``named``: (M,) rows of the objects
         that the detections may be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter
@@ -109,7 +109,7 @@ class Predictor:
         )
 
     def _left(self, component: Component, stamp_ns: int) -> tuple[HypothesisObjects, Movers | None]:
-        """Objects, and what moves or may, as time leaves them: what moves does not leave."""
+        """Static and moving objects after departures until ``stamp_ns``; moving objects do not depart."""
         objects, movers = component.objects, component.movers
         per_hour = self._departures.per_hour(objects.ids)
         if objects.gone is None or movers is None or movers.decided.all():
@@ -120,7 +120,7 @@ class Predictor:
         return population, movers.among(objects, population)
 
     def _in_reach(self, component: Component, region: Any, robot: Array, spread: Array) -> Index:
-        """(N,) rows of objects that may be in the region of a robot with a covariance ``spread``."""
+        """(N,) rows of objects that may be in the region of a robot with covariance ``spread``."""
         tracked = tracked_states(component)
         rows = component.spaces.robot.position_rows
         sigma = float(largest_sigmas(spread[None, rows, rows])[0])
@@ -151,7 +151,7 @@ class Predictor:
         detections: Sequence[Any],
         labels: Sequence[str],
     ) -> PredictedMovers | None:
-        """What moves, or may; None where nothing does, and none of the detections may be of what does."""
+        """Predicted moving objects; None without any, if no detection may start one."""
         if movers is None or not (len(movers) or self._moving.shares(labels).any()):
             return None
         return predicted_movers(
@@ -168,7 +168,7 @@ class Predictor:
     def _with_errors(
         self, local: LocalMap, carried: CarriedErrors | None, near_ids: Index, detections: Sequence[Any]
     ) -> tuple[LocalMap, PredictedErrors | None]:
-        """The local map with the errors of these detections in place of earlier ones; as it is without detections."""
+        """The local map with these detections' correlated errors replacing earlier ones; unchanged without any."""
         if self.errors.correlated_share <= 0.0 or not detections:
             return local, None
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)

@@ -1,8 +1,8 @@
-"""Objects that detections start in space, and how many first detections are expected where.
+"""Births in space: the objects that detections start, and the expected number of first detections.
 
-As in the plane, intensities being per cubic metre: a detection's evidence per metre and square radian under one of 1 is
-the square of its range, what a shell's volume grows by. That of a ray alone, per square radian, is the volume along it
-from one end of the region to the other.
+Intensities are per cubic metre: the evidence of a detection per metre and square radian under an intensity of one is
+its squared range, the growth of a shell's volume. That of a ray alone, per square radian, is the volume along it from
+one end of the region to the other.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from semantic_slam.inference.smoothing.component import Component, tracked_state
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
 AROUND = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])
-"""(6, 3) points of equal weight that have the mean and the covariance of a standard normal."""
+"""(6, 3) sigma points of equal weight, with the mean and covariance of a standard normal."""
 
 
 def births_in_space(
@@ -53,7 +53,7 @@ def _birth_at_range(model: ObservationModel, detection: SpatialDetection, robot:
 def _births_along_rays(
     model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, turn: Array, region: SpatialRegion
 ) -> list[Birth]:
-    """As far as what is known of the ranges has it; the stand-in priors are wide across the rays alone."""
+    """Births of rays alone, at the range prior; the stand-in priors are wide across the rays only."""
     seen, count = SpatialDetections.of(detections), len(detections)
     ranges = np.array([own.log_range.range_m for own in detections])[:, None, None]
     sigmas = np.array([own.log_range.sigma for own in detections])[:, None, None]
@@ -92,8 +92,8 @@ def expected_births_in_space(
 ) -> tuple[Array, Array, Array]:
     """(G,) first detections expected from ``robot`` (7,), (D, G) log intensities [1/m^3] at detections, and existence.
 
-    Fewer where the camera has looked before, of which a share is left at least. ``second`` (D, G) are the intensities
-    of second boxes of what is known.
+    They are fewer where the camera has looked before, down to a least share. ``second`` (D, G) are the intensities of
+    duplicate boxes of known objects.
     """
     rates, tracked = component.objects.rates, tracked_states(component)
     everywhere, shares = region.all_over()
@@ -116,10 +116,10 @@ def expected_births_in_space(
 def undetected_share_in_space(
     region: SpatialRegion, rates: DetectionRates, trail: Array, points: Array, hiding: Array
 ) -> Array:
-    """(D, G) how much less likely first detections at ``points`` (D, 3) in map are than without ``trail`` (T, 7).
+    """(D, G) factor on first detections at ``points`` (D, 3) in map, by earlier looks from ``trail`` (T, 7).
 
-    Those are the robot's poses so far, from which nothing was detected there. What is behind the objects ``hiding``
-    (N, 3) was not looked at.
+    These are the robot's poses so far, from which nothing was detected there. What is occluded by the objects
+    ``hiding`` (N, 3) was not looked at.
     """
     numbers, times, ranges = looks(region, trail, points, hiding)
     shares = rates.sensors[0].fall_off(ranges)
@@ -129,7 +129,7 @@ def undetected_share_in_space(
 def shown_by(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> tuple[Array, Array]:
     """(n, 3) detections in the optical frame, and (n, 2) variances of their distances [m^2] and directions [rad^2].
 
-    Of those with a range: nobody knows what a ray alone hides.
+    These are the detections with a range: what a ray alone occludes is unknown.
     """
     ranged = [own for own in detections if own.has_range]
     points = np.array([own.range_m * own.ray for own in ranged]).reshape(-1, 3)
@@ -138,7 +138,7 @@ def shown_by(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> t
 
 
 def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> Array:
-    """(D,) probability that none of the others stands before a detection, or else little; 1 of a ray alone."""
+    """(D,) probability that no other detection occludes a detection, or at least a small share; 1 for a ray alone."""
     shown, variances = shown_by(region, detections)
     nothing = np.zeros((len(shown), 3, 3))
     doubled = 2.0 * variances  # of both; of the same error where it is the same detection, which does not hide itself
@@ -149,9 +149,9 @@ def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> 
 
 
 def _born_at(births: list[Birth], detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion) -> Array:
-    """(6 D, 3) points in map that stand for where the objects of detections may be, given the robot.
+    """(6 D, 3) sample points in map of where the objects of detections may be, given the robot.
 
-    Of a ray alone, for equal parts of the volume along it.
+    For a ray alone they represent equal parts of the volume along it.
     """
     places = np.empty((len(births), len(AROUND), 3))
     is_ray = np.array([not own.has_range for own in detections], dtype=bool)

@@ -1,4 +1,4 @@
-"""What an open world asks of space: SE(3) for the robot, R^3 for objects."""
+"""Open-world geometry in space: SE(3) for the robot, R^3 for objects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 LOST_SIGMA_M, LOST_SIGMA_RAD = 1.0, 0.15
-"""Standard deviations of the predicted robot from which on it counts as lost."""
+"""Standard deviations of the predicted robot above which it counts as lost."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class SpatialGeometry:
         return np.asarray(np.sqrt(squared_norms(states - robot[:3])))
 
     def ahead(self, region: SpatialRegion, states: Array, robot: Array, reach: Index) -> Index:
-        """None: nothing is read ahead where updates are iterated."""
+        """Empty: nothing is read ahead where updates are iterated."""
         return reach[:0]
 
     def moving_along(self, robot: Array, states: Array) -> Array:
@@ -111,8 +111,10 @@ class SpatialGeometry:
     def _seen(
         self, region: SpatialRegion, objects: PredictedObjects, robot: Array, covariance: Array
     ) -> tuple[Array, Array]:
-        """(K, N, 3) objects in the optical frame at modes ``robot`` (K, 7) with (K, 6, 6), and (K, N, 3, 3), to first
-        order."""
+        """(K, N, 3) objects in the optical frame at modes ``robot`` (K, 7) with (K, 6, 6), and their covariances.
+
+        The latter are (K, N, 3, 3), to first order.
+        """
         shift = self.spaces.robot.local(objects.robot, robot)
         moved = objects.objects + np.einsum("nij,kj->kni", objects.gain, shift)
         robots = broadcast_copy(robot[:, None], (*moved.shape[:-1], robot.shape[-1]))
@@ -130,6 +132,6 @@ def _by_rates(rates: DetectionRates, inside: Array, seen: Array) -> Array:
 
 
 def _sigmas(spread: Array) -> tuple[float, float]:
-    """Largest standard deviations [rad, m] of a robot's attitude and place."""
+    """Largest standard deviations of a robot's attitude [rad] and position [m]."""
     turn, place = (float(largest_sigmas(spread[None, own, own])[0]) for own in (se3.ROTATION, se3.TRANSLATION))
     return turn, place

@@ -1,6 +1,6 @@
-"""From which of the robot's poses its camera has looked at a place: in its image, near enough, and nothing before it.
+"""Earlier looks: the robot poses from which a place was in the camera's image, in range and not occluded.
 
-All places by all poses, as products of matrices: entry by entry it costs several times as much.
+All places by all poses, as matrix products: entry by entry it costs several times as much.
 """
 
 import numpy as np
@@ -11,9 +11,9 @@ from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 
 
 def looks(region: SpatialRegion, trail: Array, points: Array, hiding: Array) -> tuple[Index, Index, Array]:
-    """(L,) which of ``points`` (D, 3) the poses ``trail`` (T, 7) have in the region, from where, at what range [m].
+    """(L,) which of ``points`` (D, 3) are in the region from poses ``trail`` (T, 7), from which, and the range [m].
 
-    By points, and then by poses; without those that one of the objects ``hiding`` (N, 3) stands before.
+    Sorted by points, then by poses; without those that one of the objects ``hiding`` (N, 3) occludes.
     """
     cameras = region.camera.on(trail)
     right, down, ahead = _seen(cameras, points)
@@ -36,10 +36,10 @@ def _seen(cameras: Array, points: Array) -> Array:
 
 
 def _hidden(radius_m: float, rays: Array, ranges: Array, cameras: Array, times: Index, hiding: Array) -> Flags:
-    """(L,) whether one of N balls about ``hiding`` (N, 3) stands before what is seen at ``times`` (L,).
+    """(L,) whether one of N balls about ``hiding`` (N, 3) occludes what is seen at ``times`` (L,).
 
-    From ``cameras`` (T, 3), at ``ranges`` (L,) along ``rays`` (L, 3). A ray passes through a ball where it comes as
-    far along itself towards its centre as the tangents from the camera do.
+    From ``cameras`` (T, 3), at ``ranges`` (L,) along ``rays`` (L, 3). A ray passes through a ball if its component
+    towards the ball's centre is at least the length of the tangents from the camera.
     """
     squared = squared_norms(hiding - cameras[:, None])
     tangents = np.sqrt(np.maximum(squared - radius_m**2, 0.0))

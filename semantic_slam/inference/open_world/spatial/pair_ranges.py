@@ -1,4 +1,4 @@
-"""How far the objects near a keyframe's detections are from the camera, and how well that is known."""
+"""Ranges of the objects near a keyframe's detections, with their uncertainty."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,9 +13,9 @@ from semantic_slam.inference.states.spaces import Spaces
 def log_ranges_of(
     spaces: Spaces, detections: Sequence[Any], robot: Array, objects: Array, covariances: Array
 ) -> tuple[Array, Array]:
-    """(D, M + 1) logarithms of the ranges of M near ``objects`` (M, l) and of what each of D detections starts.
+    """(D, M + 1) log ranges of M near ``objects`` (M, l), and last of the object that each detection starts.
 
-    And their variances; seen from ``robot`` (s,), objects with ``covariances`` (M, l, l).
+    Also their variances; from ``robot`` (s,), with covariances (M, l, l) of the objects.
     """
     logs, variances = (np.zeros((len(detections), len(objects) + 1)) for _ in range(2))
     for row, detection in enumerate(detections):

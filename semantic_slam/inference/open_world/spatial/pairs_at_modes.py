@@ -1,8 +1,8 @@
-"""Detections that may be of objects whose range is hardly known: linearised where both agree, not at the prediction.
+"""Pairs of a detection and an object of poorly known range, linearised at their joint mode instead of the prediction.
 
-The direction from elsewhere of an object that may be near or far is no linear function of its range: a detection is
-linearised at the mode of robot and object given both, in coordinates in which what is known is a Gaussian, pair by
-pair. What weighs many detections together goes on from there.
+The direction to an object seen from elsewhere is no linear function of its range. A detection is therefore linearised
+at the mode of robot and object given both, pair by pair, in coordinates in which the prior is Gaussian. Joint weighing
+of several detections starts from there.
 """
 
 from collections.abc import Sequence
@@ -21,25 +21,25 @@ from semantic_slam.inference.states.range_chart import moved_and_slopes, relativ
 from semantic_slam.inference.states.spaces import Spaces
 
 LEAST_SIGMA = 0.1
-"""Standard deviation of a range as a share of it below which a detection is linear enough at the prediction."""
+"""Relative standard deviation of a range below which a detection is linear enough at the prediction."""
 MOST_STEPS, TOLERANCE = 6, 1e-2
-"""Steps of a search, and the nats that its last one may be expected to bring."""
+"""Most steps of a search, and expected gain [nats] below which it stops."""
 FIRST_STEPS, HOPELESS = 2, 50.0
-"""Steps after which a pair that is still so many nats from agreeing is looked at no longer: no gate lets it in."""
+"""Number of steps after which a pair whose energy is still above so many nats is dropped: no gate admits it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParentPairs:
-    """The pairs of one parent's D detections and M objects, as they are at the prediction."""
+    """The pairs of one parent's D detections and M objects, at the prediction."""
 
     detections: Sequence[Any]  # D
     predicted: PredictedBelief
     anchors: Array  # (M, 3) from where objects were first seen along a ray alone; NaN of others
     pairs: PairDensities
-    asked: Flags | None = None  # (D, M) which pairs anybody asks for; None: all
+    asked: Flags | None = None  # (D, M) which pairs are needed; None: all
 
     def problem(self, spaces: Spaces, model: ObservationModel) -> "PairProblem":
-        """The pairs that are not linear enough at the prediction."""
+        """The search problem of the pairs that are too nonlinear at the prediction."""
         covariance, robot = self.predicted.pair_covariances()[0], self.predicted.mean[0, 0, : spaces.storage.robot]
         objects = self.predicted.mean[0, 1:, : spaces.storage.landmark]
         known = np.flatnonzero(np.isfinite(self.anchors).all(axis=1))
@@ -64,7 +64,7 @@ class ParentPairs:
 
 
 def pairs_at_modes(spaces: Spaces, model: ObservationModel, parents: Sequence[ParentPairs]) -> list[PairDensities]:
-    """The pairs of each parent, some linearised elsewhere: searched for all at once, each as it would be by itself."""
+    """The pairs of each parent, relinearised where needed; batched, with a result independent of the batch."""
     problems = [own.problem(spaces, model) for own in parents]
     ends = np.cumsum([len(own.numbers) for own in problems])
     if not len(ends) or not ends[-1]:
@@ -100,7 +100,7 @@ class _Found:
     offsets: Array  # (B, m) of the linear residuals where they were linearised
 
     def put_into(self, pairs: PairDensities) -> PairDensities:
-        """The pairs with these in their place."""
+        """``pairs`` with these replaced."""
         if not len(self.numbers):
             return pairs
         at, shape = (self.numbers, self.columns), pairs.distance.shape
@@ -116,7 +116,7 @@ class _Found:
 
 @dataclass(frozen=True, kw_only=True)
 class PairProblem:
-    """The energies of B pairs of a robot and an object, whitened by what is predicted of both."""
+    """The energies of B pairs of a robot and an object, whitened by their joint prediction."""
 
     spaces: Spaces
     model: ObservationModel
@@ -127,11 +127,11 @@ class PairProblem:
     objects: Array  # (B, 3)
     anchors: Array  # (B, 3)
     covariance: Array  # (B, r + l, r + l) of robot and object
-    root: Array  # (B, r + l, r + l) its factor
+    root: Array  # (B, r + l, r + l) its Cholesky factor
 
     @classmethod
     def joined(cls, problems: Sequence["PairProblem"]) -> "PairProblem":
-        """All pairs of several."""
+        """The pairs of several problems in one."""
         whole = joined_rows(problems, ("spaces", "model", "detections"))
         return replace(whole, detections=joined_rows([own.detections for own in problems], ()))
 
@@ -140,7 +140,7 @@ class PairProblem:
         return take(self, selection, _ROWS)
 
     def mode(self) -> Array:
-        """(B, n) where each is found; of those that never agree, where the search was given up."""
+        """(B, n) mode of each pair; where dropped, the point at which the search stopped."""
         search = LevenbergMarquardt(self, np.zeros((len(self.objects), self.root.shape[-1])))
         search.advance(FIRST_STEPS, np.full(len(self.objects), TOLERANCE))
         y = search.y
@@ -157,13 +157,13 @@ class PairProblem:
         return energy, gradient, np.eye(y.shape[1]) + np.swapaxes(jacobian, 1, 2) @ jacobian
 
     def linearised(self, y: Array) -> Linearisation:
-        """The detections as linear functions of robot and object about the prediction, made at ``y`` (B, n)."""
+        """The detections as linear functions about the prediction, linearised at ``y`` (B, n)."""
         tangent = (self.root @ y[..., None])[..., 0]
         part = self._part(tangent)
         return replace(part, residual=part.residual - (_jacobian(part) @ tangent[..., None])[..., 0])
 
     def _part(self, tangent: Array) -> Linearisation:
-        """With derivatives by what leads from the prediction."""
+        """The linearisation with Jacobians by tangent vectors at the prediction."""
         size, space = self.spaces.layout.robot, self.spaces.robot
         step, chart = space.exp_and_jacobian(tangent[:, :size])
         objects, slopes = moved_and_slopes(self.anchors, self.objects, tangent[:, size:])

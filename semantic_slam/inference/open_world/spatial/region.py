@@ -1,4 +1,4 @@
-"""Where a camera in space detects: what is in its image, and neither too near nor too far; and what hides what."""
+"""The region in which a camera in space detects: in the image, and between two distances; and occlusion."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -12,16 +12,16 @@ from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 
 LEAST_SIGMA = 1e-6
-"""Metres and radians: the softest edge is never quite sharp."""
+"""Least softness [m, rad] of the region's edges."""
 NUM_SHELLS, NUM_COLUMNS, NUM_ROWS = 4, 6, 4
-"""Points over which the region is averaged."""
+"""Sample points over which the region is averaged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialRegion:
-    """What projects into the image, from one distance to another one; angles are off the optical axis, z.
+    """What projects into the image, between two distances; angles are off the optical axis, z.
 
-    To the side they are those of (x, z), and up and down those of (y, z): the image's edges are planes through the
+    Horizontal angles are those of (x, z), vertical ones those of (y, z): the image's edges are planes through the
     optical centre.
     """
 
@@ -29,12 +29,12 @@ class SpatialRegion:
     max_range_m: float
     half_width_rad: float  # to each side, below a quarter turn
     half_height_rad: float  # up and down
-    occluder_radius_m: float = 0.0  # of what stands in front, a ball; 0: nothing hides anything
+    occluder_radius_m: float = 0.0  # radius of occluding balls; 0: no occlusion
     camera: Camera = field(default_factory=Camera)
 
     @classmethod
     def of(cls, settings: OpenWorldConfiguration) -> Self:
-        """As configured; the camera, which keyframes tell, looks along the body's x."""
+        """As configured; until a keyframe gives the camera, it looks along the body's x."""
         return cls(
             min_range_m=settings.min_range_m,
             max_range_m=settings.max_range_m,
@@ -58,7 +58,7 @@ class SpatialRegion:
         return self if sensed is None else replace(self, camera=sensed)
 
     def read_by(self, settings: Any) -> Self:
-        """Itself: whatever a hypothesis takes noises to be, ranges are distances."""
+        """The region itself: in space ranges are distances under all noise settings."""
         return self
 
     def contains(self, seen: Array, covariance: Array) -> Array:
@@ -88,10 +88,10 @@ class SpatialRegion:
         return np.asarray(aside & across)
 
     def not_occluded(self, seen: Array, covariance: Array, shown: Array, variances: Array) -> Array:
-        """(...,) probability that nothing stands in front of ``seen`` (..., 3), with (..., 3, 3), in the optical frame.
+        """(...,) probability that nothing occludes ``seen`` (..., 3), with (..., 3, 3), in the optical frame.
 
-        What hides are balls of the occluder's radius about what a frame's detections have ``shown`` (D, 3), with
-        ``variances`` (D, 2) of distance and direction. Distance and angle count as independent normals.
+        Occluders are balls of the occluder's radius about a frame's detections ``shown`` (D, 3), with ``variances`` (D,
+        2) of distance and direction. Distance and angle count as independent normals.
         """
         if self.occluder_radius_m <= 0.0 or not len(shown):
             return np.ones(seen.shape[:-1])
@@ -108,12 +108,12 @@ class SpatialRegion:
         return np.asarray((1.0 - aside * behind).prod(axis=-1))
 
     def shells(self, count: int) -> Array:
-        """(count,) distances amid shells of equal volume."""
+        """(count,) middle distances of shells of equal volume."""
         centres = (np.arange(count) + 0.5) / count
         return np.cbrt(self.min_range_m**3 + centres * (self.max_range_m**3 - self.min_range_m**3))
 
     def all_over(self) -> tuple[Array, Array]:
-        """(P, 3) points of the optical frame all over the region, and the shares (P,) of its volume they stand for."""
+        """(P, 3) sample points of the region in the optical frame, and the shares (P,) of its volume they represent."""
         ranges = self.shells(NUM_SHELLS)
         x, y = (
             np.tan(half) * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
@@ -127,7 +127,7 @@ class SpatialRegion:
 
 
 def _angle(seen: Array, axis: int) -> tuple[Array, Array]:
-    """(...,) angles off the optical axis along one axis of the image, and their slopes (..., 3) by the point."""
+    """(...,) angles off the optical axis along one image axis, and their Jacobians (..., 3) by the point."""
     aside, ahead = seen[..., axis], seen[..., 2]
     squared = np.maximum(aside * aside + ahead * ahead, LEAST_DISTANCE_M**2)
     slope = np.zeros(seen.shape)

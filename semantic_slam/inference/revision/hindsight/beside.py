@@ -1,8 +1,8 @@
-"""Objects of a history in the plane that may be none, but second boxes of things beside them.
+"""Duplicate-box suspects in the plane: objects that may be nothing but second boxes of things beside them.
 
-Seen twice, such an object exists for good, in a history that soon weighs so much more than one in which it is none that
-pruning gives that up; and then it is missed, again and again. The history without it weighs more in the end, and as
-much as that it enters once pruning would keep it.
+Once detected twice, such an object exists for sure in its history, which then outweighs the one without it so far that
+pruning drops the latter; afterwards it is missed again and again. In the end the history without it weighs more, and it
+enters as soon as pruning would keep it.
 """
 
 from collections.abc import Collection, Mapping
@@ -16,18 +16,18 @@ from semantic_slam.inference.revision.hindsight.planar import PlanarHindsight
 from semantic_slam.inference.revision.replay import Lineage
 
 REACH = 2.0
-"""Standard deviations from a thing within which six of seven of its second boxes are."""
+"""Distance, in standard deviations, within which six of seven duplicate boxes of a thing are."""
 MISSED = 2
-"""What is there is detected that many times as often as missed, or more."""
+"""Least ratio of detections to misses of a real object."""
 
 
 def seldom_beside(
     places: Mapping[int, Array], classes: Mapping[int, Array], lineage: Lineage, second_box_m: float
 ) -> set[int]:
-    """Objects near another one that was seen without them half as often as they were or more, since they first were.
+    """Objects beside another one that were missed at least half as often as detected while the other was detected.
 
-    ``places`` (3,) of objects by id, metres, and probabilities of their ``classes`` (C,): halves of a thing are called
-    what it is.
+    Counted from their first detection on. ``places`` (3,) [m] of objects by id, and probabilities of their ``classes``
+    (C,): the duplicate box of a thing is labelled alike.
     """
     near = [
         (one, other)
@@ -42,7 +42,7 @@ def seldom_beside(
 
 
 def _alike(one: Array, other: Array) -> bool:
-    """Whether two objects are of one class at least as likely as by chance."""
+    """Whether two objects are of one class with at least chance probability."""
     return not one.size or float(one @ other) * one.size >= 1.0
 
 
@@ -52,7 +52,7 @@ def _is_seldom(own: set[int], others: set[int]) -> bool:
 
 
 def without_second_boxes(view: PlanarHindsight, suspects: Collection[int]) -> list[Lineage]:
-    """Histories without one of the ``suspects`` each, likeliest first, those that pruning may keep."""
+    """Histories without one of the ``suspects`` each, likeliest first, as far as pruning may keep them."""
     least = -float(np.log(view.problem.pruning.ratio))
     found = [own for own in each_without(view) if own.gain > least and int(view.ids[own.row]) in suspects]
     return [lineage_of(view, own.owners) for own in found]

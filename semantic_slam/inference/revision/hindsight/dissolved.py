@@ -1,8 +1,7 @@
-"""Objects of a history that are none: their detections were of others, and one by one taken for one thing.
+"""Spurious objects: their detections were of other objects, and were merged one by one into an object that is none.
 
-Such an object goes on to exist for good, for two detections of it are two, and costs a miss whenever the camera looks
-where it should be. Once that outweighs what its detections weigh less as ones of others, the history without it is
-worth a replay.
+Such an object exists for sure after two detections, and costs a miss whenever the camera looks there. Once the misses
+outweigh what its detections lose as ones of other objects, the history without it is worth a replay.
 """
 
 from collections.abc import Collection, Sequence
@@ -20,27 +19,27 @@ Owners = Sequence[Index]
 
 @dataclass(frozen=True)
 class Dissolved:
-    """An object that may be none."""
+    """An object that may be spurious."""
 
-    row: int  # among those of the history
-    gain: float  # nats that the history roughly gains without it
+    row: int  # row of the object in the history
+    gain: float  # rough log gain of the history without it
     owners: Owners  # without it
 
 
 def dissolved(view: Hindsight) -> list[Dissolved]:
-    """Objects that no map has without which their history gains, those first without which it gains most."""
+    """Unmapped objects without which their history gains, largest gain first."""
     return [own for own in each_without(view) if own.gain > 0.0]
 
 
 def each_without(view: Hindsight) -> list[Dissolved]:
-    """All objects that no map has, those first without which their history gains most."""
+    """All unmapped objects, by the gain of their history without each, largest first."""
     rows = np.flatnonzero(~np.isin(view.ids, list(view.problem.map_ids))).tolist()
     found = [without(view, view.owners, row) for row in rows]
     return sorted(found, key=lambda own: -own.gain)
 
 
 def without_all(view: Hindsight, chosen: Sequence[Dissolved]) -> Owners:
-    """All detections of some objects as ones of others than these."""
+    """Owners with all detections of the chosen objects reassigned to others."""
     owners: Owners = view.owners
     rows = [own.row for own in chosen]
     for row in rows:
@@ -49,9 +48,10 @@ def without_all(view: Hindsight, chosen: Sequence[Dissolved]) -> Owners:
 
 
 def without(view: Hindsight, owners: Owners, row: int, others: Collection[int] = ()) -> Dissolved:
-    """Each detection of an object as one of the likeliest other, but for ``others``, that its frame shows no second of.
+    """Reassign each detection of an object to the likeliest other not detected in that frame, or to none.
 
-    Or as one of none. Gone with the object are its misses, and one of each object that was missed in its place.
+    ``others`` are not candidates. The gain includes the object's own misses, and one miss of each object that gets a
+    detection.
     """
     found, times = list(owners), np.zeros(len(owners), dtype=bool)
     times[np.repeat(np.arange(len(owners)), [len(own) for own in owners])[np.concatenate(owners) == row]] = True
@@ -64,21 +64,21 @@ def without(view: Hindsight, owners: Owners, row: int, others: Collection[int] =
         may[[*own.tolist(), *others]] = -np.inf
         may[-1] = weights[-1]
         best = own[number] = int(np.argmax(may))
-        gain += float(may[best] - weights[row if times[:keyframe].any() else -1])  # the first one began the object
+        gain += float(may[best] - weights[row if times[:keyframe].any() else -1])  # the first one was a birth
         if best < len(view.ids) and view.in_view[best, keyframe] and keyframe > view.first_seen[best]:
             gain -= view.log_missed
     return Dissolved(row, gain, found)
 
 
 def _log_gain_of_misses(view: Hindsight, row: int, times: Flags) -> float:
-    """Nats that misses cost of what is detected at ``times`` (T,): what was not seen before is less likely born."""
+    """Log cost of the misses of what is detected at ``times`` (T,); looks before the first make its birth unlikely."""
     missed = np.flatnonzero(view.in_view[row] & ~times)
     later = int((missed > view.first_seen[row]).sum())
     return -view.log_missed * later + min(-view.log_missed * (len(missed) - later), -view.log_unseen)
 
 
 def lineage_of(view: Hindsight, owners: Owners) -> Lineage:
-    """The history in which detections are of ``owners``: objects are named by the first one that is of them."""
+    """The history in which detections are of ``owners``; objects are named by their first detection."""
     names = {number: number for number in (-1, *view.problem.map_ids)}
     return tuple(
         replace(step, association=tuple(_named(view, keyframe, step.association, owners[keyframe], names)))
@@ -87,7 +87,7 @@ def lineage_of(view: Hindsight, owners: Owners) -> Lineage:
 
 
 def _named(view: Hindsight, keyframe: int, before: Sequence[int], owners: Index, names: dict[int, int]) -> list[int]:
-    """(D,) names of the objects of a frame's detections; what begins here is put down among ``names``."""
+    """(D,) ids of the objects of a frame's detections; new ones are added to ``names``."""
     born, ids = view.registry.first_new_id(keyframe), view.ids.tolist()
     changed = owners != view.owners[keyframe]
     found = []

@@ -1,4 +1,4 @@
-"""Histories in space in which objects of a live one are none, and which of them were tried."""
+"""Proposals in space of histories without spurious objects, with a memory of those tried."""
 
 from semantic_slam.inference.revision.hindsight.dissolved import Dissolved, dissolved, lineage_of, without_all
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
@@ -7,22 +7,22 @@ from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 MORE = 2.0
-"""Times that as many nats must speak against an object as when it was tried, for it to be tried again."""
+"""Growth factor of the gain at which an object that was tried is tried again."""
 LEAST_GAIN = 5.0
-"""Nats that are to be gained roughly for a replay."""
+"""Rough log gain [nats] that a replay requires."""
 
 
 class Dissolving:
-    """Looks for likelier histories without objects that may be none."""
+    """Looks for likelier histories without spurious objects."""
 
     def __init__(self, most: int, replay: Replay, registry: ObjectRegistry) -> None:
-        """With at most so many histories in one look."""
+        """``most``: largest number of histories in one look."""
         self._most, self._replay, self._registry = most, replay, registry
-        self._tried: dict[int, float] = {}  # object -> what was to be gained without it
-        self._proposed: dict[Lineage, tuple[int, float]] = {}  # without one object -> that, and what is to be gained
+        self._tried: dict[int, float] = {}  # object -> rough gain when it was tried
+        self._proposed: dict[Lineage, tuple[int, float]] = {}  # history -> object left out, and rough gain
 
     def histories(self, followed: Revised) -> list[Lineage]:
-        """Without all objects that may be none first, where there are several, and then without one of them."""
+        """Histories without all suspects at once, if several, and then without one each."""
         view = SpatialHindsight.of(self._replay, self._registry, followed)
         found = [own for own in dissolved(view) if own.gain > LEAST_GAIN and self._is_news(view, own)]
         self._proposed = {lineage_of(view, own.owners): (int(view.ids[own.row]), own.gain) for own in found}
@@ -30,7 +30,7 @@ class Dissolving:
         return [*together, *self._proposed][: self._most]
 
     def note(self, history: Lineage) -> None:
-        """Remember that a history was replayed in vain."""
+        """Record that a history was replayed and not accepted."""
         if history in self._proposed:
             number, gain = self._proposed[history]
             self._tried[number] = gain

@@ -1,7 +1,6 @@
-"""What every detection of a drive weighs as one of each object, by the path and the map as they are known now.
+"""Retrospective association weights of every detection of a drive, by the path and map as now known.
 
-The path counts as known, tracks of boxes do not count, and the camera counts as mounted as it is now. That is enough to
-tell which histories to replay.
+Path and camera mount are taken as known, and tracks of boxes are ignored. That suffices to select histories to replay.
 """
 
 from abc import ABC, abstractmethod
@@ -23,12 +22,12 @@ from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
 HIDES = 0.9
-"""Existence from which on an object hides what is behind it, and may be what another one's detections are of."""
+"""Existence above which an object occludes others, and may own detections of another one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hindsight(ABC):
-    """A history of T keyframes with N objects, each detection of which is of one of them or of none."""
+    """A history of T keyframes with N objects; each detection is of one of them or of none."""
 
     problem: Problem
     registry: ObjectRegistry
@@ -38,7 +37,7 @@ class Hindsight(ABC):
 
     @classmethod
     def of(cls, replay: Replay, registry: ObjectRegistry, followed: Revised) -> Self:
-        """A history as it was replayed."""
+        """The hindsight of a history that was replayed."""
         return cls(
             problem=replay.problem,
             registry=registry,
@@ -50,26 +49,26 @@ class Hindsight(ABC):
     @property
     @abstractmethod
     def in_view(self) -> Flags:
-        """(N, T) at which keyframes each object is in the region, and nothing before it."""
+        """(N, T) whether each object is in the region and not occluded, at each keyframe."""
 
     @abstractmethod
     def log_of_none(self, step: Step, robot: Array, owners: Index) -> Array:
-        """(D,) log weights of detections, by their places, as first ones or false alarms where the camera has looked.
+        """(D,) log weights of detections by position, as first detections or false alarms on ground seen before.
 
-        ``owners`` (D,) are the objects that they are taken to be of.
+        ``owners`` (D,) are the objects that they are assigned to.
         """
 
     @abstractmethod
     def log_ranges(self, step: Step, robot: Array) -> tuple[Array, Array]:
-        """(D, N + 1) logarithms of how far objects are off, the last one of what a detection starts, and variances."""
+        """(D, N + 1) log ranges of the objects, last of what a detection starts, and their variances."""
 
     def log_density(self, innovation: Innovation, sizes: Index) -> Array:
-        """(K,) of pairs by their places, of which ``sizes`` (K,) components are told."""
+        """(K,) log densities of pairs by position, of which ``sizes`` (K,) components are measured."""
         return innovation.log_density
 
     @cached_property
     def ids(self) -> Index:
-        """(N,) of the objects that exist."""
+        """(N,) ids of the existing objects."""
         objects = self.component.objects
         return np.asarray(objects.ids[objects.existence > HIDES])
 
@@ -87,7 +86,7 @@ class Hindsight(ABC):
 
     @cached_property
     def first_seen(self) -> Index:
-        """(N,) keyframe of the first detection of each object; T where none is of it."""
+        """(N,) keyframe of the first detection of each object; T without any."""
         found = np.full(len(self.ids) + 1, len(self.steps))
         for keyframe in reversed(range(len(self.steps))):
             found[self.owners[keyframe]] = keyframe
@@ -95,34 +94,34 @@ class Hindsight(ABC):
 
     @property
     def log_unseen(self) -> float:
-        """Log of the least that is left of a birth where the camera has looked before."""
+        """Log of the least share of births that remains where the camera has looked before."""
         with np.errstate(divide="ignore"):
             return float(np.log(self.problem.open_world.least_undetected_share))
 
     @property
     def log_missed(self) -> float:
-        """Log probability that what is in view is not detected."""
+        """Log probability of missing an object in view."""
         return float(np.log1p(-self.detected))
 
     @cached_property
     def detected(self) -> float:
-        """Probability that what is in view is detected."""
+        """Detection probability of an object in view."""
         rates = self.component.objects.rates
         return float(rates.average(rates.probability))
 
     @cached_property
     def path(self) -> Array:
-        """(T, s) as smoothed by now."""
+        """(T, s) smoothed robot path, as of now."""
         return self.component.states([robot_key(k) for k in range(len(self.steps))])
 
     @cached_property
     def places(self) -> Array:
-        """(N, s) of the objects."""
+        """(N, s) states of the objects."""
         return np.asarray(tracked_states(self.component).states[self._rows])
 
     @property
     def spreads(self) -> Array:
-        """(N, l, l) covariances of these."""
+        """(N, l, l) covariances of the objects."""
         return np.asarray(tracked_states(self.component).covariances[self._rows])
 
     @cached_property
@@ -137,7 +136,7 @@ class Hindsight(ABC):
         return found + self._by_word(step, robot)
 
     def _by_place(self, step: Step, robot: Array) -> Array:
-        """(D, N) by direction, and range where that is told."""
+        """(D, N) log densities by direction, and by range where measured."""
         model, count = self.problem.model, len(self.ids)
         numbers, columns = np.divmod(np.arange(len(step.detections) * count), count)
         robots = np.broadcast_to(robot, (len(numbers), len(robot)))
@@ -146,7 +145,7 @@ class Hindsight(ABC):
         return self.log_density(innovation, part.measured.sum(axis=1)).reshape(-1, count)
 
     def _by_word(self, step: Step, robot: Array) -> Array:
-        """(D, N + 1) by what the detector calls them."""
+        """(D, N + 1) log evidence of detector labels."""
         semantics, found = self.problem.semantics, np.zeros((len(step.detections), len(self.ids) + 1))
         if step.words is None or not isinstance(semantics, RanksPairs) or not found.size:
             return found

@@ -1,4 +1,4 @@
-"""What detections in the plane weigh in hindsight, where some are second boxes of things that stand beside them."""
+"""Retrospective association weights in the plane, with duplicate boxes of adjacent things."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +16,7 @@ from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarHindsight(Hindsight):
-    """What a sensor in the plane tells in hindsight."""
+    """Hindsight for a planar sensor."""
 
     @cached_property
     def in_view(self) -> Flags:
@@ -33,14 +33,14 @@ class PlanarHindsight(Hindsight):
         born = settings.least_undetected_share * rates.probability * rates.birth_density
         alone = float(rates.average(born + rates.clutter_per_frame / self._region.area_m2))
         second = second_box_densities(settings, self.component, births)[:, self._rows]
-        second = np.where(owners[:, None] == np.arange(len(self.ids)), 0.0, second)  # what is none has none
+        second = np.where(owners[:, None] == np.arange(len(self.ids)), 0.0, second)  # the object is taken to be none
         intensity = alone + settings.second_box_share * self.detected * second.sum(axis=1)
         ranged = np.array([detection.has_range for detection in step.detections], dtype=bool)
         areas = np.array([own.log_area for own in births])
         return np.asarray(np.log(np.where(ranged, intensity, intensity * self._region.area_m2)) + areas)
 
     def log_ranges(self, step: Step, robot: Array) -> tuple[Array, Array]:
-        """None is asked for: boxes tell no sizes in the plane."""
+        """Empty: boxes carry no size evidence in the plane."""
         nothing = np.zeros((len(step.detections), len(self.ids) + 1))
         return nothing, nothing
 

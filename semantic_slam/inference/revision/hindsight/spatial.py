@@ -1,8 +1,8 @@
-"""What detections in space weigh in hindsight.
+"""Retrospective association weights in space.
 
-When a detection came, rays told hardly how far off its object was, and it may have been taken for another one's. Now
-that ranges are known, its direction tells. Detections that are a few standard deviations off weigh what Cauchy's tail
-leaves them, for the path is not quite known; what is farther off is another thing.
+When a detection arrived, the range of its object was poorly known from rays, and it may have been assigned to a wrong
+one. Now that ranges are known, its direction is decisive. Detections a few standard deviations off have a Cauchy tail,
+as the path is not exact; what is farther off belongs to another object.
 """
 
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 
 FAR_SIGMAS = 8.0
-"""Standard deviations from which on each more costs a nat besides."""
+"""Number of standard deviations beyond which each further one costs another nat."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialHindsight(Hindsight):
-    """What a camera that is anywhere tells in hindsight."""
+    """Hindsight for a camera in space."""
 
     @cached_property
     def in_view(self) -> Flags:

@@ -1,6 +1,6 @@
-"""What first detections, later ones and misses of a history weigh, over all that sensor and world may be: roughly.
+"""Rough likelihood of first detections, later ones and misses of a history, over sensor and world settings.
 
-The path is taken as known and objects as existing, which is enough to tell which histories to replay.
+The path is taken as known and objects as existing, which suffices to select histories to replay.
 """
 
 from collections.abc import Sequence
@@ -21,12 +21,12 @@ from semantic_slam.inference.states.detection_rates import DetectionRates
 
 @dataclass(frozen=True, kw_only=True)
 class FirstAndMissed:
-    """T keyframes, G settings of sensor and world, P of which differ in what they detect."""
+    """T keyframes, G settings of sensor and world, P of which differ in detection rates."""
 
     rates: DetectionRates  # G, before the drive
     regions: Sequence[SensorRegion]  # T
-    expected_births: Array  # (G,) first detections in all keyframes
-    num_mapped: int  # objects of a map, which come first and start nowhere
+    expected_births: Array  # (G,) first detections over all keyframes
+    num_mapped: int  # number of map objects, which come first and have no birth
 
     @classmethod
     def of(
@@ -37,7 +37,7 @@ class FirstAndMissed:
         expected_births: float,
         num_mapped: int,
     ) -> Self:
-        """``expected_births`` of the history of ``component``, on average over what it knows of the world."""
+        """``expected_births`` are those of the history of ``component``, averaged over its settings."""
         rates, region = DetectionRates.of(settings), sensor_region(settings).read_by(component.settings)
         density = rates.birth_density / max(component.objects.rates.moments("birth_density")[0], 1e-9)
         return cls(
@@ -49,14 +49,15 @@ class FirstAndMissed:
 
     @cached_property
     def log_intensities(self) -> Array:
-        """(G,) of first detections [1/m^2]."""
+        """(G,) log intensities of first detections [1/m^2]."""
         clutter = self.rates.clutter_per_frame / self.regions[-1].area_m2
         return np.asarray(np.log(self.rates.probability * self.rates.birth_density + clutter))
 
     def by_object(self, path: Array, places: Array, seen: Flags, numbers: Index | None = None) -> Array:
-        """(N, P) log likelihoods of later detections and misses of objects at ``places`` (N, 2), (N, T) ``seen``.
+        """(N, P) log likelihoods of later detections and misses of objects at ``places`` (N, 2), ``seen`` (N, T).
 
-        ``path`` (1 + T, 3), from the pose before the first keyframe on; ``numbers`` (N,) of the objects: all in order.
+        ``path`` (1 + T, 3) starts with the pose before the first keyframe. ``numbers`` (N,) of the objects; None: all
+        in order.
         """
         sightings = Sightings(path=path[1:], regions=self.regions, sensors=self.rates.sensors[0])
         rows = np.arange(len(places)) if numbers is None else numbers
@@ -64,7 +65,7 @@ class FirstAndMissed:
         return np.asarray(sightings.log_likelihoods(sightings.in_view(places), seen, first))
 
     def log_probability(self, births: int, log_likelihoods: Array) -> float:
-        """Log probability of so many first detections, and of what (P,) weighs all others and misses."""
+        """Log probability of so many births, and of later detections and misses (P,), summed over settings."""
         _, which = self.rates.sensors
         false_alarms = len(self.regions) * self.rates.clutter_per_frame
         expected = self.expected_births + false_alarms

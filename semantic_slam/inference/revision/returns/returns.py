@@ -1,4 +1,4 @@
-"""Histories to replay in which a return was of another object, and which of them were tried."""
+"""Loop-closure alternatives: histories in which a return was to another object, with a memory of those tried."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,15 +18,15 @@ from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 ROUGHLY = 6.0
-"""Nats by which rough weights of histories may be off, beside what their replays tell."""
+"""Error [nats] allowed in the rough weights of histories."""
 MOST_REPLAYED = 2
-"""Histories that one look replays."""
+"""Most histories that one look replays."""
 MOST_DETECTIONS = 800
-"""Detections from which on a drive is not solved at once: that costs the cube of them."""
+"""Number of detections beyond which a drive is not solved in one piece, at cubic cost."""
 
 
 class Returns:
-    """Proposes histories in which a return was of another object."""
+    """Proposes histories in which a return (loop closure) was to another object."""
 
     def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry, patience: int):
         """``patience``: keyframes after which a return that was tried may be tried again."""
@@ -34,9 +34,9 @@ class Returns:
         self._tried = Tried(patience)
 
     def histories(self, followed: Revised, ratio: float) -> list[Lineage]:
-        """Histories that may weigh at least the ``ratio``-th part of the one ``followed``, likeliest first.
+        """Histories that may weigh at least 1 / ``ratio`` of the one ``followed``, likeliest first.
 
-        After these their beginnings, up to the return: what was seen since may have been taken otherwise, had the robot
+        After these their beginnings, up to the return: later detections may have been assigned otherwise, had the robot
         been known to be elsewhere.
         """
         if self._settings.splits == 0:
@@ -63,13 +63,13 @@ class Returns:
         ]
 
     def _note(self, groups: Sequence[Group]) -> None:
-        """Remember returns that are tried now."""
+        """Record the returns tried now."""
         self._tried.note(groups, len(self._replay.steps))
 
 
 @dataclass(frozen=True)
 class _View:
-    """A history as a whole drive with objects that are unions of runs."""
+    """A history as a whole-drive problem, its objects being unions of runs."""
 
     lineage: Lineage
     drive: WholeDrive
@@ -77,7 +77,7 @@ class _View:
     record: FirstAndMissed
     path: Array  # (1 + T, 3)
     ids: Index  # (n,) objects of the detections
-    born: Index  # (n,) objects that they would start
+    born: Index  # (n,) ids of the objects that they would start
     map_ids: list[int]
 
     @classmethod
@@ -108,7 +108,7 @@ class _View:
         return int(self.runs.keyframes[parting.returned])
 
     def group(self, parting: Parting) -> Group:
-        """What tells a parting from others: the object, what it would be, and how much of it."""
+        """Identity of a parting: the object, the new object, and how much of it is split off."""
         rows = np.flatnonzero(self.runs.detections == parting.returned)
         size = int((parting.objects[self.runs.detections] == parting.parted[1]).sum())
         until_next = -1 if size == len(rows) else -2
@@ -126,14 +126,14 @@ class _View:
         return tuple(replace(step, association=tuple(own)) for step, own in zip(self.lineage, association, strict=True))
 
     def _name(self, first: int) -> int:
-        """Id of an object that is seen first in this detection: what the history has from there on, or its own."""
+        """Id of an object first seen in this detection: the id it has in the history from there on, or a new one."""
         own = int(self.ids[first])
         begins = own not in self.map_ids and first == int(np.flatnonzero(self.ids == own)[0])
         return own if begins else int(self.born[first])
 
 
 def _standing(lineage: Lineage) -> list[Flags]:
-    """For each keyframe (D,) which detections are of objects that are not taken to move."""
+    """For each keyframe (D,) whether detections are of objects taken to stand still."""
     pairs = [pair for step in lineage for pair in zip(step.association, step.class_assignment, strict=True)]
     moving = {number for number, kind in pairs if kind == MOVES}
     return [np.array([number >= 0 and number not in moving for number in step.association]) for step in lineage]

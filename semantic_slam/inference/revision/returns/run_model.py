@@ -1,6 +1,6 @@
-"""The joint Gaussian of where all runs of sightings are, from which every way to make objects of them follows at once.
+"""Joint Gaussian of the positions of all runs, from which the evidence of every grouping into objects follows.
 
-All is linearised at one solution: near it, what a history weighs whose objects are other unions of the same runs is
+All is linearised at one solution: near it, the evidence of a history whose objects are other unions of the runs has a
 closed form.
 """
 
@@ -18,11 +18,11 @@ from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
 
 @dataclass(frozen=True, kw_only=True)
 class RunModel:
-    """A quadratic in the places of A atoms: error = constant + slope places + places information places / 2."""
+    """A quadratic in the positions of A atoms: error = constant + slope places + places information places / 2."""
 
     information: Array  # (2 A, 2 A)
     slope: Array  # (2 A,)
-    constant: float  # with the path and the biases integrated out
+    constant: float  # with path and biases integrated out
 
     @classmethod
     def at(cls, drive: WholeDrive, runs: Runs, solution: Solution, objects: Index) -> Self:
@@ -46,7 +46,7 @@ class RunModel:
         )
 
     def log_evidence(self, objects: Index) -> float:
-        """Log evidence of the atoms being of ``objects`` (A,), 0 to N - 1, objects being one per square metre."""
+        """Log evidence of atoms of ``objects`` (A,), 0 to N - 1, with one object per square metre a priori."""
         union = np.kron(np.eye(int(objects.max()) + 1)[objects], np.eye(2))
         root = np.linalg.cholesky(union.T @ self.information @ union)
         white = solve_triangular(root, union.T @ self.slope, lower=True)

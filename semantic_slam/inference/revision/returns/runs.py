@@ -1,7 +1,7 @@
-"""The runs of sightings that a history's objects are seen in, and the histories in which a return was of another one.
+"""Runs: uninterrupted sightings of a history's objects, and the histories in which a return was to another object.
 
-Where an object is seen again after an absence, the robot may have taken another one for it. What is seen without
-one is held together by what lies beside it, and stays one object.
+Where an object is seen again after an absence, the robot may have mistaken another one for it. Sightings without an
+absence are tied together by their surroundings, and stay one object.
 """
 
 from collections.abc import Iterator
@@ -18,21 +18,21 @@ ABSENT = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Parting:
-    """A history in which the sightings of one object from a return on, or until the next one, are of another."""
+    """A history that splits an object at a return: sightings from there on, or up to the next one, are of another."""
 
-    objects: Index  # (A,) of each atom
+    objects: Index  # (A,) object of each atom
     returned: int  # atom that begins with the return
-    parted: tuple[int, int]  # the two objects that were one
+    parted: tuple[int, int]  # the two objects that were one before
 
 
 @dataclass(frozen=True, kw_only=True)
 class Runs:
-    """R runs, each of one object of one history. Its atoms are the M objects of a map, and then the runs."""
+    """R runs, each of one object of one history. The atoms are the M objects of a map, and then the runs."""
 
     detections: Index  # (n,) atom of each detection
     objects: Index  # (M + R,) object of each atom in the history; those of the map have the numbers 0 to M - 1
     keyframes: Index  # (M + R,) where each run begins, 0 for an object of the map
-    seen: Flags  # (M + R, T) in which frames
+    seen: Flags  # (M + R, T) whether seen in each frame
     num_mapped: int  # M
 
     @classmethod
@@ -57,7 +57,7 @@ class Runs:
         )
 
     def partings(self) -> Iterator[Parting]:
-        """For every return, what is seen from it on, and what is seen until the next one, as another object."""
+        """Two partings per return: all later sightings, or those until the next return, become another object."""
         new = int(self.objects.max(initial=-1)) + 1
         for number in np.unique(self.objects).tolist():
             atoms = np.flatnonzero(self.objects == number)
@@ -70,19 +70,19 @@ class Runs:
                     yield Parting(objects=objects, returned=int(atoms[place]), parted=(number, new))
 
     def seen_of(self, objects: Index) -> Flags:
-        """(N, T) frames in which each object 0 to N - 1 is seen, where atoms are of ``objects`` (M + R,)."""
+        """(N, T) whether each object 0 to N - 1 is seen in each frame, with atoms of ``objects`` (M + R,)."""
         found = np.zeros((int(objects.max(initial=-1)) + 1, self.seen.shape[1]), dtype=bool)
         np.logical_or.at(found, objects, self.seen)
         return found
 
 
 def numbered(objects: Index) -> Index:
-    """(A,) the same objects with the numbers 0 to N - 1, in the same order."""
+    """(A,) object ids replaced by the numbers 0 to N - 1, in the same order."""
     return np.asarray(np.unique(objects, return_inverse=True)[1])
 
 
 def offsets(places: Array, covariance: Array) -> tuple[Array, Array]:
-    """(N, N, 2) from each of N places to each, and (N, N, 2, 2) their covariances, from the places' (2 N, 2 N)."""
+    """(N, N, 2) offsets between N positions, and (N, N, 2, 2) their covariances, from the positions' (2 N, 2 N)."""
     count = len(places)
     blocks = covariance.reshape(count, 2, count, 2).transpose(0, 2, 1, 3)
     own = blocks[np.arange(count), np.arange(count)]

@@ -1,6 +1,6 @@
-"""Where one history of a whole drive has all, and what its geometry weighs.
+"""Maximum a posteriori solution of a whole drive under one history, and its evidence.
 
-Gauss and Newton to the optimum, and Laplace there.
+Gauss-Newton to the optimum, and the Laplace approximation there.
 """
 
 from dataclasses import dataclass
@@ -17,22 +17,22 @@ from semantic_slam.inference.models.odometry_bias import CHANGE
 from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
 
 MAX_STEPS = 12
-"""Steps of Gauss and Newton."""
+"""Most Gauss-Newton steps."""
 CONVERGED = 0.05
-"""Nats that a step gains below which it is the last one."""
+"""Gain of a step [nats] below which it is the last one."""
 HALVINGS = 6
-"""How often a step that loses is halved."""
+"""Most halvings of a step that increases the error."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """A history's robot and N objects, those of a map first, and what its geometry weighs."""
+    """The robot's path and N objects of a history, those of a map first, and the geometric evidence."""
 
     path: Array  # (1 + T, 3) from the pose before the first keyframe on
     biases: Array  # (S, p)
     places: Array  # (N, 2)
     covariance: Array  # (2 N, 2 N) of the places
-    log_evidence: float  # objects being one per square metre; up to a constant of the drive
+    log_evidence: float  # with one object per square metre; up to a constant of the drive
 
 
 def solved(drive: WholeDrive, objects: Index, path: Array, biases: Array | None = None) -> Solution:
@@ -69,7 +69,7 @@ def solved(drive: WholeDrive, objects: Index, path: Array, biases: Array | None 
 
 
 def _first_places(drive: WholeDrive, objects: Index, count: int, path: Array) -> Array:
-    """(N, 2) means of where detections are seen from a path; those of the map where that has them."""
+    """(N, 2) initial positions: means of the detections seen from a path; those of the map as mapped."""
     places, times = np.zeros((count, 2)), np.bincount(objects, minlength=count)
     np.add.at(places, objects, drive.seen_from(path))
     places /= np.maximum(times, 1)[:, None]
@@ -79,7 +79,7 @@ def _first_places(drive: WholeDrive, objects: Index, count: int, path: Array) ->
 
 @dataclass(frozen=True)
 class System:
-    """The normal equations at one point; columns are poses, biases and places."""
+    """The normal equations at one point; columns are poses, biases and positions."""
 
     drive: WholeDrive
     objects: Index  # (n,)
@@ -100,19 +100,19 @@ class System:
 
     @cached_property
     def error(self) -> float:
-        """Half of the squares of all whitened residuals."""
+        """Half the sum of squared whitened residuals."""
         polar = self._polar.ravel()
         return 0.5 * float(self._plain @ self._plain + polar @ self.drive.information @ polar)
 
     @property
     def matrix(self) -> Array:
-        """(m, m)."""
+        """(m, m) information matrix (Gauss-Newton Hessian)."""
         plain, polar = self._slopes
         return np.asarray((plain.T @ plain).toarray() + polar.T @ (self.drive.information @ polar))
 
     @property
     def slope(self) -> Array:
-        """(m,) of the error."""
+        """(m,) gradient of the error."""
         plain, polar = self._slopes
         return np.asarray(plain.T @ self._plain + polar.T @ (self.drive.information @ self._polar.ravel()))
 
@@ -122,7 +122,7 @@ class System:
 
     @cached_property
     def _plain(self) -> Array:
-        """Residuals of the beginning, motions, biases and places on the map, which err independently."""
+        """Independent residuals: those of the start pose, motions, biases and map positions."""
         drive = self.drive
         begin = self._begin_whiten @ se2.log(se2.between(drive.begin.mean, self.path[0]))
         offset = se2.log(se2.between(drive.controls, se2.between(self.path[:-1], self.path[1:])))
@@ -135,7 +135,7 @@ class System:
 
     @cached_property
     def _relative(self) -> Array:
-        """(n, 2) places in the frames of the robots that detect them."""
+        """(n, 2) object positions in the frames of the robots that detect them."""
         robots = self.path[1 + self.drive.keyframes]
         away, cos, sin = self.places[self.objects] - robots[:, :2], np.cos(robots[:, 2]), np.sin(robots[:, 2])
         return np.stack([cos * away[:, 0] + sin * away[:, 1], cos * away[:, 1] - sin * away[:, 0]], axis=1)
@@ -150,7 +150,7 @@ class System:
 
     @cached_property
     def _slopes(self) -> tuple[csr_array, csr_array]:
-        """Derivatives of the residuals that err independently, and of ranges and bearings."""
+        """Jacobians of the independent residuals, and of ranges and bearings."""
         drive, poses = self.drive, self.path.size
         size = poses + self.biases.size + self.places.size
         begin, sizes = [(0, 0, self._begin_whiten[None])], self.biases.shape
@@ -190,7 +190,7 @@ class System:
 
 
 def _sparse(parts: list[tuple[Index, Index, Array]], rows: int, columns: int) -> csr_array:
-    """A matrix of blocks (n, a, b), each of which begins at its row and column."""
+    """A sparse matrix of blocks (n, a, b), each placed at its row and column."""
     values, at_rows, at_columns = [], [], []
     for first_rows, first_columns, blocks in parts:
         row = first_rows[:, None, None] + np.arange(blocks.shape[1])[:, None]

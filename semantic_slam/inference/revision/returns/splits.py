@@ -1,8 +1,8 @@
-"""Histories in which a return was of another object than it was taken for, with all that follows from it.
+"""Search for histories in which a return was to another object, with everything that follows from it.
 
-A drive that took one of two places for the other is bent by it: what it saw before and after lies apart. So an object
-is parted at a return, the whole drive is solved anew, and objects that then lie on each other are joined, for as long
-as that makes the history likelier. What is worth a replay is told by rough weights.
+A wrong loop closure bends the whole drive: things seen before and after lie apart. So an object is split at a return,
+the whole drive is solved again, and objects that then coincide are merged, as long as that makes the history likelier.
+Rough weights select what is worth a replay.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,16 +18,16 @@ from semantic_slam.inference.revision.returns.solution import Solution, solved
 from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
 
 MOST_JOINED = 4
-"""Objects that are joined after one parting."""
+"""Most merges after one split."""
 MOST_PAIRS = 8
-"""Pairs of objects of which detections and misses are looked at before two are joined."""
+"""Pairs of objects whose detections and misses are evaluated before a merge."""
 UNLIKELY = 10.0
-"""Nats that two objects lose by their places, as one, from which on what was detected and missed is not looked at."""
+"""Nats lost by position in a merge beyond which detections and misses are not evaluated."""
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """A history by the objects of its atoms."""
+    """A history given by the objects of its atoms, with its rough weight."""
 
     objects: Index  # (A,)
     solution: Solution
@@ -36,7 +36,7 @@ class Weighed:
 
 @dataclass(frozen=True, kw_only=True)
 class Splits:
-    """Looks for likelier histories around one, whose objects the atoms of ``runs`` are parts of."""
+    """Looks for likelier histories around one, whose objects are unions of the atoms of ``runs``."""
 
     drive: WholeDrive
     runs: Runs
@@ -44,7 +44,7 @@ class Splits:
     path: Array  # (1 + T, 3) of the history at hand
 
     def best(self, count: int, is_news: Callable[[Parting], bool]) -> list[tuple[Parting, Index, float]]:
-        """At most ``count`` partings that are news, each with the objects of the detections and what these gain.
+        """At most ``count`` new partings, each with the objects of the detections and the rough log gain.
 
         Raises numpy.linalg.LinAlgError where the history at hand is indeterminate and there are any.
         """
@@ -63,7 +63,7 @@ class Splits:
         return found
 
     def _followed_up(self, parting: Parting, path: Array) -> Weighed | None:
-        """The likeliest history on the way from a parting through the joins that follow; None: there is none."""
+        """The likeliest history among a parting and the merges that follow it; None: none is solvable."""
         try:
             now = best = self._weighed(parting.objects, path)
             for _ in range(MOST_JOINED):
@@ -83,7 +83,7 @@ class Splits:
         return Weighed(objects, solution, solution.log_evidence + self.record.log_probability(births, likely))
 
     def _joined(self, now: Weighed, parting: Parting) -> Index | None:
-        """The objects of the atoms with the two as one that gain most by it; None where none gain."""
+        """The objects of the atoms after the merge of two that gains most; None where no merge gains."""
         pairs = self._pairs(now, parting)
         if not pairs:
             return None
@@ -95,7 +95,7 @@ class Splits:
         return numbered(np.where(now.objects == younger, older, now.objects))
 
     def _pairs(self, now: Weighed, parting: Parting) -> list[tuple[int, int, float]]:
-        """Pairs of objects that may be one, and what they gain by their places; the most gain first."""
+        """Pairs of objects that may be one, with their gain by position, largest first."""
         places, seen = now.solution.places, self.runs.seen_of(now.objects)
         away, spread = offsets(places, now.solution.covariance)
         mapped, log_new = self.runs.num_mapped, float(np.median(self.record.log_intensities))
@@ -112,7 +112,7 @@ class Splits:
         return list(zip(older[best].tolist(), younger[best].tolist(), gains[best].tolist(), strict=True))
 
     def _gains(self, now: Weighed, pairs: Sequence[tuple[int, int, float]]) -> Array:
-        """(n,) by places, detections and misses."""
+        """(n,) gains of pairs by positions, detections and misses."""
         path, places, seen = now.solution.path, now.solution.places, self.runs.seen_of(now.objects)
         likely = self.record.by_object(path, places, seen)
         births, total = len(places) - self.runs.num_mapped, likely.sum(axis=0)

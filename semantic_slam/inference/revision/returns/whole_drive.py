@@ -1,7 +1,7 @@
-"""A whole drive as one least-squares problem under any association: rough, to tell which histories to propose.
+"""A whole drive as one least-squares problem under any association; rough, to select histories to propose.
 
-All histories share odometry and the errors of detections that repeat. With those errors integrated out, the geometry
-of a history is sparse in the path, the biases of odometry and the objects. What a history weighs, its replay tells.
+All histories share odometry and the correlated detection errors. With those errors integrated out, the geometry of a
+history is sparse in the path, the odometry biases and the objects. The replay of a history determines its weight.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,15 +26,15 @@ NO_BIASES = np.zeros((3, 0))
 
 @dataclass(frozen=True, kw_only=True)
 class WholeDrive:
-    """T motions, n detections of objects that stand still, with a range; M objects of a map."""
+    """T motions, n detections with a range of objects that stand still, and M objects of a map."""
 
-    begin: GaussianPrior  # of the robot before the first keyframe
+    begin: GaussianPrior  # prior of the robot before the first keyframe
     controls: Array  # (T, 3)
     by_bias: Array  # (T, 3, p)
-    whiten: Array  # (T, 3, 3) of motions, in their tangent spaces
-    stretches: Index  # (T,) which of the biases each motion has
+    whiten: Array  # (T, 3, 3) whitening of motions, in their tangent spaces
+    stretches: Index  # (T,) index of each motion's bias
     keyframes: Index  # (n,) of the detections
-    numbers: Index  # (n,) place of each in its keyframe
+    numbers: Index  # (n,) number of each within its keyframe
     polar: Array  # (n, 2) range [m] and bearing [rad]
     polar_whiten: Array  # (n, 2, 2)
     covariance: Callable[[], Array]  # (2 n, 2 n) of whitened errors
@@ -43,7 +43,7 @@ class WholeDrive:
 
     @classmethod
     def of(cls, problem: Problem, component: Component, steps: Sequence[Step], standing: Sequence[Flags]) -> Self:
-        """With the noises and the clock that ``component`` takes robot and sensor to have.
+        """With the noise and clock offset that ``component`` assumes.
 
         ``standing``: for each keyframe (D,) which detections are of objects that stand still.
         """
@@ -75,28 +75,28 @@ class WholeDrive:
 
     @cached_property
     def information(self) -> Array:
-        """(2 n, 2 n) of whitened errors; made where it is asked for, as it costs the cube of the detections."""
+        """(2 n, 2 n) information matrix of whitened errors; computed on demand, at cubic cost in the detections."""
         return _inverse(self.covariance())
 
     @property
     def num_biases(self) -> tuple[int, int]:
-        """Biases that motions have, and components of each."""
+        """Number of bias variables, and of their components."""
         return int(self.stretches[-1]) + 1, self.by_bias.shape[-1]
 
     def seen_from(self, path: Array) -> Array:
-        """(n, 2) where detections are in map, from a path (1 + T, 3)."""
+        """(n, 2) positions of the detections in map, along a path (1 + T, 3)."""
         robots, (reach, bearing) = path[1 + self.keyframes], self.polar.T
         turn = robots[:, 2] + bearing
         return np.asarray(robots[:, :2] + reach[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
 
 
 def _whitening(covariances: Array) -> Array:
-    """(n, d, d) from errors to ones of unit covariance."""
+    """(n, d, d) matrices that whiten errors."""
     return np.linalg.inv(np.linalg.cholesky(covariances)) if len(covariances) else covariances
 
 
 def _inverse(covariance: Array) -> Array:
-    """Inverse of a large covariance, for half of what that of any matrix costs."""
+    """Inverse of a large covariance by Cholesky, at half the cost of a general inverse."""
     root, fault = dpotrf(covariance, lower=1) if len(covariance) else (covariance, 1)
     if fault:  # hardly definite, or there is nothing
         return np.asarray(np.linalg.inv(covariance), dtype=float)
@@ -105,7 +105,7 @@ def _inverse(covariance: Array) -> Array:
 
 
 def _in_map(prior: GaussianPrior) -> Array:
-    """(2, 2) covariance of the place of a pose, or of a point, with a prior, in map."""
+    """(2, 2) position covariance, in map, of a pose or a point with a prior."""
     if len(prior.mean) < 3:
         return prior.covariance
     cos, sin = np.cos(prior.mean[2]), np.sin(prior.mean[2])
@@ -116,7 +116,7 @@ def _in_map(prior: GaussianPrior) -> Array:
 def _errors(
     problem: Problem, motions: Sequence[Motion], frames: Sequence[Sequence[Any]], rows: Sequence[tuple[int, int]]
 ) -> Array:
-    """(2 n, 2 n) covariance of the whitened errors of the detections ``rows``: keyframe, and number in it."""
+    """(2 n, 2 n) covariance of the whitened errors of the detections ``rows`` (keyframe, number in it)."""
     settings = problem.detection_errors
     if settings.correlated_share <= 0.0:
         return np.eye(2 * len(rows))
@@ -140,7 +140,7 @@ def _errors(
 def _transitions(
     settings: DetectionErrorsConfiguration, motions: Sequence[Motion], frames: Sequence[Sequence[Any]]
 ) -> dict[int, ErrorTransition]:
-    """Keyframe -> the errors of its detections given those of the newest one before that has any."""
+    """Keyframe -> transition of the correlated errors to its detections from the last frame with any."""
     carried, found = None, {}
     for k, (motion, frame) in enumerate(zip(motions, frames, strict=True)):
         carried = None if carried is None else carried.moved(motion.control, settings)

@@ -1,9 +1,10 @@
-"""The charts in which iSAM2 has robots and objects: steps from where their variables began, which it never moves.
+"""Charts: the fixed local coordinates in which iSAM2 holds robots and objects, about base points that it never moves.
 
-A step is along the axes of where it began, and its turn is by itself: what moves without turning is linear in steps,
-however far, and where an object is does not depend on its heading, which nothing may measure. iSAM2 solves for the
-steps; where they lead is told here. What a measurement says at an estimate that has moved and turned is told in the
-same charts, exactly to first order: no other factor has to be made anew with it.
+The coordinates of a variable, its steps, are along the axes of its base point, with the heading as a coordinate of its
+own: translation without rotation is linear in them over any distance, and an object's position does not depend on its
+heading, which nothing may measure. iSAM2 solves for the steps; this module retracts them to states. A measurement at an
+estimate that has moved and turned is expressed in the same charts, exactly to first order: no other factor has to be
+relinearised with it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,17 +23,17 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True, kw_only=True)
 class Charts:
-    """The points of T robots and O objects about which their charts are, and those of biases of odometry."""
+    """The base points of the charts of T robots and O objects, and of odometry biases."""
 
     spaces: Spaces
-    robots: Array  # (T, s) the first before the first keyframe
+    robots: Array  # (T, s); the first precedes the first keyframe
     object_ids: Index  # (O,) ascending
     objects: Array  # (O, s)
-    vectors: Mapping[int, Array]  # GTSAM key -> where the bias began
+    vectors: Mapping[int, Array]  # GTSAM key -> initial value of the bias
 
     @classmethod
     def of(cls, spaces: Spaces, values: gtsam.Values) -> "Charts":
-        """Charts about the ``values``."""
+        """Charts about ``values``."""
         states, keys = spaces.states(values), list(values.keys())
         ids = np.array([number_of(key) for key in keys if is_object(key)], dtype=int)
         return cls(
@@ -44,11 +45,12 @@ class Charts:
         )
 
     def extended(self, values: gtsam.Values, at: Located) -> tuple["Charts", Located, gtsam.Values]:
-        """The charts with those of new variables, where all are estimated to be, and where the new charts begin.
+        """The charts with those of new variables, all estimates, and ``values`` at the new charts' base points.
 
-        New variables are estimated at ``values``, the others ``at``. Their charts are to each other, and to the newest
-        of those before, as the estimates are: all that is measured of one another holds where charts begin, however far
-        the estimate has moved and turned since as a whole. What turns all of the map alike then turns nothing measured.
+        New variables are estimated at ``values``, the others are ``at`` their estimates. New base points are placed
+        relative to each other, and to the newest base point before, as the estimates are: relative measurements between
+        them then hold at the base points, however far the whole estimate has moved and turned. A rotation of the whole
+        map thus changes no measurement.
         """
         keys, spaces = list(values.keys()), self.spaces
         objects = [key for key in keys if is_object(key)]
@@ -70,14 +72,14 @@ class Charts:
         return charts, located, _changed(values, charts.points([key for key in keys if not is_vector(key)]))
 
     def located(self, steps: Array) -> Located:
-        """All of them after (n,) steps, those of objects and then of robots last."""
+        """Estimates of all robots and objects after (n,) steps, in which objects and then robots come last."""
         spaces, split = self.spaces, len(steps) - self.robots.shape[0] * self.spaces.layout.robot
         begin = split - self.objects.shape[0] * spaces.layout.landmark
         by_object = steps[begin:split].reshape(-1, spaces.layout.landmark)
         return self._after(steps[split:].reshape(-1, spaces.layout.robot), by_object)
 
     def begun(self) -> Located:
-        """All of them where their charts begin."""
+        """All robots and objects at the base points of their charts."""
         layout = self.spaces.layout
         return self._after(np.zeros((len(self.robots), layout.robot)), np.zeros((len(self.objects), layout.landmark)))
 
@@ -89,7 +91,7 @@ class Charts:
         )
 
     def values(self, at: Located, others: gtsam.Values) -> gtsam.Values:
-        """Where robots and objects are, and ``others`` as they are there."""
+        """The values ``others`` with robots and objects at their estimates ``at``."""
         found = gtsam.Values()
         for number, state in zip(self.object_ids.tolist(), at.objects.states, strict=True):
             self.spaces.landmark.insert(found, object_key(number), state)
@@ -98,7 +100,7 @@ class Charts:
         return _changed(others, found)
 
     def points(self, keys: Sequence[int]) -> gtsam.Values:
-        """About which the charts of some robots and objects are."""
+        """Base points of the charts of some robots and objects."""
         values = gtsam.Values()
         for key in keys:
             number = number_of(key)
@@ -108,7 +110,7 @@ class Charts:
 
 
 def _carried(space: StateSpace, states: Array, last: Array, point: Array) -> Array:
-    """(n, s) points that are to ``point`` (s,) as states (n, s) are to ``last`` (s,); poses are x, y, yaw."""
+    """(n, s) points placed relative to ``point`` (s,) as states (n, s) are to ``last`` (s,); poses are x, y, yaw."""
     if space.heading is None and len(last) == space.storage_size:
         return states + (point - last)
     turn = point[2] - last[2]
@@ -122,7 +124,7 @@ def _carried(space: StateSpace, states: Array, last: Array, point: Array) -> Arr
 
 
 def _changed(values: gtsam.Values, places: gtsam.Values) -> gtsam.Values:
-    """Values in which robots and objects are at other places."""
+    """A copy of ``values`` with robots and objects at other ``places``."""
     changed = gtsam.Values(values)
     changed.update(places)
     return changed

@@ -1,4 +1,4 @@
-"""Measurements as iSAM2 holds them: linear in its charts, each with the slot that it has there."""
+"""Measurements as iSAM2 holds them: linear in its charts, each with its factor slot there."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,14 +25,15 @@ class LinearMeasurements:
     of: Measured  # B
     by_first: Array  # (B, m, d) in its chart
     by_second: Array  # (B, m, e)
-    constant: Array  # (B, m) residuals where the charts begin, without what repeats
+    constant: Array  # (B, m) residuals at the base points, without biases and correlated errors
     slots: Index  # (B,)
 
     @classmethod
     def made(cls, of: Measured, begun: Slopes, here: Slopes) -> "LinearMeasurements":
-        """With the slopes where charts have ``begun``, and what they are off at the estimate ``here``; without slots.
+        """Measurements with Jacobians at the base points (``begun``), and residuals that fit the estimate (``here``).
 
-        So no two measurements differ in what a variable's change means: what turns the whole map turns none of them.
+        They have no slots yet. All share Jacobians at the base points, so that a rotation of the whole map is
+        unobservable in each of them.
         """
         first, second = begun.by_first @ begun.first.slopes, begun.by_second @ begun.second.slopes
         moved = first @ here.first.steps[..., None] + second @ here.second.steps[..., None]
@@ -41,16 +42,16 @@ class LinearMeasurements:
 
     @property
     def kind(self) -> int:
-        """0 of motions, and 1 of sightings."""
+        """0 for motions, and 1 for sightings."""
         return int(isinstance(self.of, Sightings))
 
     def off(self, slopes: Slopes) -> Array:
-        """(B,) half the square of what each is off, at states with other ``slopes``, in standard deviations."""
+        """(B,) half the squared linearisation error of each, in standard deviations, at states with new ``slopes``."""
         linear = self.by_first @ slopes.first.steps[..., None] + self.by_second @ slopes.second.steps[..., None]
         return 0.5 * squared_norms(slopes.residual - self.constant - linear[..., 0])
 
     def factors(self) -> gtsam.NonlinearFactorGraph:
-        """One for GTSAM for each."""
+        """GTSAM factors, one for each measurement."""
         noise, right = unit_noise(self.constant.shape[1]), -(self.constant + self.of.offset)
         rows = zip(self.of.terms(), self.by_first, self.by_second, right, strict=True)
         linear = gtsam.GaussianFactorGraph()
@@ -62,20 +63,20 @@ class LinearMeasurements:
 
 @dataclass(frozen=True, kw_only=True)
 class LinearFactors:
-    """All measurements of a smoother, in parts that are joined where they are asked for, and their charts."""
+    """All measurements of a smoother and their charts; batches are joined on demand."""
 
     charts: Charts
     model: ObservationModel
-    num_slots: int  # for factors, of measurements and others, in iSAM2
+    num_slots: int  # factor slots in iSAM2, of measurements and others
     parts: tuple[tuple[LinearMeasurements, ...], ...] = ((), ())  # of motions, and of sightings
 
     @property
     def count(self) -> int:
-        """Number of all measurements."""
+        """Number of measurements."""
         return sum(len(own.slots) for kind in self.parts for own in kind)
 
     def made(self, measured: Sequence[Measured], at: Located) -> list[LinearMeasurements]:
-        """Measurements made linear in the charts, for estimates ``at``."""
+        """Measurements linearised in the charts for the estimates ``at``."""
         begun, spaces = self.charts.begun(), self.charts.spaces
         return [
             LinearMeasurements.made(own, *(own.measured(spaces, self.model, where) for where in (begun, at)))
@@ -83,7 +84,7 @@ class LinearFactors:
         ]
 
     def with_new(self, made: Sequence[LinearMeasurements], before: int, after: int = 0) -> "LinearFactors":
-        """With measurements that iSAM2 was given after so many other factors ``before``, and ``after`` them."""
+        """With measurements that iSAM2 received after ``before`` other new factors and before ``after`` more."""
         parts, begin = list(self.parts), self.num_slots + before
         for own in made:
             end = begin + len(own.slots)
@@ -92,28 +93,28 @@ class LinearFactors:
         return replace(self, parts=tuple(parts), num_slots=begin + after)
 
     def in_one_part(self) -> "LinearFactors":
-        """Linear factors with each kind of measurement in one part."""
+        """Linear factors with each kind of measurement in one batch."""
         return replace(self, parts=tuple((_joined(kind),) if kind else () for kind in self.parts))
 
     @property
     def joined(self) -> list[LinearMeasurements]:
-        """All motions, and all sightings, where there are any."""
+        """All motions in one batch, and all sightings in one, where there are any."""
         return [_joined(kind) for kind in self.parts if kind]
 
     def off(self, at: Located) -> float:
-        """Half the sum of squares of what all are off ``at`` an estimate, in standard deviations."""
+        """Half the squared linearisation error of all measurements at an estimate, in standard deviations."""
         spaces = self.charts.spaces
         return float(sum(own.off(own.of.measured(spaces, self.model, at)).sum() for own in self.joined))
 
     def about(self, values: gtsam.Values) -> tuple["LinearFactors", list[LinearMeasurements]]:
-        """Without measurements, charts about ``values``; and all measurements made linear there."""
+        """Empty linear factors with charts about ``values``, and all measurements linearised there."""
         charts = Charts.of(self.charts.spaces, values)
         empty = LinearFactors(charts=charts, model=self.model, num_slots=0)
         return empty, empty.made([own.of.with_offsets(values.atVector) for own in self.joined], charts.begun())
 
 
 def new_measurements(measured: Sequence[Measured], values: gtsam.Values, known: Mapping[int, Array]) -> list[Measured]:
-    """Measurements with errors and biases where their charts are: new ones at ``values``, others ``known``."""
+    """Measurements with correlated errors and biases at their chart origins: from ``values`` if new, else ``known``."""
 
     def point(key: int) -> Array:
         return np.asarray(values.atVector(key)) if values.exists(key) else known[key]
@@ -122,7 +123,7 @@ def new_measurements(measured: Sequence[Measured], values: gtsam.Values, known: 
 
 
 def in_charts(factor: Any, charts: Charts, at: Located) -> Any:
-    """A factor on robot and object that is linear in the tangent spaces where they are, in those of the charts."""
+    """A linear factor on robot and object, transformed from tangent spaces at the estimates to the charts."""
     keys = list(factor.keys())
     variables = [at.of(key) for key in keys]
     values = gtsam.Values()

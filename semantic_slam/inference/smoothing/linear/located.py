@@ -1,4 +1,4 @@
-"""Where robots and objects are estimated to be, by steps from where their variables began."""
+"""Estimates of robots and objects given as steps from the base points of their charts (retraction and its Jacobian)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,55 +15,55 @@ from semantic_slam.inference.states.layout import Layout
 
 
 class Variables(NamedTuple):
-    """n estimated states of s numbers, and where they are in charts of d dimensions."""
+    """n estimated states of s numbers, with their coordinates in charts of d dimensions."""
 
     states: Array  # (n, s)
     steps: Array  # (n, d)
-    slopes: Array  # (n, d, d) changes in the tangent spaces at the states by changes of the steps
+    slopes: Array  # (n, d, d) Jacobian of tangent vectors at the states by the steps
 
 
 @dataclass(frozen=True)
 class Stepped:
-    """n variables of one kind by steps from where they began; the states of those that are asked for are told."""
+    """n variables of one kind as steps from base points; states are computed on demand."""
 
     space: StateSpace
     points: Array  # (n, s)
     steps: Array  # (n, d)
 
     def take(self, rows: Index) -> Variables:
-        """Some of them, any number of times."""
+        """The variables in some rows, which may repeat."""
         return _moved(self.space, self.points[rows], self.steps[rows])
 
     @property
     def states(self) -> Array:
-        """(n, s) of all of them."""
+        """(n, s) states of all of them."""
         return _moved(self.space, self.points, self.steps).states
 
     def with_states(self, points: Array, states: Array) -> "Stepped":
-        """These, and then others at ``states`` (m, s), whose charts begin at points (m, s)."""
+        """With others appended, at ``states`` (m, s) and with base ``points`` (m, s)."""
         steps = np.concatenate([self.steps, _steps(self.space, points, states)])
         return Stepped(self.space, np.concatenate([self.points, points]), steps)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Located:
-    """Where robots and objects are estimated to be."""
+    """Estimates of robots and objects in their charts."""
 
-    robots: Stepped  # T, the first before the first keyframe
+    robots: Stepped  # T; the first precedes the first keyframe
     object_ids: Index  # (O,) ascending
     objects: Stepped  # O
 
     def robots_of(self, rows: Index) -> Variables:
-        """Robots by their rows (B,)."""
+        """Robots in some rows (B,)."""
         return self.robots.take(rows)
 
     def objects_of(self, ids: Index) -> Variables:
-        """Objects by their ids (B,)."""
+        """Objects with some ids (B,)."""
         return self.objects.take(np.searchsorted(self.object_ids, ids))
 
     @property
     def largest_turn(self) -> float:
-        """Radians by which a robot has turned in its chart, at most; 0 where robots do not turn."""
+        """Largest rotation [rad] of a robot in its chart; 0 where robots have no heading."""
         steps = self.robots.steps
         return float(np.abs(steps[:, 2]).max(initial=0.0)) if steps.shape[1] > 2 else 0.0
 
@@ -73,7 +73,7 @@ class Located:
         return self.robots_of(number) if is_robot(key) else self.objects_of(number)
 
     def states(self, keys: Sequence[int], storage: Layout) -> Array:
-        """(n, w) of robots and objects, in the order of their ``keys``."""
+        """(n, w) states of robots and objects, in the order of ``keys``."""
         numbers, robots = _numbers(tuple(keys))
         found = np.zeros((len(keys), storage.width))
         found[robots, : storage.robot] = self.robots_of(numbers[robots]).states
@@ -81,7 +81,7 @@ class Located:
         return found
 
     def covariance(self, parts: Sequence[tuple[int, slice]], in_charts: Array) -> Array:
-        """A covariance in the tangent spaces at the estimates; ``parts``: rows of each GTSAM key."""
+        """A covariance transformed to the tangent spaces at the estimates; ``parts``: rows of each GTSAM key."""
         slopes = np.eye(len(in_charts))
         for key, own in parts:
             if not is_vector(key):
@@ -96,7 +96,7 @@ def _numbers(keys: tuple[int, ...]) -> tuple[Index, Flags]:
 
 
 def _steps(space: StateSpace, points: Array, states: Array) -> Array:
-    """(n, d) from points (n, s) to states (n, s)."""
+    """(n, d) steps from base points (n, s) to states (n, s)."""
     if space.heading is None:
         return np.asarray(states - points)
     cos, sin = np.cos(points[:, 2]), np.sin(points[:, 2])

@@ -1,4 +1,4 @@
-"""What odometry and detections measure, many at once: residuals and their slopes, without a callback for each."""
+"""Odometry and detections as batches: residuals and Jacobians of many at once, without a callback for each."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,28 +15,28 @@ from semantic_slam.inference.states.spaces import Spaces
 
 @dataclass(frozen=True)
 class Slopes:
-    """B whitened residuals of m components at states of two variables each, and their slopes there."""
+    """B whitened residuals of m components at the states of two variables each, and their Jacobians there."""
 
     first: Variables  # B
     second: Variables  # B
     residual: Array  # (B, m)
-    by_first: Array  # (B, m, d) in its tangent space
+    by_first: Array  # (B, m, d) by the first variable's tangent space
     by_second: Array  # (B, m, d)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motions:
-    """B motions of the robot by odometry, r dimensions each; p biases, linear in which they are."""
+    """B odometry motions of r dimensions each, linear in p biases."""
 
-    rows: Index  # (B,) of the robots after them
+    rows: Index  # (B,) of the robots that they lead to
     controls: Array  # (B, s)
-    roots: Array  # (B, r, r) which whiten
-    by_bias: Array  # (B, r, p) of whitened residuals
-    offset: Array  # (B, r) of residuals, by the biases where these have their charts
+    roots: Array  # (B, r, r) whitening matrices
+    by_bias: Array  # (B, r, p) Jacobian of the whitened residuals
+    offset: Array  # (B, r) of the residuals by the biases at their chart origins
 
     @classmethod
     def one(cls, keyframe: int, control: Array, covariance: Array, by_bias: Array | None) -> "Motions":
-        """That to a keyframe; ``by_bias`` (r, p) is the change of the control."""
+        """The motion to one keyframe; ``by_bias`` (r, p) is the Jacobian of the control."""
         root = np.linalg.inv(np.linalg.cholesky(covariance))
         slopes = np.zeros((len(root), 0)) if by_bias is None else -root @ by_bias
         return cls(
@@ -48,14 +48,14 @@ class Motions:
         )
 
     def with_offsets(self, point: Callable[[int], Array]) -> "Motions":
-        """The motions where biases have their charts about each key's ``point``."""
+        """The motions with chart origins of biases at each key's ``point``."""
         if not self.by_bias.shape[2]:
             return self
         biases = np.array([point(bias_key(row - 1)) for row in self.rows.tolist()])
         return replace(self, offset=(self.by_bias @ biases[..., None])[..., 0])
 
     def measured(self, spaces: Spaces, model: ObservationModel, at: Located) -> Slopes:
-        """Residuals of controls without biases."""
+        """Residuals and Jacobians of the controls, without biases."""
         space, first, second = spaces.robot, at.robots_of(self.rows - 1), at.robots_of(self.rows)
         moved = space.between(first.states, second.states)
         error = space.local(self.controls, moved)
@@ -64,7 +64,7 @@ class Motions:
         return Slopes(first, second, residual, -by_second @ space.propagation(moved), by_second)
 
     def terms(self) -> list[tuple[int, int, list[Any]]]:
-        """Keys of the two variables of each motion, and key and slope (r, p) of the biases."""
+        """Keys of the two variables of each motion, and key and Jacobian (r, p) of the biases."""
         numbers = (self.rows - 1).tolist()
         biases = self.by_bias if self.by_bias.shape[2] else ()
         repeated: list[list[Any]] = [[bias_key(n), own] for n, own in zip(numbers, biases, strict=False)]
@@ -74,20 +74,20 @@ class Motions:
 
 @dataclass(frozen=True, kw_only=True)
 class Sightings:
-    """B detections of objects, whitened by what does not repeat, and linear in their errors that do."""
+    """B detections of objects, whitened by their white noise, and linear in their correlated errors."""
 
-    scale: float  # of residuals whitened by all of their error
+    scale: float  # of residuals whitened by the whole error
     seen: Any  # (B,) the observation model's arrays
     rows: Index  # (B,) of the robots
     ids: Index  # (B,) of the objects
-    by_error: Array  # (B, 2) slopes of range and bearing by own errors that repeat
-    keys: Index  # (B,) of the variables that hold those
-    firsts: Index  # (B,) where they are there
+    by_error: Array  # (B, 2) Jacobian of range and bearing by own correlated errors
+    keys: Index  # (B,) of the variables that hold these errors
+    firsts: Index  # (B,) index of the errors within them
     sizes: Index  # (B,) of these variables
-    offset: Array  # (B, 2) of residuals, by the errors where these have their charts
+    offset: Array  # (B, 2) of the residuals by the errors at their chart origins
 
     def with_offsets(self, point: Callable[[int], Array]) -> "Sightings":
-        """The sightings where errors have their charts about each key's ``point``."""
+        """The sightings with chart origins of correlated errors at each key's ``point``."""
         own, rows = np.unique(self.keys, return_inverse=True)
         points = [point(key) for key in own.tolist()]
         begins = np.cumsum([0, *(len(part) for part in points)])[rows] + self.firsts
@@ -95,14 +95,14 @@ class Sightings:
         return replace(self, offset=self.by_error * errors)
 
     def measured(self, spaces: Spaces, model: ObservationModel, at: Located) -> Slopes:
-        """Residuals of range and bearing without the errors that repeat."""
+        """Residuals and Jacobians of range and bearing, without the correlated errors."""
         first, second = at.robots_of(self.rows), at.objects_of(self.ids)
         part = model.geometry(self.seen, first.states, second.states)
         by = part.jacobian_robot, part.jacobian_object
         return Slopes(first, second, self.scale * part.residual, *(self.scale * slopes for slopes in by))
 
     def terms(self) -> list[tuple[int, int, list[Any]]]:
-        """Keys of the two variables of each sighting, and key and slope (2, q) of the errors."""
+        """Keys of the two variables of each sighting, and key and Jacobian (2, q) of the correlated errors."""
         slopes, at = np.zeros((len(self.rows), 2, self.sizes.max(initial=0))), np.arange(len(self.rows))
         slopes[at, 0, self.firsts], slopes[at, 1, self.firsts + 1] = self.by_error.T
         robots, objects = [robot_key(n) for n in (self.rows - 1).tolist()], [object_key(n) for n in self.ids.tolist()]

@@ -1,7 +1,7 @@
-"""Calculus over arrays that hold the states of a robot and of landmarks in another space, a row each.
+"""Arithmetic over arrays with one row per state, where robot and landmarks have different state spaces.
 
-A row is as wide as the wider kind; what a narrower state leaves of it means nothing. This is the general path, which
-gathers and scatters: where robot and landmark share a space, that space itself works on all rows at once.
+A row is as wide as the wider kind; the columns that a narrower state does not use are meaningless. This is the general
+path, which gathers and scatters: if robot and landmark share a space, that space itself works on all rows at once.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.kinds.state_space import StateSpace
 
 STORED, TANGENT, FRAME = "storage_size", "tangent_size", "frame_size"
-"""What the columns of an array are: the attribute of a space that tells how many it uses."""
+"""Kinds of array columns: names of a state space's attributes that state how many columns it uses."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class MixedStates:
         return moved, chart
 
     def _each(self, name: str, result: str, *operands: tuple[Array, str]) -> Array:
-        """A method of each space for its own rows and columns of the operands, each with what its columns are."""
+        """Apply a method of each space to its own rows and columns of the operands, given with their column kinds."""
         leading = np.broadcast_shapes(*(values.shape[:-1] for values, _ in operands))
         results = np.zeros((*leading, self._width(result)))
         for space, rows in self._kinds(leading[-1]):

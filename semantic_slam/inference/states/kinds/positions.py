@@ -1,4 +1,4 @@
-"""Positions, the vector space R^n, as a state space: what they have in common in the plane and in space."""
+"""Positions, the vector space R^n, as a state space: the common base for the plane and for space."""
 
 from typing import Any, ClassVar
 
@@ -9,7 +9,7 @@ from semantic_slam.geometry.arrays import Array
 
 
 class Positions:
-    """R^n: x, y and further axes [m]; subclasses say how many, and what GTSAM calls them."""
+    """R^n: x, y and further axes [m]; subclasses state the dimension and the GTSAM types."""
 
     tangent_size: int
     storage_size: int
@@ -84,7 +84,7 @@ class Positions:
         return poses
 
     def covariances(self, states: Array, covariances: Array) -> Array:
-        """The directions, of which a point has none, are 0."""
+        """(..., 6, 6) covariances; those of the rotation, which a point does not have, are 0."""
         full, size = np.zeros((*states.shape[:-1], 6, 6)), self.tangent_size
         full[..., :size, :size] = covariances
         return full

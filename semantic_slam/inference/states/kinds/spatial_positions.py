@@ -1,4 +1,4 @@
-"""Positions in space, the vector space R^3, as a state space: of objects whose attitude nobody estimates."""
+"""Positions in space, the vector space R^3, as a state space: of objects whose orientation is not estimated."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What a state space knows of its states: one file and one contract test for each."""
+"""Interface of a state space (manifold): retraction, Jacobians, GTSAM conversion; one file and contract test each."""
 
 from typing import Any, ClassVar, Protocol
 
@@ -14,10 +14,10 @@ class StateArithmetic(Protocol):
         """The state after a control."""
 
     def frame(self, state: Array) -> Array:
-        """(..., f) a state to compose with many a control: its s coordinates first."""
+        """(..., f) a precomputed form of a state for composing it with many controls: its s coordinates first."""
 
     def placed(self, frame: Array, control: Array) -> Array:
-        """:meth:`compose` from a :meth:`frame`, headings as they add up."""
+        """:meth:`compose` from a :meth:`frame`, without wrapping headings."""
 
     def retract(self, state: Array, tangent: Array) -> Array:
         """state * Exp(tangent)."""
@@ -29,7 +29,7 @@ class StateArithmetic(Protocol):
         """State at the origin moved by (..., d) tangent vectors: retract(state, t) is compose(state, exp(t))."""
 
     def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
-        """:meth:`exp`, and (..., d, d): change of retract(state, t) in its own tangent space per change of t."""
+        """:meth:`exp`, and its right Jacobian (..., d, d): change of retract(state, t), in its tangent space, by t."""
 
 
 class StateSpace(StateArithmetic, Protocol):
@@ -41,15 +41,15 @@ class StateSpace(StateArithmetic, Protocol):
     heading: ClassVar[int | None]  # tangent coordinate that turns a state in the plane; None: no single one does
     own_turn: ClassVar[int | None]  # tangent coordinate that turns a state about its own z; None: it does not turn
     position_rows: slice  # p tangent coordinates that move a state, along its own axes
-    origin: Array  # (s,) a turned state, from which linearisation points are steps
-    relinearize_threshold: Array  # (d,) change of a state from which on factors are linearised anew
-    far: Array  # (d,) the same where updates are not iterated: what moves without turning stays where it is linear
+    origin: Array  # (s,) a rotated state; linearisation points are given as tangent steps from it
+    relinearize_threshold: Array  # (d,) change of a state above which its factors are relinearised
+    far: Array  # (d,) that threshold where updates are not iterated: larger for translations, which stay linear
 
     def __hash__(self) -> int:
-        """What is made once for a space is kept."""
+        """Hash, so that results can be cached per space."""
 
     def along(self, start: Array, controls: Array) -> Array:
-        """(..., T, s) states from ``start`` (..., s) after each of (..., T, s) controls, headings as they add up."""
+        """(..., T, s) states from ``start`` (..., s) after each of (..., T, s) controls, headings not wrapped."""
 
     def wrapped(self, state: Array) -> Array:
         """States with their headings wrapped to [-pi, pi)."""
@@ -58,31 +58,31 @@ class StateSpace(StateArithmetic, Protocol):
         """``other`` as seen from ``state``."""
 
     def vertical(self, state: Array) -> Array:
-        """(..., d) turns of the states by a radian about the vertical of map, wherever their own axes point."""
+        """(..., d) tangent vectors of a rotation by one radian about the vertical axis of map."""
 
     def mean(self, states: Array, weights: Array) -> Array:
-        """(..., s) mean of (P, ..., s) states with (P,) normalised weights, in map: of positions and of directions."""
+        """(..., s) mean of (P, ..., s) states, of their positions in map and rotations, by (P,) normalised weights."""
 
     def propagation(self, control: Array) -> Array:
-        """(..., d, d) F with (x Exp(e)) u = (x u) Exp(F e)."""
+        """(..., d, d) error propagation matrix F of a control u: (x Exp(e)) u = (x u) Exp(F e)."""
 
     def position(self, state: Array) -> Array:
-        """(..., p) where states are, metres in map."""
+        """(..., p) positions of the states, metres in map."""
 
     def position_slopes(self, state: Array) -> Array:
-        """(..., p, d) derivatives of :meth:`position`."""
+        """(..., p, d) Jacobian of :meth:`position`."""
 
     def displacement(self, state: Array, point: Array, origin: Array) -> Array:
-        """(..., q) from ``origin`` (..., p) in map to a ``point`` (..., q) of the state's frame, along map's axes.
+        """(..., q) vector along map's axes from ``origin`` (..., p) in map to ``point`` (..., q) in the state's frame.
 
         In the plane a third component, q = 3, is the height over it.
         """
 
     def turned_back(self, state: Array, vector: Array) -> Array:
-        """(..., q) a vector along map's axes along those of the state."""
+        """(..., q) rotate a vector from map's axes to those of the state."""
 
     def in_frame(self, state: Array, point: Array) -> tuple[Array, Array, Array]:
-        """(..., p) a point in map as seen from the state, its (..., p, d) and (..., p, p) slopes by state and point."""
+        """(..., p) a point in map, in the state's frame; its Jacobians (..., p, d) by state, (..., p, p) by point."""
 
     def poses(self, states: Array) -> Array:
         """(..., 7) pose vectors of the states, as messages have them."""
