@@ -1,6 +1,7 @@
-"""What every node has in common: callbacks queue, one worker works, diagnostics go out, main is written once.
+"""Base of all nodes: lifecycle, a worker thread fed by subscription callbacks, diagnostics, and ``main``.
 
-Nodes are lifecycle nodes. They configure and activate themselves, unless parameter ``autostart`` is false.
+Callbacks on the executor's thread only queue messages; the worker thread processes them. Nodes are lifecycle nodes,
+which configure and activate themselves unless parameter ``autostart`` is false.
 """
 
 import argparse
@@ -36,11 +37,11 @@ from semantic_slam.ros.wire.transport import receive, relative_name
 QUIET_TICK_S = 0.1
 QUIET_TICKS = 3
 LOOK_S = 0.2
-"""How often a publisher is looked for."""
+"""Period [s] of polling for a publisher."""
 FAST_DEPTH = 5000
-"""Odometry, transforms and inertial sensors, which cost next to nothing, and whose gaps make motions uncertain."""
+"""Queue length for odometry, transforms and IMU: they are cheap to process, and gaps make motions uncertain."""
 SAY_AGAIN_S = 10.0
-"""What goes on being wrong is said on the console once in so long."""
+"""Minimum interval between repeated warnings on the console."""
 
 
 STREAMS = frozenset(
@@ -54,18 +55,20 @@ STREAMS = frozenset(
         topics.GROUND_TRUTH_ASSOCIATIONS,
     }
 )
-"""Inputs that go on coming: live, a node that is not active lets them pass, and counts them. All else waits for it."""
+"""Streamed inputs: in live operation an inactive node discards and counts them; it queues all other messages."""
+INPUTS = STREAMS | {topics.CAMERA_INFO, topics.INITIAL_POSE, topics.TF_STATIC}
+"""Topics that other packages publish: their QoS may be overridden."""
 FAST = frozenset({topics.ODOMETRY, topics.IMU, topics.TF, topics.GROUND_TRUTH_ODOMETRY})
 MOST_BEHIND = {topic: FAST_DEPTH if topic in FAST else SENSOR_DEPTH for topic in (*STREAMS, topics.MEASUREMENTS)}
-"""Live, so many messages of a topic wait at most for a node that is slower than they come; the oldest go, counted."""
+"""Maximum queue length by topic, in live operation; of a full queue the oldest message is discarded and counted."""
 BEHIND = "came faster than it could be used"
 PASSED = "came while the node was not active"
 SHUTDOWN_S = 0.2
-"""So long after it was asked to, a node shuts down: whoever asked is answered before."""
+"""Delay of a requested shutdown, so that the service response is sent first."""
 
 
 class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followed by mypy
-    """A node whose subscriptions hand serialised messages to a worker thread, which works while the node is active."""
+    """Lifecycle node whose subscriptions hand serialised messages to a worker thread, which runs while it is active."""
 
     most_behind: Mapping[str, int] = MOST_BEHIND
 
@@ -79,10 +82,10 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         self.worker = Worker(self._failed)
         self.fault: Exception | None = None
         self.refused: Counter[str] = Counter()  # messages not used, by topic and kind; two threads add: sum a copy
-        self.repeated: Counter[str] = Counter()  # messages that came before, by topic
+        self.repeated: Counter[str] = Counter()  # messages received more than once, by topic
         self.health.add_source(lambda: [repeated_status(self.repeated.copy())])
         self._arrivals = 0
-        self._newest: dict[str, Callable[[], None]] = {}  # by topic: what waits for a node that is not active
+        self._newest: dict[str, Callable[[], None]] = {}  # by topic: queues the newest latched message on activation
 
     def listen(
         self,
@@ -95,10 +98,11 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         ends: bool = True,
         waits: bool = True,
     ) -> None:
-        """Have ``handle`` called on the worker's thread with each message; a ``required`` topic must not be silent.
+        """Subscribe: ``handle`` is called on the worker's thread with each serialised message.
 
-        ``ends`` is False for topics that go on after a replay has ended, and say nothing about its end; ``waits`` for
-        those that, live, pass a node that is not active as :data:`STREAMS` do. Of a latched one the newest waits.
+        ``required``: diagnostics report a silent topic. ``ends``: False for topics that continue after the end of a
+        replay, which :meth:`when_drained` must ignore. ``waits``: False for topics whose messages an inactive node
+        discards in live operation, like :data:`STREAMS`; of a latched topic it keeps the newest one.
         """
         monitors: list[Any] = []
         is_bounded = not self.lossless and topic in self.most_behind
@@ -121,12 +125,13 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
             else:
                 self.worker.submit(lambda backlog: self.guarded(topic, lambda: handle(backlog.take())), backlog)
 
-        name = receive(self, topic, queue_message, qos, type_name, self.health.incompatible)
+        is_input = topic in INPUTS
+        name = receive(self, topic, queue_message, qos, type_name, self.health.incompatible, may_be_overridden=is_input)
         if required:
             monitors.append(self.health.monitor(name))
 
     def guarded(self, topic: str, handle: Callable[[], None]) -> None:
-        """Call ``handle`` for a message of this topic; what one message holds ends no node, and is counted."""
+        """Call ``handle`` for a message of this topic; MessageError is counted and logged and does not end the node."""
         try:
             handle()
         except MessageError as fault:
@@ -136,7 +141,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
     def listen_to_one_of(
         self, handlers: Mapping[str, Callable[[bytes], None]], profile_of: Callable[[str], QoSProfile]
     ) -> None:
-        """:meth:`listen`, required, to the one of several topics that has a publisher, the first where all have."""
+        """:meth:`listen` to the first of several topics that has a publisher, polled until one has; it is required."""
         if len(handlers) == 1:
             ((topic, handle),) = handlers.items()
             self.listen(topic, handle, profile_of(topic), required=True)
@@ -155,10 +160,11 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         timer = self.create_timer(LOOK_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def when_drained(self, handle: Callable[[Any], None], item: Any) -> None:
-        """Call ``handle(item)`` on the worker's thread once nothing arrives any more and all that did is done.
+        """Call ``handle(item)`` on the worker's thread once no more messages arrive and all queued ones are processed.
 
-        For the end of a replay, when every message has been acknowledged and at most waits to be taken: messages of
-        different topics have no order, so that the end marker may overtake the last ones.
+        Meant for the end of a replay, when every message is acknowledged but may not have been taken yet: messages of
+        different topics are not ordered, so the end marker may overtake the last ones. Waits for ``QUIET_TICKS`` ticks
+        of ``QUIET_TICK_S`` without an arrival.
         """
         state = {"quiet": 0, "received": -1}
 
@@ -172,7 +178,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         timer = self.create_timer(QUIET_TICK_S, tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def begin(self) -> None:
-        """Become active, or say what is waited for."""
+        """Configure and activate the node; with ``autostart`` false, log how to do so instead."""
         if not self._starts_itself:
             self.get_logger().info(f"waits: ros2 lifecycle set {self.get_fully_qualified_name()} configure, activate")
             return
@@ -180,29 +186,29 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """All that parameters say was read when the node was made."""
+        """Nothing to do: parameters are read in the constructor."""
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Work, for the first time or again."""
+        """Start or resume the worker."""
         self.resume()
         self.say_ready()
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Pause."""
+        """Pause the worker."""
         self.pause_work()
         self.health.speaks = False
         self.get_logger().info("paused")
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End, once the answer is on its way."""
+        """End the node after ``SHUTDOWN_S``, once the response has been sent."""
         self.create_timer(SHUTDOWN_S, self.end, clock=Clock(clock_type=ClockType.STEADY_TIME))
         return TransitionCallbackReturn.SUCCESS
 
     def resume(self) -> None:
-        """Begin to work, or go on."""
+        """Start or resume work; latched messages kept while inactive are queued."""
         self.is_active = True
         for queue_message in self._newest.values():
             queue_message()
@@ -210,35 +216,35 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         self.worker.start()
 
     def pause_work(self) -> None:
-        """Work no more until :meth:`resume`."""
+        """Stop working until :meth:`resume`."""
         self.is_active = False
         self.worker.suspend()
 
     def say_ready(self) -> None:
-        """One line on the console, and from then on what is waited for or wrong, as it changes."""
+        """Log that the node is ready, and from then on problems and missing inputs as they change."""
         self.get_logger().info("ready")
         self.health.speaks = True
 
     def end(self) -> None:
-        """End the node, from any thread."""
+        """Shut down rclpy, which ends the node; may be called from any thread."""
         rclpy.try_shutdown()
 
     def close(self) -> None:
-        """Release what the node holds; called once it has ended and its worker has stopped."""
+        """Release the node's resources; called after it has ended and its worker was told to stop."""
 
     def destroy_node(self) -> None:
-        """Take leave of other nodes, and give back what the middleware has for this one in shared memory."""
+        """Destroy the node, so that others see it leave and the middleware frees its shared memory."""
         super().destroy_node()
-        self._state_machine.destroy_when_not_in_use()  # rclpy leaves it, and it holds all that is below the node
+        self._state_machine.destroy_when_not_in_use()  # rclpy does not, and it keeps the underlying node alive
 
     def _failed(self, fault: Exception) -> None:
-        if rclpy.ok():  # after an interrupt, whatever still wants to publish fails
+        if rclpy.ok():  # after an interrupt publishing fails, which is no fault
             self.fault = fault
             self.end()
 
 
 def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Handler that says no where a state lacks the transition: in rclpy whoever asks for one ends the node."""
+    """Handler of ChangeState that answers False to an invalid transition, which in rclpy would crash the node."""
 
     def answer(request: Any, response: Any) -> Any:
         try:
@@ -268,7 +274,7 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
     except ParameterException as fault:
         raise InputError(f"{' '.join(str(fault).split())}; see config/default.yaml") from None
     except Exception:
-        if rclpy.ok():  # after SIGTERM, whatever is still being made or published fails
+        if rclpy.ok():  # after SIGTERM creating entities and publishing fail, which is no fault
             raise
     finally:
         if node is not None:
@@ -294,14 +300,14 @@ def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable
         run_node(make_node)
 
     def ended_or_interrupted() -> None:
-        with suppress(KeyboardInterrupt):  # a node that is ended has done what it was asked
+        with suppress(KeyboardInterrupt):  # an interrupted node exits successfully
             command()
 
     return lambda: leave(exit_code(ended_or_interrupted))
 
 
 def _with_ros_arguments(function: Callable[..., Any], *arguments: Any) -> Any:
-    """``function(*arguments)``, which reads ROS arguments of the command line; raises InputError for wrong ones."""
+    """Call a function that parses ROS arguments of the command line; raises InputError for invalid ones."""
     try:
         return function(*arguments)
     except RuntimeError as fault:  # command line or parameter file

@@ -1,4 +1,4 @@
-"""The belief and its plain views on their topics."""
+"""Publishes the belief and the views derived from it: pose, path, markers and transforms."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name,
 
 
 class BeliefPublisher:
-    """Publishes one belief per keyframe, and what follows from it."""
+    """Publishes one belief per keyframe, with pose, path, markers and TF."""
 
     def __init__(self, node: Node, frames: Frames, lossless: bool) -> None:
         self._map = frames.map
@@ -35,7 +35,7 @@ class BeliefPublisher:
         self._T_odom_body: Array | None = None
 
     def begin(self) -> None:
-        """Another run begins: nothing is left of the path of the one before."""
+        """Start another run: clear the path and the transforms."""
         self._path.begin()
         self._T_odom_body = None
         if self._transforms is not None:
@@ -44,9 +44,9 @@ class BeliefPublisher:
     def publish(
         self, belief: HybridBelief, T_previous_current: Array, T_odom_start: Array | None, *, is_repeated: bool = False
     ) -> None:
-        """``T_previous_current`` is the odometry of the keyframe; that of the first one begins at ``T_odom_start``.
+        """Publish a belief; ``T_previous_current`` is its keyframe's odometry, from ``T_odom_start`` for the first one.
 
-        Of a belief that ``is_repeated`` only what shows the newest state is published.
+        ``is_repeated``: belief and pose were published before; only path, markers and transforms are published.
         """
         estimate = pose_view(belief, self._map)
         if not is_repeated:
@@ -63,7 +63,7 @@ class BeliefPublisher:
                 self._transforms.believe(estimate.pose, self._T_odom_body)
 
     def repeat(self, belief: HybridBelief) -> None:
-        """Publish a belief whose publication may have been lost; whoever had it knows its keyframe."""
+        """Publish a belief again that may not have been delivered; subscribers recognise it by its keyframe."""
         self._belief.send(encode(belief, frame_id=self._map))
 
     def wait_for_acknowledgement(self) -> None:
@@ -72,7 +72,7 @@ class BeliefPublisher:
 
 
 def _outlet(node: Node, topic: str, profile: Any) -> Outlet:
-    return Outlet(node, private_name(topic), topics.TYPES[topic], profile)
+    return Outlet(node, private_name(topic), topics.TYPES[topic], profile, may_be_overridden=True)
 
 
 def _transforms(node: Node, frames: Frames) -> Transforms:

@@ -1,4 +1,4 @@
-"""Names of the frames of REP-105 in which the manager publishes."""
+"""Names of the REP-105 frames in which the manager publishes."""
 
 from dataclasses import dataclass
 
@@ -11,15 +11,15 @@ MAP = "map"
 
 @dataclass(frozen=True)
 class Frames:
-    """Frames of beliefs and transforms."""
+    """Frame names of beliefs and transforms."""
 
     map: str = MAP
-    odom: str = ""  # "": as the headers of the odometry name it
-    broadcasts_odom: bool = False  # odom -> base, too, for a robot on which nobody else does
+    odom: str = ""  # "": the frame_id of the odometry messages
+    broadcasts_odom: bool = False  # also publish odom -> base, for a robot on which no other node does
 
 
 def declare_frames(node: Node) -> Frames:
-    """Frames as the parameters ``map_frame``, ``odom_frame`` and ``broadcast_odom`` name them."""
+    """Declare the parameters ``map_frame``, ``odom_frame`` and ``broadcast_odom`` and return their values."""
     return Frames(
         declare_fixed(node, "map_frame", MAP),
         declare_fixed(node, "odom_frame", ""),

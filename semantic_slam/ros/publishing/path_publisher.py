@@ -1,4 +1,4 @@
-"""The robot's path: its newest poses on a topic, all of them from the service ``~/get_path``."""
+"""Publishes the robot's path: the newest poses on a topic, all of them by the service ``~/get_path``."""
 
 from array import array
 from typing import Any
@@ -16,26 +16,27 @@ from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, private_name, ros_type
 
 SIZE = 7
-"""Numbers of a pose."""
+"""Numbers per pose."""
 NEWEST = 1000
-"""Poses that a message holds: each is sent again with every keyframe that follows."""
+"""Maximum number of poses in a message, since each message repeats the earlier poses."""
 
 
 class PathPublisher:
-    """Remembers the pose estimates of all keyframes."""
+    """Keeps the pose estimates of all keyframes and publishes them as a path."""
 
     def __init__(self, node: Node, frame: str) -> None:
         self._frame = frame
-        self._outlet = Outlet(node, private_name(topics.PATH), topics.TYPES[topics.PATH], qos.latched())
+        name, kind = private_name(topics.PATH), topics.TYPES[topics.PATH]
+        self._outlet = Outlet(node, name, kind, qos.latched(), may_be_overridden=True)
         self._service = node.create_service(GetPath, "~/get_path", self._answer)
         self.begin()
 
     def begin(self) -> None:
-        """Another run begins."""
-        self._known = array("q"), array("d")  # stamps and poses, replaced together: other threads read both
+        """Clear the path for another run."""
+        self._known = array("q"), array("d")  # stamps and poses, in one tuple because another thread reads both
 
     def publish(self, estimate: PoseEstimate) -> None:
-        """The newest poses, with one more."""
+        """Append a pose estimate and publish the newest poses."""
         stamps_ns, poses = self._known
         stamps_ns.append(estimate.stamp_ns)
         poses.extend(estimate.pose.tolist())
@@ -48,14 +49,14 @@ class PathPublisher:
     def _answer(self, _: Any, response: Any) -> Any:
         kind = ros_type("geometry_msgs/msg/PoseStamped")
         stamps_ns, numbers = self._known
-        poses = _rows(numbers[: SIZE * len(stamps_ns)])  # the worker may be adding one
+        poses = _rows(numbers[: SIZE * len(stamps_ns)])  # the worker thread may be appending one
         known = zip(stamps_ns[: len(poses)].tolist(), poses, strict=True)
         response.poses = [_filled(kind(), self._frame, *own) for own in known]
         return response
 
 
 def _rows(numbers: "array[float]") -> Array:
-    """(K, 7) poses, as many as are whole."""
+    """(K, 7) poses from a flat array; an incomplete last one is left out."""
     whole = len(numbers) // SIZE
     return np.array(numbers[: whole * SIZE]).reshape(whole, SIZE)
 

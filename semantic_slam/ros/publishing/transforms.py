@@ -1,4 +1,4 @@
-"""Transforms of REP-105 at the rate of the odometry."""
+"""Broadcasts the REP-105 transforms at the rate of the odometry."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,9 +17,9 @@ ODOM, BASE = "odom", "base_link"
 
 
 class Transforms:
-    """Sends map -> odom with every message of the odometry: what the newest belief says stays right in between.
+    """Sends map -> odom with every odometry message, from the newest belief; optionally odom -> base, too.
 
-    The worker says what that is, the executor's thread hears the odometry and sends.
+    The worker thread sets map -> odom; the executor's thread receives odometry and sends.
     """
 
     def __init__(self, frames: Frames, send: Callable[[bytes], None]) -> None:
@@ -27,15 +27,15 @@ class Transforms:
         self._T_map_odom: Array | None = None
 
     def begin(self) -> None:
-        """Another run begins: nothing is known before its first belief."""
+        """Start another run: map -> odom is unknown until its first belief."""
         self._T_map_odom = None
 
     def believe(self, T_map_body: Array, T_odom_body: Array) -> None:
-        """A belief has the robot there, where odometry has it at ``T_odom_body``; both (7,)."""
+        """Set map -> odom from the body's pose by the belief and by odometry at the same keyframe; both (7,)."""
         self._T_map_odom = compose(T_map_body, inverse(T_odom_body))
 
     def hear(self, data: bytes) -> None:
-        """A nav_msgs/Odometry; one that cannot be used is counted where motions are made of it."""
+        """Take a serialised nav_msgs/Odometry; invalid ones are skipped here and counted by the keyframe assembler."""
         try:
             message = deserialize(data, topics.TYPES[topics.ODOMETRY])
         except MessageError:
@@ -45,7 +45,7 @@ class Transforms:
             self._send(serialize(transform_view(header_stamp_ns(message), transforms)))
 
     def _transforms(self, message: Any) -> list[tuple[str, str, Array]]:
-        """Parent, child and (7,) pose of each."""
+        """Transforms to send: parent frame, child frame and (7,) pose of the child in the parent."""
         odom = self._frames.odom or plain_frame(message.header.frame_id) or ODOM
         found = [] if self._T_map_odom is None else [(self._frames.map, odom, self._T_map_odom)]
         pose = pose_vector(message.pose.pose)

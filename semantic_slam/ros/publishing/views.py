@@ -1,4 +1,4 @@
-"""Plain views of a hybrid belief, for subscribers that know nothing of hypotheses; all in the map's frame."""
+"""Standard messages derived from a hybrid belief, for subscribers that ignore hypotheses; all in the map frame."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -26,12 +26,12 @@ PALETTE = (
     (0.84, 0.37, 0.0),
     (0.0, 0.45, 0.70),
 )
-"""Okabe and Ito's colours, distinct for colour-blind eyes; by class index."""
+"""RGB colours by class index: the colour-blind-safe palette of Okabe and Ito."""
 UNKNOWN_COLOUR = (0.6, 0.6, 0.6)
 
 
 def pose_view(belief: HybridBelief, frame: str = MAP) -> PoseEstimate:
-    """The Gaussian with the mixture's mean and covariance."""
+    """Pose estimate with the mean and covariance of the whole mixture (moment matching)."""
     pose, covariance = matched_moments(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
     return PoseEstimate(belief.stamp_ns, frame, pose, covariance)
 
@@ -47,9 +47,9 @@ def path_view(stamps_ns: Sequence[int], poses: Array, frame: str = MAP) -> Any:
 
 
 class MarkersView:
-    """visualization_msgs/MarkerArray: per object an ellipsoid of two standard deviations and the likeliest class.
+    """Makes a visualization_msgs/MarkerArray: per object a 2-sigma ellipsoid and a text with its likeliest class.
 
-    Both fade with the object's existence, and are deleted when it is no longer in the belief.
+    Their opacity follows the object's existence probability; they are deleted once it is no longer in the belief.
     """
 
     def __init__(self, frame: str = MAP) -> None:
@@ -57,7 +57,7 @@ class MarkersView:
         self._shown: dict[tuple[str, int], None] = {}
 
     def of(self, belief: HybridBelief) -> Any:
-        """The markers of a belief, and the deletion of those that came before it and are gone."""
+        """Markers of a belief, and deletions of earlier markers whose objects are gone."""
         markers = []
         for row, object_id in enumerate(belief.object_ids.tolist()):
             pose, covariance = belief.object_poses[row], belief.object_covariances[row]
@@ -72,7 +72,7 @@ class MarkersView:
 
 
 def transform_view(stamp_ns: int, transforms: Sequence[tuple[str, str, Array]]) -> Any:
-    """tf2_msgs/TFMessage with transforms of one instant: parent, child and (7,) pose of the child in the parent."""
+    """tf2_msgs/TFMessage of transforms at one stamp: parent, child and (7,) pose of the child in the parent."""
     return message_class("tf2_msgs/msg/TFMessage")(transforms=[_transform(stamp_ns, *own) for own in transforms])
 
 
@@ -87,7 +87,7 @@ def _transform(stamp_ns: int, parent: str, child: str, pose: Array) -> Any:
 
 
 def likeliest_class(belief: HybridBelief, row: int) -> tuple[int, str]:
-    """Index of an object's likeliest class and its text ``chair 0.97``; -1 and the object's name without classes."""
+    """Index and text, such as ``chair 0.97``, of an object's likeliest class; -1 and its name without classes."""
     name = belief.object_names[row] if row < len(belief.object_names) else str(belief.object_ids[row])
     if not belief.class_names:
         return -1, name
@@ -98,7 +98,7 @@ def likeliest_class(belief: HybridBelief, row: int) -> tuple[int, str]:
 def _ellipsoid(belief: HybridBelief, row: int, object_id: int) -> Any:
     covariance = belief.object_covariances[row][:3, :3]
     variances, axes = np.linalg.eigh(covariance)
-    axes[:, 0] *= np.sign(np.linalg.det(axes))  # a rotation, not a reflection
+    axes[:, 0] *= np.sign(np.linalg.det(axes))  # make it a rotation, not a reflection
     marker = _marker(belief, "objects", object_id, SPHERE, likeliest_class(belief, row)[0])
     marker.color.a = _opacity(belief, row)
     marker.pose = pose_message(np.concatenate([belief.object_poses[row][:3], _quaternion(axes)]))
@@ -114,7 +114,7 @@ def _deletion(belief: HybridBelief, namespace: str, number: int) -> Any:
 
 
 def _opacity(belief: HybridBelief, row: int) -> float:
-    """Opacity of an object: 0.7 where it surely exists, and never so little that nobody would find it."""
+    """Opacity of an object: 0.7 times its existence probability, which counts as 0.1 at least."""
     existence = float(belief.existence[row])
     return OPACITY * max(existence, LEAST_SHARE) if np.isfinite(existence) else OPACITY
 

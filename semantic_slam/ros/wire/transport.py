@@ -1,25 +1,32 @@
-"""Serialised messages in and out: what travels is what ``messages.codec`` makes, byte for byte what lies in bags."""
+"""Publishes and receives serialised messages: the CDR bytes of ``messages.codec``, identical to those in bags."""
 
 import importlib
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.messages.topics import GLOBAL, TYPES
 
 PATIENCE_S = 60.0
 RETRY_S = 0.01
+OVERRIDES = QoSOverridingOptions(
+    (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
+)
+"""QoS policies that parameters ``qos_overrides.*`` may change, of topics that other packages publish or read."""
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
-"""What DDS discovery calls a node between its endpoint's arrival and its own."""
+"""Node name reported while DDS has discovered an endpoint but not its node yet."""
 
 
 def ros_type(type_name: str) -> Any:
-    """The generated class of ``package/msg/Name``, for its type support. Raises InputError when it is not installed."""
+    """The generated class of ``package/msg/Name``, with its type support. Raises InputError if it is not installed."""
     package, _, name = type_name.split("/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
@@ -28,7 +35,7 @@ def ros_type(type_name: str) -> Any:
 
 
 def is_installed(type_name: str) -> bool:
-    """Whether messages of this type can be published and received here."""
+    """Whether the package of this message type is installed."""
     try:
         ros_type(type_name)
     except InputError:
@@ -37,21 +44,26 @@ def is_installed(type_name: str) -> bool:
 
 
 def private_name(topic: str) -> str:
-    """``~/belief`` for ``/hypothesis_manager/belief``: the name under which its own node publishes it."""
+    """Private name under which a topic's own node publishes it: ``~/belief`` for ``/hypothesis_manager/belief``."""
     return "~/" + topic.rsplit("/", 1)[-1]
 
 
 def relative_name(topic: str) -> str:
-    """The name under which other nodes of the same namespace find a topic of ours; of some it is one for all."""
+    """Name of one of our topics relative to the namespace; topics in ``GLOBAL`` keep their absolute name."""
     return topic if topic in GLOBAL else topic.lstrip("/")
 
 
 class Outlet:
     """A publisher of serialised messages."""
 
-    def __init__(self, node: Node, name: str, type_name: str, qos: QoSProfile) -> None:
+    def __init__(
+        self, node: Node, name: str, type_name: str, qos: QoSProfile, *, may_be_overridden: bool = False
+    ) -> None:
+        """``may_be_overridden``: parameters ``qos_overrides.<topic>.publisher.*`` change ``qos``. Raises InputError."""
         self._node = node
-        self._publisher = node.create_publisher(ros_type(type_name), name, qos)
+        with _named_overrides(node):
+            overrides = OVERRIDES if may_be_overridden else None
+            self._publisher = node.create_publisher(ros_type(type_name), name, qos, qos_overriding_options=overrides)
         self.name: str = self._publisher.topic_name
 
     @property
@@ -59,22 +71,22 @@ class Outlet:
         return int(self._publisher.get_subscription_count())
 
     def has_listener_besides(self, silent: Collection[str]) -> bool:
-        """Whether a node not named in ``silent`` is matched; one whose name is not known yet does not count."""
+        """Whether a subscription of a node not in ``silent`` is matched; nodes not yet discovered do not count."""
         names = [reader.node_name for reader in self._node.get_subscriptions_info_by_topic(self.name)]
         others = [name for name in names if name not in (*silent, UNKNOWN_NODE)]
         return bool(others) and self.num_readers > sum(name in silent for name in names)
 
     def send(self, data: bytes) -> None:
-        """Publish CDR bytes; waits while the readers are behind. Raises SemanticSlamError after a minute of that.
+        """Publish CDR bytes; blocks while the history is full. Raises SemanticSlamError after ``PATIENCE_S``.
 
-        A node that is being ended has nobody left to tell.
+        Returns without publishing if the node is shutting down.
         """
         give_up = time.monotonic() + PATIENCE_S
         while True:
             try:
                 self._publisher.publish(data)
                 return
-            except RuntimeError:  # the history is full: a reader takes nothing
+            except RuntimeError:  # the writer's history is full: a reader does not acknowledge
                 if not self._node.context.ok():
                     return
                 if time.monotonic() > give_up:
@@ -82,14 +94,14 @@ class Outlet:
                 time.sleep(RETRY_S)
 
     def wait_for_readers(self, number: int, timeout_s: float) -> bool:
-        """Whether at least ``number`` readers are matched before the timeout."""
+        """Wait until ``number`` readers are matched; returns False on timeout."""
         give_up = time.monotonic() + timeout_s
         while self.num_readers < number and time.monotonic() < give_up:
             time.sleep(0.02)
         return self.num_readers >= number
 
     def wait_for_acknowledgement(self) -> bool:
-        """Whether every matched reader has received all that was sent, waiting a minute at most."""
+        """Wait until all matched readers have acknowledged everything; returns False after ``PATIENCE_S``."""
         from rclpy.duration import Duration
 
         return bool(self._publisher.wait_for_all_acked(Duration(seconds=PATIENCE_S)))
@@ -102,10 +114,12 @@ def receive(
     qos: QoSProfile,
     type_name: str = "",
     on_incompatible: Callable[[str, str], None] | None = None,
+    *,
+    may_be_overridden: bool = False,
 ) -> str:
-    """Subscribe to serialised messages; returns the resolved topic name.
+    """Subscribe to serialised messages of a topic; returns its resolved name.
 
-    ``on_incompatible`` receives the topic and the policy when a publisher's QoS can never match.
+    ``on_incompatible`` is called with topic and policy name if a publisher's QoS is incompatible.
     """
     name: str = node.resolve_topic_name(relative_name(topic))
 
@@ -113,12 +127,28 @@ def receive(
         if on_incompatible is not None:
             on_incompatible(name, QoSPolicyKind(event.last_policy_kind).name)
 
-    node.create_subscription(
-        ros_type(type_name or TYPES[topic]),
-        name,
-        callback,
-        qos,
-        raw=True,
-        event_callbacks=SubscriptionEventCallbacks(incompatible_qos=incompatible),
-    )
+    with _named_overrides(node):
+        node.create_subscription(
+            ros_type(type_name or TYPES[topic]),
+            name,
+            callback,
+            qos,
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=incompatible),
+            qos_overriding_options=OVERRIDES if may_be_overridden else None,
+        )
     return name
+
+
+@contextmanager
+def _named_overrides(node: Node) -> Iterator[None]:
+    """Turn rclpy's complaints about an override of a QoS policy into InputError; a wrong value is a RuntimeError."""
+    try:
+        yield
+    except (InvalidQosOverridesError, InvalidParameterTypeException, InvalidParameterValueException, RuntimeError) as f:
+        text = " ".join(str(f).split())
+        if type(f) is RuntimeError and "QoS override" not in text:
+            raise
+        raise InputError(
+            f"parameters of {node.get_name()}: a qos_overrides is wrong ({text}); see docs/ros.md"
+        ) from None
