@@ -1,4 +1,4 @@
-"""The classifier that a configuration describes: its network, feature, class models and geometry put together."""
+"""Builds the classifier of a configuration: network, feature extractor, class models and geometry."""
 
 from functools import partial
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def build_classifier(configuration: Configuration) -> Classifier:
-    """Load the network and the class models. Raises InputError when their files are missing or wrong."""
+    """Load the network and the class models. Raises InputError if their files are missing or invalid."""
     settings, semantic_model = configuration.perception, configuration.semantic_model
     network, extractor = _network(configuration), load_extractor(semantic_model)
     num_features = len(network.class_names) if network is not None else 0
@@ -38,11 +38,11 @@ def build_classifier(configuration: Configuration) -> Classifier:
 
 
 def _network(configuration: Configuration) -> "ClassifierNetwork | None":
-    """The network, or None where the detector's own words or vectors are the evidence. Raises InputError."""
+    """The network; None if the detector's own labels or embeddings are the evidence. Raises InputError."""
     kind = class_model_kind(configuration.semantic_model)
     if kind.labels is not None or kind.embeddings is not None:
         return None
-    from semantic_slam.perception.networks.weights import load_network  # and with it PyTorch
+    from semantic_slam.perception.networks.weights import load_network  # imports PyTorch
 
     return load_network(configuration.perception)
 
@@ -50,7 +50,7 @@ def _network(configuration: Configuration) -> "ClassifierNetwork | None":
 def _appearance(
     settings: SemanticModelConfiguration, perception: PerceptionConfiguration, network: "ClassifierNetwork | None"
 ) -> AppearanceCheck | None:
-    """What tells pictures of other things; None where the models do not tell, or were fitted with another network."""
+    """Novelty check of image crops; None if the models have none or were fitted with another network."""
     known = load_appearance(settings) if network is not None and perception.novelty_false_alarms else None
     if network is None or known is None:
         return None
@@ -62,7 +62,7 @@ def _appearance(
 
 
 def _coverage(settings: SemanticModelConfiguration, num_features: int) -> CoverageCheck | None:
-    """Viewpoint coverage check; None where class models are not fitted, or explain another feature than is measured."""
+    """Viewpoint coverage check; None if the class models are not fitted, or to another feature than is measured."""
     model = load_model(settings)
     if not isinstance(model, GaussianProcessModel) or model.num_features != num_features:
         return None

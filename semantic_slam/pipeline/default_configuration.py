@@ -1,4 +1,4 @@
-"""The configuration of a run that was told none: the default one, or that of a detector's labels."""
+"""Chooses the configuration of a run for which none was given: the default one or config/detector.yaml."""
 
 from pathlib import Path
 
@@ -12,15 +12,15 @@ from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 DETECTOR = "detector"
 MOST_NAMED = 3
-"""Labels that the announcement names."""
+"""Maximum number of labels named in the printed line."""
 
 
 def configuration_for(bag: Path, *, has_map: bool = False) -> Path:
-    """File of the configuration that suits a bag's detections, announced in a line where it is not the default one.
+    """Configuration file that suits a bag's detections; if it is not the default one, a line about it is printed.
 
-    The default's network knows five kinds of furniture: where detections have other labels, these are gone by. On a
-    map (``has_map``, or one beside the bag) detections without pictures are used by their places, as the default has
-    it. Raises InputError where the bag cannot be used.
+    The default's network knows five classes of furniture; for detections with other labels the detector configuration
+    uses these labels instead. With a map (``has_map``, or one beside the bag) detections without images are used by
+    their positions, with the default configuration. Raises InputError if the bag cannot be used.
     """
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
@@ -39,6 +39,6 @@ def configuration_for(bag: Path, *, has_map: bool = False) -> Path:
 
 
 def _classes() -> tuple[str, ...]:
-    """What the default's class models call objects."""
+    """Class names of the default configuration's class models."""
     model = load_model(load_configuration(DEFAULT_CONFIGURATION).semantic_model)
     return model.class_names if model is not None else ()

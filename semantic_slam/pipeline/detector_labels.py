@@ -1,4 +1,4 @@
-"""What a detector can say: the labels of a bag, or of the first detections of a live run."""
+"""Labels of a detector: those of a bag, or of the first detections of a live run."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -17,38 +17,38 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.labels.model import NONE_OF_THESE
 
 OF_ANYTHING = frozenset({"", "object"})
-"""Labels of detectors that look for anything, and say nothing of what it is."""
+"""Labels of class-agnostic detectors."""
 
 
 def labels_of(told: Detections | SemanticMeasurements) -> frozenset[str]:
-    """Labels that a message names: those of its detections, and the classes that its detector scores."""
+    """Labels in a message: those of its detections, and the classes for which its detector gives scores."""
     is_classified = isinstance(told, SemanticMeasurements) and told.class_probability_samples.shape[1] > 0
-    classes = () if is_classified else told.class_names  # else those of a network of ours
+    classes = () if is_classified else told.class_names  # if classified, they are those of our own network
     return frozenset((*told.labels, *classes)) - {""}
 
 
 def labels_in(reader: BagReader, topic: str) -> frozenset[str]:
-    """Labels of all detections of a bag, or of its measurements; what does not decode names none."""
+    """Labels of all detections or measurements of a bag; messages that do not decode are skipped."""
     found: set[str] = set()
     try:
         for message in reader.messages([topic]):
             try:
                 found |= labels_of(from_message(reader.decode(message.cdr, message.type_name)))
             except InputError:
-                continue  # counted when the run comes to it
+                continue  # the run counts it
     except TruncatedBagError:
-        pass  # the run meets the same damage, and reports it
+        pass  # the run reports the damage
     return frozenset(found)
 
 
 def are_asked_for(configuration: Configuration) -> bool:
-    """Whether labels mean something to the configured class models."""
+    """Whether the configured class models use labels."""
     kind = class_model_kind(configuration.semantic_model)
     return kind.labels is not None or not kind.sees_places_alone
 
 
 def known_to_fit(settings: SemanticModelConfiguration, sha256: str) -> str:
-    """What to say where the configured models were fitted to the bag of that digest, else "". Raises InputError."""
+    """Notice if the configured models were fitted to the bag with this SHA-256, else "". Raises InputError."""
     fitted = fitted_labels(settings)
     if fitted is None or fitted.bag(sha256) is None:
         return ""
@@ -63,11 +63,11 @@ def with_labels(
     prior: MapPrior | None,
     labels: Iterable[str] = (),
 ) -> Configuration:
-    """The configuration with the labels that objects may be named by, where nobody has listed these.
+    """The configuration with the labels that objects may have, if it does not list them itself.
 
-    ``measurements`` are the first of the run, ``labels`` those of all detections as far as they are known. Objects of a
-    map may be what the map says, and any object what fitted models know. Raises InputError for labels that the classes
-    of a network cannot mean.
+    ``measurements`` are the first of the run, ``labels`` those of all detections as far as known. The classes of the
+    map prior and those of fitted models are added. Raises InputError for labels that are no class of the network's
+    class models.
     """
     settings, named = configuration.semantic_model, {*labels, *labels_of(measurements)}
     if class_model_kind(settings).labels is not None:
@@ -80,7 +80,7 @@ def with_labels(
 
 
 def known_labels(configuration: Configuration, named: Iterable[str], prior: MapPrior | None) -> tuple[str, ...]:
-    """What objects may be called: what is listed, else what detections have ``named``, the map, and fitted models."""
+    """Possible labels of objects: those configured, else those of detections (``named``), map and fitted models."""
     settings = configuration.semantic_model
     mapped = {name for item in prior.objects for name in item.class_probabilities} if prior is not None else set()
     fitted = fitted_labels(settings)
@@ -95,7 +95,7 @@ def _wanted(configuration: Configuration, named: Iterable[str]) -> set[str]:
 
 
 def check_meant(configuration: Configuration, labels: list[str]) -> None:
-    """Raises InputError for a label that is not a class of the models, to which a network would give one anyway."""
+    """Raises InputError for a label that is no class of the models; a network would assign one of its classes to it."""
     settings = configuration.semantic_model
     model = load_model(settings) or load_latent_model(settings)
     if model is None:

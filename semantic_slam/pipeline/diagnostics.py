@@ -1,4 +1,4 @@
-"""What was dropped, as a diagnostics message."""
+"""Diagnostics message with the counts of dropped inputs."""
 
 from collections import Counter
 from collections.abc import Mapping

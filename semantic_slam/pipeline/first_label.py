@@ -1,4 +1,4 @@
-"""Live, nobody knows what a detector can say before it says something: until then keyframes wait."""
+"""Holds keyframes back in a live run until the first detection makes the detector's labels known."""
 
 from collections.abc import Iterable
 
@@ -9,32 +9,32 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.detector_labels import labels_of
 
 MOST_WAITING = 1000
-"""Keyframes that wait at most; what comes after them and names nothing either is passed over."""
+"""Maximum number of keyframes held back; further measurements without a label make no keyframe."""
 
 
 class FirstLabel:
-    """Holds keyframes without a detection back until one names labels, where these are the classes of the run.
+    """Holds keyframes back until one has labels, if the run's classes are the detector's labels.
 
-    So the run begins with the keyframe that it began with if the labels had been known. With
-    ``semantic_model.labels`` nothing waits.
+    The run then starts with the same keyframe as if the labels had been known from the start. With
+    ``semantic_model.labels`` configured, nothing is held back.
     """
 
     def __init__(self, settings: SemanticModelConfiguration) -> None:
         self._is_awaited = class_model_kind(settings).labels is not None and not settings.labels
         self._waiting: list[Keyframe] = []
-        self.labels: frozenset[str] = frozenset()  # those that were first named
+        self.labels: frozenset[str] = frozenset()  # of the first keyframe that had any
 
     @property
     def num_waiting(self) -> int:
-        """Keyframes that are held back."""
+        """Number of keyframes held back."""
         return len(self._waiting)
 
     def passes_over(self, measurements: SemanticMeasurements) -> bool:
-        """Whether measurements are to make no keyframe, since as many wait as may; their motion is the next one's."""
+        """Whether measurements must not become a keyframe because too many wait; the next one includes their motion."""
         return self.num_waiting >= MOST_WAITING and self._says_nothing(measurements)
 
     def released(self, keyframes: Iterable[Keyframe], *, at_end: bool = False) -> list[Keyframe]:
-        """The keyframes that may be used, in order; ``at_end`` all of them, since nothing will be named any more."""
+        """Keyframes that may be used, in order; ``at_end``: all of them, since no more labels will arrive."""
         self._waiting += keyframes
         if not at_end and all(self._says_nothing(keyframe.measurements) for keyframe in self._waiting):
             return []
@@ -45,5 +45,5 @@ class FirstLabel:
         return found
 
     def _says_nothing(self, measurements: SemanticMeasurements) -> bool:
-        """Detections without a label do say something: that their detector names none."""
+        """Whether there are no detections and no labels; a detection without label shows that its detector has none."""
         return self._is_awaited and not len(measurements) and not labels_of(measurements)

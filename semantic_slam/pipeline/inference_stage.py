@@ -1,4 +1,4 @@
-"""The hypothesis manager of a run in this process, with its backends."""
+"""Hypothesis manager with its backends in this process, for the offline pipeline."""
 
 from collections import Counter
 
@@ -10,11 +10,12 @@ from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.preamble import Preamble
+from semantic_slam.pipeline.recorded_views import RecordedViews
 from semantic_slam.pipeline.start import announced_run
 
 
 class InferenceStage:
-    """The hypothesis manager, started by the first keyframe, whose stamp is the run's."""
+    """Hypothesis manager that starts with the first keyframe, whose stamp becomes the run's stamp."""
 
     def __init__(
         self, configuration: Configuration, prior: MapPrior | None, preamble: Preamble, source: str, pool: BackendPool
@@ -23,17 +24,24 @@ class InferenceStage:
         self._estimate, self._pool = preamble.initial_pose, pool
         self._labels = preamble.labels
         self._manager: Engine | None = None
+        self._views = RecordedViews()
 
     @property
     def lost(self) -> Counter[str]:
-        """Hypotheses that had to be given up, by reason."""
+        """Counts of hypotheses that had to be dropped, by reason."""
         return self._manager.lost if self._manager is not None else Counter()
 
     def process(self, keyframe: Keyframe, writer: BagWriter) -> None:
-        """One keyframe; writes the belief, and before the first one the run's configuration."""
+        """Process a keyframe and write its belief, preceded by the run's configuration before the first one."""
         if self._manager is None:
             self._manager = self._start(keyframe, writer)
-        writer.write(topics.BELIEF, self._manager.process(keyframe), keyframe.stamp_ns)
+        belief = self._manager.process(keyframe)
+        writer.write(topics.BELIEF, belief, keyframe.stamp_ns)
+        self._views.add(belief, writer)
+
+    def finish(self, writer: BagWriter) -> None:
+        """Write what shows the last belief."""
+        self._views.finish(writer)
 
     def _start(self, first: Keyframe, writer: BagWriter) -> Engine:
         run = announced_run(

@@ -1,4 +1,4 @@
-"""What a bag offers the pipeline."""
+"""Finds the topics of a bag that the pipeline reads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.topics import TYPES
 
 COPIED = tuple(absolute(topic) for topic in topics.KEPT_INPUTS)
-"""Topics that a belief bag takes over from its input."""
+"""Topics that are copied from the input bag into the belief bag."""
 BY_NAME = {absolute(topic): kind for topic, kind in TYPES.items() if topic != topics.IMU}
-"""Types by the topics' absolute names, but for what most runs do without: no other type of that stops them."""
+"""Required type by absolute topic name; without topic imu, which is optional and may have another type."""
 
 
 @dataclass(frozen=True)
 class InputTopics:
-    """Absolute names of the topics to read; "" where the bag has none and can do without."""
+    """Absolute names of the topics to read; "" for one that the bag does not have."""
 
     odometry: str
-    measurements: str  # recorded measurements; "" when they are made of detections
+    measurements: str  # recorded measurements; "" if they are made from detections
     detections: str
     image: str
     camera_info: str
@@ -31,17 +31,17 @@ class InputTopics:
 
     @property
     def has_images(self) -> bool:
-        """Whether there is something to classify."""
+        """Whether there are images to classify."""
         return bool(self.image)
 
     @property
     def has_places_alone(self) -> bool:
-        """Whether detections are taken by the places that they tell, without pictures."""
+        """Whether detections are used by their positions, without images."""
         return not self.image and not self.measurements
 
 
 def find_topics(path: Path, available: Mapping[str, str]) -> InputTopics:
-    """The topics of the bag ``path`` (absolute name -> type); raises InputError that names what is missing."""
+    """The topics to read, of those ``available`` in the bag (absolute name -> type); raises InputError if some lack."""
     for topic, kind in mistyped(available).items():
         raise InputError(f"{path}: {topic} is {kind}, not {BY_NAME[topic]}; import_dataset bag converts other types")
     found = offered(available)
@@ -56,12 +56,12 @@ def find_topics(path: Path, available: Mapping[str, str]) -> InputTopics:
 
 
 def mistyped(available: Mapping[str, str]) -> dict[str, str]:
-    """Types of those topics, by their absolute names, that should have another one."""
+    """Types of the topics, by absolute name, that have another type than required."""
     return {topic: available[topic] for topic, kind in BY_NAME.items() if available.get(topic, kind) != kind}
 
 
 def offered(available: Mapping[str, str]) -> InputTopics:
-    """What of it can be read, whether that is enough for a run or not."""
+    """The available topics that can be read, whether or not they suffice for a run."""
     names = {topic: absolute(topic) if available.get(absolute(topic)) == kind else "" for topic, kind in TYPES.items()}
     image = names[topics.IMAGE_COMPRESSED] or names[topics.IMAGE]
     return InputTopics(
@@ -78,7 +78,7 @@ def offered(available: Mapping[str, str]) -> InputTopics:
 
 
 def lacking(found: InputTopics) -> list[str]:
-    """Topics, by their relative names, without which no run is possible."""
+    """Relative names of missing topics without which no run is possible."""
     required = {topics.ODOMETRY: found.odometry}
     if not found.measurements:
         required[topics.DETECTIONS] = found.detections

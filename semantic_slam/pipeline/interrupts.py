@@ -1,4 +1,4 @@
-"""Ctrl-C between two messages: in the midst of a solver's callback the exception may abort the process."""
+"""Defers Ctrl-C to the time between two messages: raised inside a solver's callback it may abort the process."""
 
 import signal
 import threading
@@ -9,9 +9,9 @@ from types import FrameType
 
 @contextmanager
 def noted_interrupts() -> Iterator[Callable[[], None]]:
-    """A function that raises KeyboardInterrupt if there was a SIGINT since; a second one is raised where it comes.
+    """Context with a function that raises KeyboardInterrupt if SIGINT has come; a second SIGINT raises it at once.
 
-    Where SIGINT is not Python's own affair, or this is not the main thread, it is left as it is.
+    Outside the main thread, or if Python's default SIGINT handler is not installed, nothing is changed.
     """
     ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if not ours or threading.current_thread() is not threading.main_thread():

@@ -1,4 +1,4 @@
-"""The query for look-alikes: from a picture and a belief to a ranking, with the latent space that the belief is of."""
+"""Look-alike query: ranks the objects of a belief by similarity to an image, in the belief's latent space."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,14 +20,14 @@ from semantic_slam.perception.crops import box_fault
 
 @dataclass(frozen=True)
 class LookalikeQuery:
-    """``settings`` of the run that the beliefs are of; the network is read with the first question."""
+    """Look-alike query; ``settings`` are those of the beliefs' run. The network is loaded with the first query."""
 
     settings: SemanticModelConfiguration
 
     def ask(
         self, belief: HybridBelief, image: Bytes, box: Array | None = None, elevation_rad: float = ELEVATION_RAD
     ) -> Lookalikes:
-        """Objects of the map that look like an RGB image, or like the (4,) box in it. Raises InputError."""
+        """Objects of the map that look like an RGB image, or like the crop of the (4,) box in it. Raises InputError."""
         if belief.descriptors.shape[1] != self._model.num_dimensions:
             raise InputError(
                 f"the belief has descriptors of {belief.descriptors.shape[1]} components, the latent space has"
@@ -55,12 +55,12 @@ class LookalikeQuery:
     @cached_property
     def _extractor(self) -> FeatureExtractor:
         extractor = load_extractor(self.settings)
-        assert extractor is not None  # where there is a model, for which one asks first
+        assert extractor is not None  # there is one whenever there is a model, which is loaded first
         return extractor
 
 
 def picture(data: bytes, origin: str) -> Bytes:
-    """(height, width, 3) RGB pixels of an encoded picture; raises InputError that names ``origin``."""
+    """(height, width, 3) RGB pixels of an encoded image; raises InputError that names ``origin``."""
     pixels = decode_picture(data, cv2.IMREAD_COLOR, origin)
     if pixels is None:
         raise InputError(f"{origin}: not a picture; give a png or jpeg")

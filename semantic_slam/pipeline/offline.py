@@ -1,7 +1,7 @@
-"""The whole pipeline in this process: from an input bag to a belief bag.
+"""Offline pipeline: computes a belief bag from an input bag in this process.
 
-bag -> FrameAssembler -> Classifier -> KeyframeAssembler -> Engine -> belief bag; the parts are the nodes'. Without
-pictures PlacesAssembler stands for the first two.
+bag -> FrameAssembler -> Classifier -> KeyframeAssembler -> Engine -> belief bag; the nodes use the same parts. Without
+images PlacesAssembler takes the place of FrameAssembler and Classifier.
 """
 
 from collections import Counter
@@ -46,13 +46,13 @@ from semantic_slam.pipeline.provenance import source_text
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What a run made of its bag."""
+    """Outcome of an offline run."""
 
     belief_bag: Path
     num_frames: int
     num_keyframes: int
-    dropped: dict[str, int]  # inputs not used and hypotheses given up, by reason
-    fault: InputError | None  # why the input ended early; everything before it is in the belief bag
+    dropped: dict[str, int]  # counts of inputs not used and hypotheses dropped, by reason
+    fault: InputError | None  # why the input ended early, if it did; everything before is in the belief bag
 
 
 def run_bag(
@@ -63,11 +63,11 @@ def run_bag(
     max_keyframes: int | None = None,
     pool: BackendPool | None = None,
 ) -> RunSummary:
-    """Run the pipeline on ``bag`` and write the belief bag ``out_bag`` as it goes.
+    """Run the pipeline on ``bag``, writing the belief bag ``out_bag`` incrementally.
 
-    ``map_prior`` None: the objects.json beside the bag, if there is one. ``pool`` None: one backend of
-    its own in this process; one that is given can be asked afterwards what its backends hold. Raises InputError when
-    not a single keyframe can be made; bad input after that ends the run, and is in the summary.
+    ``map_prior`` None: the objects.json beside the bag, if there is one. ``pool`` None: a new pool with one backend in
+    this process; pass one to inspect its backends afterwards. Raises InputError if not a single keyframe can be made;
+    invalid input after the first keyframe ends the run and is returned in the summary.
     """
     if out_bag.resolve() in (bag.resolve(), bag.resolve().parent):
         raise InputError(f"{out_bag}: is the input bag; name another output")
@@ -98,7 +98,7 @@ def run_bag(
 
 
 def _run(run: "OfflineRun", reader: BagReader, max_keyframes: int | None) -> InputError | None:
-    """Feed the bag until its end, its damage or the last keyframe wanted; returns what was wrong with it."""
+    """Process the bag up to its end, its damage or ``max_keyframes``; returns the error that ended it early."""
     with tqdm(total=run.num_expected(reader.counts), unit="frame", desc="frames") as progress:
         run.on_frame = progress.update
         run.max_keyframes = max_keyframes
@@ -106,7 +106,7 @@ def _run(run: "OfflineRun", reader: BagReader, max_keyframes: int | None) -> Inp
             with noted_interrupts() as check_interrupts:
                 fault = _feed(run, reader, check_interrupts)
         finally:
-            run.record_dropped()
+            run.conclude()
     return fault
 
 
@@ -128,7 +128,7 @@ def _feed(run: "OfflineRun", reader: BagReader, check_interrupts: Callable[[], N
 
 
 class OfflineRun:
-    """Hands each message of a bag to the part that wants it, and what comes out to the next."""
+    """Passes each message of a bag to the part that needs it, and each part's results to the next."""
 
     def __init__(
         self,
@@ -189,7 +189,7 @@ class OfflineRun:
 
     @property
     def wanted(self) -> set[str]:
-        """Topics to be read."""
+        """Topics to read from the bag."""
         return {*self._handlers, *self._copied}
 
     @property
@@ -197,11 +197,11 @@ class OfflineRun:
         return self.max_keyframes is not None and self.num_keyframes >= self.max_keyframes
 
     def num_expected(self, counts: Counter[str]) -> int:
-        """Frames that the bag may hold, for a progress display."""
+        """Expected number of frames, for the progress bar."""
         return counts[self._found.measurements or self._found.detections]
 
     def dropped_by(self) -> dict[str, Counter[str]]:
-        """Inputs not used and hypotheses given up, by part and reason."""
+        """Counts of inputs not used and hypotheses dropped, by part and reason."""
         classifier = self._classifier.dropped if self._classifier else Counter[str]()
         return {
             "bag": self._undecodable,
@@ -213,7 +213,7 @@ class OfflineRun:
         }
 
     def take(self, message: RawMessage, decode: Callable[[bytes, str], Any]) -> None:
-        """One message of the bag. Raises InputError when the run cannot go on."""
+        """Process one message of the bag. Raises InputError if the run cannot continue."""
         self._last_stamp_ns = message.stamp_ns
         if message.topic in self._copied:
             self._writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns)
@@ -234,13 +234,14 @@ class OfflineRun:
         self._infer(self._keyframes.take())
 
     def finish(self) -> None:
-        """Use what still waits for later messages. Raises InputError."""
+        """Process everything that still waits for later messages. Raises InputError."""
         self._measure(self._frames.flush())
         self._pass_on(self._places.flush())
         self._infer(self._keyframes.flush())
 
-    def record_dropped(self) -> None:
-        """Write what was dropped, by reason."""
+    def conclude(self) -> None:
+        """Write the views of the last belief and a diagnostics message with the dropped counts."""
+        self._inference.finish(self._writer)
         stamp_ns = self._last_stamp_ns
         self._writer.write(topics.DIAGNOSTICS, dropped_message(stamp_ns, self.dropped_by()), stamp_ns)
 
@@ -256,7 +257,7 @@ class OfflineRun:
             self._add_measurements(replace(measured, dropped=dropped))
 
     def _camera_pose(self, optical_frame: str) -> Array:
-        if optical_frame not in self._camera_poses:  # a bag's fixed transforms are all read before
+        if optical_frame not in self._camera_poses:  # cached: all static transforms were read before the run
             extrinsics, base_frame = self._perception.extrinsics, self._perception.base_frame
             pose = sensor_pose(extrinsics, base_frame, self._preamble.transforms, optical_frame)
             self._camera_poses[optical_frame] = pose

@@ -1,4 +1,4 @@
-"""What has to be known before the first keyframe: fixed transforms, the initial pose, the map prior."""
+"""Reads what must be known before the first keyframe: static transforms, the initial pose, the map prior."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,15 +21,15 @@ ROUNDING = 1e-12
 
 @dataclass
 class Preamble:
-    """Collected over the whole bag, wherever in it these messages lie."""
+    """Static transforms, initial pose and labels, collected from the whole bag."""
 
     transforms: TransformTree = field(default_factory=TransformTree)
-    initial_pose: PoseEstimate | None = None  # in map; the first one of the bag
-    labels: frozenset[str] = frozenset()  # of all detections, where it matters what a detector can say
+    initial_pose: PoseEstimate | None = None  # in the map frame; the first one of the bag
+    labels: frozenset[str] = frozenset()  # of all detections, if the class models use labels
 
 
 def read_preamble(reader: BagReader) -> Preamble:
-    """Static transforms and initial pose of a bag; raises InputError when the initial pose is not usable."""
+    """Static transforms and initial pose of a bag; raises InputError if the initial pose is not usable."""
     preamble = Preamble()
     try:
         for message in reader.messages([topics.TF_STATIC, topics.INITIAL_POSE]):
@@ -39,14 +39,15 @@ def read_preamble(reader: BagReader) -> Preamble:
             elif preamble.initial_pose is None:
                 preamble.initial_pose = checked_initial_pose(from_message(content))
     except TruncatedBagError:
-        pass  # the run meets the same damage, and reports it
+        pass  # the run reports the damage
     return preamble
 
 
 def checked_initial_pose(estimate: PoseEstimate, frame: str = MAP_FRAME) -> PoseEstimate:
-    """The initial pose, its quaternion of length 1; raises MessageError when it is not in the map's frame, or no pose.
+    """The initial pose with a normalised quaternion; raises MessageError if it is not finite or not in the map frame.
 
-    Its covariance over x, y and yaw has to be one: all zeros are what publishers send that do not know it.
+    Also raises MessageError unless the covariance over x, y and yaw is positive definite; publishers that do not know
+    it send zeros.
     """
     if plain_frame(estimate.frame_id) != plain_frame(frame):
         raise MessageError(f"{topics.INITIAL_POSE}: it is in '{estimate.frame_id}'; publish it in '{frame}'")
@@ -59,13 +60,13 @@ def checked_initial_pose(estimate: PoseEstimate, frame: str = MAP_FRAME) -> Pose
             " pose may be off, 0.01 for 0.1 m"
         )
     length = float(np.linalg.norm(estimate.pose[3:]))
-    if abs(length - 1.0) <= ROUNDING:  # to the last bit as it is
+    if abs(length - 1.0) <= ROUNDING:  # keep it bit for bit
         return estimate
     return replace(estimate, pose=np.append(estimate.pose[:3], estimate.pose[3:] / length))
 
 
 def find_map_prior(bag: Path) -> MapPrior | None:
-    """The map prior that lies beside the bag's data, announced in a line; None when there is none."""
+    """Read the map prior beside the bag and print a line about it; None if there is none."""
     path = map_prior_path(bag)
     if path is None:
         return None
@@ -74,7 +75,7 @@ def find_map_prior(bag: Path) -> MapPrior | None:
 
 
 def map_prior_path(bag: Path) -> Path | None:
-    """``objects.json`` in a bag's folder; for a bare file NAME.mcap, NAME.objects.json beside it, else objects.json."""
+    """Path of ``objects.json`` in a bag's folder; for a file NAME.mcap, NAME.objects.json or objects.json beside it."""
     folder = bag if bag.is_dir() else bag.parent
     names = (MAP_PRIOR_FILE,) if bag.is_dir() else (f"{bag.stem}.{MAP_PRIOR_FILE}", MAP_PRIOR_FILE)
     return next((folder / name for name in names if (folder / name).is_file()), None)

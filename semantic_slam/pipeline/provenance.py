@@ -1,4 +1,4 @@
-"""Where a result comes from: its input, the version of this software, the machine."""
+"""Provenance of a result: its input, the version of this software, the machine."""
 
 import json
 import os
@@ -11,12 +11,12 @@ from semantic_slam.version import PACKAGE_XML, __version__
 
 
 def source_text(path: Path, sha256: str) -> str:
-    """JSON of a run's input, as RunConfiguration carries it."""
+    """JSON with path and SHA-256 of a run's input bag, as stored in RunConfiguration."""
     return json.dumps({"path": str(path.resolve()), "sha256": sha256})
 
 
 def revision() -> str:
-    """Version of this package, with the git revision when it runs from a checkout."""
+    """Version of this package, with the git revision if it runs from a checkout."""
     root = PACKAGE_XML.parent
     if not (root / ".git").exists():
         return __version__
@@ -29,12 +29,12 @@ def revision() -> str:
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores that this process may use, and Python: what times in a result depend on."""
+    """Processor, number of cores available to this process, and Python version, on which timings depend."""
     return {"cpu": _processor(), "cores": len(os.sched_getaffinity(0)), "python": platform.python_version()}
 
 
 def _processor() -> str:
-    """The processor's name as Linux states it, elsewhere its architecture."""
+    """Processor name from /proc/cpuinfo; where there is none, the machine architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

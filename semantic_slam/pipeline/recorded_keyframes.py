@@ -1,4 +1,4 @@
-"""The keyframes of a recorded run: made again from the measurements and the odometry in its belief bag."""
+"""Recreates the keyframes of a recorded run from the measurements and the odometry in its belief bag."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,7 +18,7 @@ from semantic_slam.pipeline.preamble import read_preamble
 
 
 def recorded_keyframes(bag: Path, configuration: Configuration, count: int) -> list[Keyframe]:
-    """The first ``count`` keyframes, or as many as a damaged bag still tells. Raises InputError."""
+    """The first ``count`` keyframes, or as many as a damaged bag contains. Raises InputError."""
     identities, imu = absolute(topics.GROUND_TRUTH_ASSOCIATIONS), absolute(topics.IMU)
     found: list[Keyframe] = []
     with BagReader(bag) as reader:
@@ -35,10 +35,10 @@ def recorded_keyframes(bag: Path, configuration: Configuration, count: int) -> l
         }
         try:
             for message in reader.messages(handlers):
-                with suppress(MessageError):  # counted when it was recorded
+                with suppress(MessageError):  # it was already counted during the recording
                     handlers[message.topic](reader.decode(message.cdr, message.type_name))
                 found += assembler.take()
         except TruncatedBagError:
-            pass  # beliefs end there, too
+            pass  # the bag's beliefs end there, too
         found += assembler.flush()
     return found[:count]

@@ -1,4 +1,4 @@
-"""One run of a hypothesis manager, from its first keyframe to its last; a manager has one after the other."""
+"""Session: one run of a hypothesis manager, from its first keyframe to its last; a manager has them in sequence."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -19,11 +19,11 @@ from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.start import announced_run
 
 SOMETHING = ("object",)
-"""What detections may be labelled before any has come."""
+"""Assumed labels of detections before any have been received."""
 
 
 class Session:
-    """Keyframes and beliefs of one run, which begins with the first keyframe."""
+    """Keyframes and beliefs of one run, which starts with its first keyframe."""
 
     def __init__(
         self,
@@ -35,9 +35,9 @@ class Session:
         initial_pose: PoseEstimate | None = None,
         imu: ImuSource | None = None,
     ) -> None:
-        """Unless another one comes before the first keyframe, it begins at ``initial_pose``, None: as configured.
+        """``initial_pose``: start pose unless another is set before the first keyframe; None: as configured.
 
-        ``imu``: one that its assembler is told of; None: there is none.
+        ``imu``: source of the IMU readings passed to the assembler; None: there is none.
         """
         self.number, self.map_prior = number, map_prior
         self.num_keyframes = 0
@@ -56,7 +56,7 @@ class Session:
         self._engine: Engine | None = None
 
     def set_initial_pose(self, estimate: PoseEstimate) -> None:
-        """Where the run begins; the first one counts. One that comes later is where the next run begins, by default."""
+        """Set the start pose of this run; only the first call counts. A later pose becomes the next run's default."""
         if not self._is_told_pose and self._engine is None:
             self._initial_pose, self._is_told_pose = estimate, True
         else:
@@ -64,28 +64,28 @@ class Session:
 
     @property
     def dropped(self) -> Counter[str]:
-        """Inputs not used and hypotheses given up, by reason."""
+        """Counts of inputs not used and hypotheses dropped, by reason."""
         return self.assembler.dropped + (self._engine.lost if self._engine is not None else Counter[str]())
 
     @property
     def run(self) -> RunConfiguration:
-        """What was announced. Raises InputError before the first keyframe."""
+        """Configuration of the run. Raises InputError before the first keyframe."""
         if self._engine is None:
             raise InputError("there is no belief yet; ask after the first keyframe")
         return self._engine.run
 
     @property
     def carried(self) -> float:
-        """Probability that the robot was carried elsewhere in the last keyframes."""
+        """Probability that the robot was kidnapped (carried elsewhere) during the last keyframes."""
         return self._engine.carried if self._engine is not None else 0.0
 
     @property
     def num_without_label(self) -> int:
-        """Keyframes that wait for the first detection with a label."""
+        """Number of keyframes that wait for the first detection with a label."""
         return self._first_label.num_waiting
 
     def beliefs(self, pool: BackendPool, *, at_end: bool = False) -> Iterator[tuple[Keyframe, HybridBelief]]:
-        """Keyframes that are complete by now, or ``at_end`` all that are left, each with the belief after it."""
+        """Keyframes that are complete, or ``at_end`` all remaining ones, each with the belief after it."""
         found = self.assembler.flush() if at_end else self.assembler.take()
         for keyframe in self._first_label.released(found, at_end=at_end):
             if self._engine is None:
@@ -96,14 +96,14 @@ class Session:
             yield keyframe, belief
 
     def follower(self, map_prior: MapPrior | None) -> "Session":
-        """The next run, with nothing of this one but where it was told to begin."""
+        """The next session, on ``map_prior``; it takes over the settings and a pose set for the next run."""
         pose, number = self._next_pose, self.number + 1
         return Session(self._configuration, map_prior, self._source, number=number, initial_pose=pose, imu=self._imu)
 
     def check(self, map_prior: MapPrior) -> None:
-        """Raises InputError for a map that no run can be on whose detections are like those of this one.
+        """Raises InputError if a run with detections like those of this one cannot start on the map.
 
-        Before the first keyframe nobody knows what these name; something, it is supposed.
+        Before the first keyframe their labels are unknown; ``perception.labels`` or else :data:`SOMETHING` is assumed.
         """
         first, labels = self._first, self._first_label.labels
         if first is None:

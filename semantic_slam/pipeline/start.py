@@ -1,4 +1,4 @@
-"""Start of a run: the configuration that is announced, and the pose at which it begins."""
+"""Start of a run: its published configuration and its start pose."""
 
 from collections.abc import Iterable
 
@@ -17,9 +17,9 @@ from semantic_slam.pipeline.gravity.imu_use import unused_because
 from semantic_slam.pipeline.provenance import revision
 
 ANY_TILT_RAD = 0.5
-"""Standard deviation of roll and pitch before the look that tells them."""
+"""Standard deviation of roll and pitch before the first gravity measurement."""
 TILT = [3, 4]
-"""Rows of roll and pitch, about the axes of map."""
+"""Indices of roll and pitch in the covariance, about the axes of the map frame."""
 
 
 def announced_run(
@@ -32,10 +32,10 @@ def announced_run(
     source: str,
     session: int = 0,
 ) -> RunConfiguration:
-    """The run that begins with the keyframe ``first``, whose stamp is the run's. Raises InputError.
+    """Configuration of the run that starts with the keyframe ``first`` and takes its stamp. Raises InputError.
 
-    ``labels`` are the detector's known labels, ``source`` the JSON of what is replayed, ``session`` the number of the
-    run among those of one process.
+    ``labels`` are the detector's known labels, ``source`` the JSON of the replayed input, ``session`` the index of the
+    run within this process.
     """
     pose, covariance = start_of(configuration, initial_pose, first)
     return make_run_configuration(
@@ -51,10 +51,11 @@ def announced_run(
 
 
 def start_of(configuration: Configuration, told: PoseEstimate | None, first: Keyframe) -> tuple[Array, Array]:
-    """Pose (7,) and covariance (6, 6) before the motion of the first keyframe. Raises InputError.
+    """Start pose (7,) and covariance (6, 6), before the motion of the first keyframe. Raises InputError.
 
-    What is ``told`` by topic initialpose is taken as it is. Without that a look at gravity in the first keyframe says
-    how the body was tilted; it counts once, so before it nothing is known of that.
+    A pose ``told`` by topic initialpose is taken unchanged. Otherwise a gravity measurement in the first keyframe gives
+    the body's roll and pitch. Since inference uses that measurement, too, the covariance of roll and pitch is widened
+    to :data:`ANY_TILT_RAD`, so that it does not count twice.
     """
     if told is not None:
         return told.pose, told.covariance

@@ -1,7 +1,8 @@
-"""Node ``backend_<n>``: the components of one backend behind topics.
+"""Node ``backend_<n>``: computes the mixture components (hypotheses) that one backend owns.
 
 Parameters:
-  backend_id  its number, below the manager's backends; -1 (default): from the node's name, backend_1 being 1
+  backend_id  its number, less than the manager's parameter backends; -1 (default): taken from the end of the node's
+              name, 1 for backend_1
 """
 
 import re
@@ -62,7 +63,7 @@ class BackendNode(PipelineNode):
     def _send(self, answers: list[Answer]) -> None:
         for answer in answers:
             outlet = self._outlets[type(answer)]
-            outlet.wait_for_readers(1, MATCH_S)  # an answer to a manager that is not matched yet would be lost
+            outlet.wait_for_readers(1, MATCH_S)  # an answer sent before DDS has matched the manager would be lost
             outlet.send(encode(answer))
 
 

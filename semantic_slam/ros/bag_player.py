@@ -1,16 +1,17 @@
-"""Node ``bag_player``: any rosbag2 onto the topics, in real time, faster, or losslessly in lock-step.
+"""Node ``bag_player``: replays any rosbag2, in real time, faster, or losslessly in lock-step.
 
-In lock-step it begins where the hypothesis manager stands: at the bag's start, or in a run that goes on shortly before
-the newest frame done with. Where an earlier replay has ended, this one is another session. Live it begins at the start.
+In lock-step it starts according to the hypothesis manager's progress: at the start of the bag or, if a run is being
+resumed, shortly before the newest frame that was processed. After an earlier replay has ended, this one is another
+session. With another rate it starts at the start of the bag.
 
 Parameters:
   bag                   rosbag2 folder, .mcap or .db3
   rate                  0 (default): lossless lock-step; 1: real time; more: faster
-  window                detection frames under way at most, in lock-step (default 4)
+  window                maximum number of detection frames in flight, in lock-step (default 4)
   remap                 list of FROM:=TO, e.g. ["/camera/image:=image"]
-  resume                in place of a player that died: live, too, it begins where the manager stands, and after the end
-                        of a replay there is nothing left to do (default false)
-  wait_for_listeners_s  how long to wait until every input has a listener (default 60)
+  resume                true for a player that replaces one that died: it resumes from the manager's progress at every
+                        rate, and exits if the replay has already ended (default false)
+  wait_for_listeners_s  how long to wait until every input topic has a subscriber (default 60)
 """
 
 import sys
@@ -47,16 +48,16 @@ from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name,
 
 STALL_S = 30.0
 GONE_S = 30.0
-"""A manager that is missing for so long, besides the time that DDS needs to notice, does not come back."""
+"""A manager without a publisher for longer than this is taken as dead; DDS discovery time comes on top."""
 GRACE_S = 1.0
-"""For which a manager may be unknown although somebody listens to the inputs."""
+"""How long the manager may stay undiscovered after the inputs have subscribers."""
 ONLOOKERS = ("bag_recorder", "doctor", "view")
-"""Who hears everything and answers nothing."""
+"""Nodes that only observe: their subscriptions do not count as listeners."""
 SECOND = 1_000_000_000
 
 
 class BagPlayer(PipelineNode):
-    """Publishes a bag; ``rate`` 0 keeps at most ``window`` detection frames under way."""
+    """Publishes a bag; with ``rate`` 0 at most ``window`` detection frames are in flight."""
 
     def __init__(self) -> None:
         super().__init__("bag_player")
@@ -71,10 +72,10 @@ class BagPlayer(PipelineNode):
             raise InputError("bag_player: parameter bag is empty; name the bag to replay")
         self._bag = Path(bag)
         self._finished = threading.Event()
-        self._stands = threading.Event()  # the manager has said where
-        self._done_stamp_ns = 0  # of the newest frame done with
+        self._stands = threading.Event()  # set once the manager has published its progress
+        self._done_stamp_ns = 0  # of the newest frame that was processed
         self._sent = 0
-        self._has_ended = self._is_after_another = False  # what was sent; a replay before this one
+        self._has_ended = self._is_after_another = False  # the bag was sent to its end; a replay ended before this one
         self._stamp_ns = 0
         self._had_manager = False
         self._gone_since_s: float | None = None
@@ -97,7 +98,7 @@ class BagPlayer(PipelineNode):
         self.worker.submit(self._play, None)
 
     def _hear_manager(self, data: bytes) -> None:
-        """At once: the worker waits for what is said here."""
+        """Handle a progress message on the executor's thread, because the worker waits for it."""
         self.guarded(MANAGER_PROGRESS, lambda: self._manager_progress(data))
 
     def _manager_progress(self, data: bytes) -> None:
@@ -110,7 +111,7 @@ class BagPlayer(PipelineNode):
             self._is_after_another = True
             self._stands.set()
             return
-        # Messages of others that are no detections count as frames that the classifier lost.
+        # Progress may exceed what was sent: messages of other publishers also count as frames that the classifier lost.
         before = progress.frames if self._goes_on else 0
         self._credit.done(min(progress.frames, self._sent) if self._sent else before)
         self._done_stamp_ns = progress.stamp_ns
@@ -130,7 +131,7 @@ class BagPlayer(PipelineNode):
             self._send_latched(bag)
             try:
                 self._send_rest(bag, bar, start)
-            except InputError as fault:  # the part before the damage is replayed to its end
+            except InputError as fault:  # finish the replay of the part before the damage
                 damage = fault
             self._end_of_bag(bar)
         if damage is not None:
@@ -140,7 +141,7 @@ class BagPlayer(PipelineNode):
     def _wait_for_listeners(self) -> None:
         give_up = time.monotonic() + self._wait_s
         inputs = [self._outlets[topic] for topic, item in self._playlist.items.items() if item.is_input]
-        # A recorder takes everything and works on nothing: it must not be all that has come up so far.
+        # Observers such as the recorder do not count: the nodes that process the inputs must be up.
         while rclpy.ok() and (
             unheard := [outlet.name for outlet in inputs if not outlet.has_listener_besides(ONLOOKERS)]
         ):
@@ -154,7 +155,7 @@ class BagPlayer(PipelineNode):
             time.sleep(0.02)
 
     def _wait_for_manager(self) -> None:
-        """Until the manager has said where it stands; there may be none."""
+        """Wait until the manager has published its progress; returns early if there seems to be no manager."""
         since_s = time.monotonic()
         while rclpy.ok() and not self._stands.wait(0.05):
             waited_s = time.monotonic() - since_s
@@ -163,11 +164,11 @@ class BagPlayer(PipelineNode):
 
     @property
     def _goes_on(self) -> bool:
-        """Whether a replay that was broken off is gone on with; live, only by a player that is started for that."""
+        """Whether to resume an interrupted replay: in lock-step, or with parameter ``resume``."""
         return self._rate == 0.0 or self._resumes
 
     def _start(self, bag: BagReader) -> Resumption:
-        """Where to begin; the frames before count as sent."""
+        """Where to start in the bag; earlier frames count as sent."""
         if not (self._done_stamp_ns and self._goes_on):
             return FROM_THE_START
         frames = [topic for topic, item in self._playlist.items.items() if item.is_frame]
@@ -177,7 +178,7 @@ class BagPlayer(PipelineNode):
         return start
 
     def _send_latched(self, bag: BagReader) -> None:
-        """What later messages are understood by (initial pose, static transforms) goes first and arrives first."""
+        """Send latched topics (initial pose, static transforms) first, and wait until they are acknowledged."""
         latched = [topic for topic, item in self._playlist.items.items() if item.is_latched]
         for message in bag.messages(latched) if latched else ():
             self._outlets[message.topic].send(message.cdr)
@@ -193,7 +194,7 @@ class BagPlayer(PipelineNode):
             is_frame = self._is_frame(message)
             frame += is_frame
             if not start.takes(message, frame if is_frame else None):
-                if item.name == CAMERA_INFO and message.topic not in cameras:  # the first one counts
+                if item.name == CAMERA_INFO and message.topic not in cameras:  # nodes use the first camera_info
                     self._send(message)
                 cameras.add(message.topic)
                 continue
@@ -206,7 +207,7 @@ class BagPlayer(PipelineNode):
             self._send(message)
 
     def _is_frame(self, message: RawMessage) -> bool:
-        """Whether somebody will say that he is done with it: not where it cannot be used."""
+        """Whether flow control counts the message: one on a frame topic that can be decoded."""
         item = self._playlist.items[message.topic]
         is_ours = item.type_name in BY_TYPE_NAME
         return item.is_frame and (not is_ours or is_usable(message.cdr, item.type_name))
@@ -230,7 +231,7 @@ class BagPlayer(PipelineNode):
         bar.update(self._credit.frames_done - bar.n)
 
     def _manager_goes_on(self) -> bool:
-        """Whether there is a manager. Raises InputError when there was one, and it is gone for long."""
+        """Whether to wait for the manager. Raises InputError if there was one and it is gone for ``GONE_S``."""
         if not rclpy.ok():
             return False
         if self.count_publishers(self._manager_topic) > 0:
@@ -264,19 +265,19 @@ class BagPlayer(PipelineNode):
 
 
 class Pace:
-    """Real time times ``rate``; 0 never waits."""
+    """Paces a replay at ``rate`` times real time; 0 never waits."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._start: tuple[int, float] | None = None
 
     def shift(self, by_s: float) -> None:
-        """What is still to come is due so much later."""
+        """Postpone all further messages by ``by_s`` seconds."""
         if self._start is not None:
             self._start = self._start[0], self._start[1] + by_s
 
     def wait(self, stamp_ns: int) -> None:
-        """Sleep until the message of this log time is due."""
+        """Sleep until a message with this log time is due."""
         if self._rate <= 0.0:
             return
         if self._start is None:

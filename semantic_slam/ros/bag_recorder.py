@@ -1,12 +1,12 @@
-"""Node ``bag_recorder``: the belief and what explains it into a belief bag, as the offline pipeline writes it.
+"""Node ``bag_recorder``: records beliefs and their inputs into a belief bag, like that of the offline pipeline.
 
-Another session of the manager is another bag: BAG_2, BAG_3 and so on.
+Each further session of the manager goes into a bag of its own: BAG_2, BAG_3 and so on.
 
 Parameters:
   bag        folder of the belief bag
-  overwrite  true: an old bag is replaced once the new one is whole (default false)
-  has_imu    record topic imu, too (default false)
-  resume     true: go on with a bag whose recorder was killed (default false)
+  overwrite  true: replace an old bag once the new one is complete (default false)
+  has_imu    also record topic imu (default false)
+  resume     true: continue a bag whose recorder was killed (default false)
   lossless   true in a replay by bag_player at rate 0 (default false)
 """
 
@@ -42,27 +42,27 @@ from semantic_slam.ros.wire.transport import is_installed
 
 RESULTS = (topics.MEASUREMENTS, topics.BELIEF, topics.POSE)
 FLUSH_S = 0.5
-"""How often what was recorded is handed to the operating system: no more is lost when this process is killed."""
+"""Flush period: the most that is lost when this process is killed."""
 PATIENCE_S = 5.0
-"""How long one waits for a belief when others that follow on each other have come before it."""
+"""How long to wait for the next belief while consecutive later ones have already arrived."""
 STAMP_END = 12
-"""Bytes of a serialised message up to the end of its header's stamp."""
+"""Length in bytes of a serialised message up to and including its header stamp."""
 NEWEST = (topics.RUN_CONFIGURATION, topics.PATH, topics.MARKERS)
 
 
 class Ahead(NamedTuple):
-    """The newest belief that came before its turn, of some that follow on each other."""
+    """The newest belief of a consecutive series that arrived ahead of the expected keyframe."""
 
     keyframe: int
     stamp_ns: int
-    first: int  # keyframe of the first of them
-    since_s: float  # when that one came
+    first: int  # keyframe of the first belief of the series
+    since_s: float  # when that one arrived, by the monotonic clock
 
 
 class BagRecorder(PipelineNode):
-    """Writes parameter ``bag`` until the replay or the node ends. A gap in the keyframes is a fault."""
+    """Records into parameter ``bag`` until the replay or the node ends; a gap in the keyframes is an error."""
 
-    most_behind: Mapping[str, int] = {}  # what is recorded is whole, and disks are faster than sensors
+    most_behind: Mapping[str, int] = {}  # no limit: recordings are complete, and disks are faster than sensors
 
     def __init__(self) -> None:
         super().__init__("bag_recorder")
@@ -76,16 +76,16 @@ class BagRecorder(PipelineNode):
         self._repeats = Repeats(self.repeated)
         self._inputs = RecentInputs()
         self._path = Path(path)
-        self._stamp_ns = 0  # of the newest belief, for messages without a stamp; before it the newest one of all
+        self._stamp_ns = 0  # for messages without a stamp: of the newest belief; before the first, the newest of all
         self._num_beliefs, self._belief_stamp_ns = 0, -1
         self._ahead: Ahead | None = None
-        self._has_gap = False  # beliefs have passed since the last one that was recorded
+        self._has_gap = False  # beliefs were missed, while not active, since the last recorded one
         self._run_id = ""
-        self._next_run: Any = None  # the announcement of another session, whose first belief is still to come
+        self._next_run: Any = None  # configuration of another session whose first belief has not arrived yet
         self._ends_at_ns: int | None = None  # stamp of the replay's last belief
         self._begin(*(unfinished_session(self._path) if resume else (self._path, None)), overwrite)
         self.health.add_source(lambda: [dropped_status(self.refused.copy())])
-        for topic in NEWEST:  # first: of messages that are there at once, another run comes before its beliefs
+        for topic in NEWEST:  # subscribed first, so that a run's configuration is handled before its beliefs
             self._record(topic, qos.latched_by_any(), waits=False)
         for topic in RESULTS:
             self._record(topic, qos.result(self.lossless), waits=False)
@@ -97,7 +97,7 @@ class BagRecorder(PipelineNode):
         self.create_timer(FLUSH_S, self._queue_flush, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _begin(self, path: Path, unfinished: Path | None, overwrite: bool) -> None:
-        """Open the bag, and take over what a recorder left that was killed."""
+        """Open the bag; ``unfinished`` is one that a killed recorder left, whose messages are taken over."""
         self._is_resumed = unfinished is not None
         if unfinished is None:
             self._claim = claimed_bag(path, (), overwrite, LEAVE_OF_NODES)
@@ -126,14 +126,14 @@ class BagRecorder(PipelineNode):
         self._writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns, definition)
 
     def close(self) -> None:
-        """Write the bag's index; what was received is readable from then on, and takes an old bag's place if whole."""
+        """Write the bag's index, which makes it readable; a complete bag then replaces an old one."""
         self._finish_bag()
 
     def _finish_bag(self) -> None:
         self._writer.__exit__(None, None, None)
-        if not self._num_beliefs:  # an old bag is better than one without beliefs
+        if not self._num_beliefs:  # without beliefs the old bag is kept
             self._claim.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
-        elif self.fault is None:  # else it stays beside the old one
+        elif self.fault is None:  # after a fault the new bag stays beside the old one
             self._claim.__exit__(None, None, None)
 
     def _queue_flush(self) -> None:
@@ -141,7 +141,7 @@ class BagRecorder(PipelineNode):
             self.worker.submit(lambda _: self._writer.flush(), None)
 
     def resume(self) -> None:
-        """Record, or go on: what has passed meanwhile is not in the bag."""
+        """Start or resume recording; messages that passed while not active are missing from the bag."""
         if self.refused[f"{topics.BELIEF}: {PASSED}"]:
             self.worker.submit(self._note_gap, None)
         super().resume()
@@ -169,31 +169,31 @@ class BagRecorder(PipelineNode):
         if topic == topics.BELIEF and self._is_of_next_run(message):
             self._begin_session()
         if topic == topics.BELIEF and not self._is_due(int(message.keyframe), stamp_ns):
-            self._repeats.forget(absolute(topic), _key(topic, data))  # a copy that overtook it: it itself is to come
+            self._repeats.forget(absolute(topic), _key(topic, data))  # not used: it may arrive again in its turn
             return
         self._write_raw(topic, data, stamp_ns)
 
     def _write_raw(self, topic: str, data: bytes, stamp_ns: int) -> None:
-        if topic == topics.BELIEF or not self._num_beliefs:  # whose stamps somebody has looked at
+        if topic == topics.BELIEF or not self._num_beliefs:  # stamps of beliefs are checked, those of inputs are not
             self._stamp_ns = max(self._stamp_ns, stamp_ns)
-        if self._stamp_ns:  # before the first stamp there are but diagnostics of nodes that wait, which repeat
+        if self._stamp_ns:  # before the first stamp only diagnostics of waiting nodes arrive, which are periodic
             self._writer.write_raw(topic, topics.TYPES[topic], data, stamp_ns or self._stamp_ns)
 
     def _is_of_another_session(self, run: Any) -> bool:
-        """Whether a run is announced that is not recorded yet; beliefs of the one before may still come."""
+        """Whether this announces another run than the recorded one; beliefs of the recorded one may still arrive."""
         self._run_id = self._run_id or str(run.run_id)
         self._next_run = run if run.run_id != self._run_id else None
         return self._next_run is not None
 
     def _is_of_next_run(self, belief: Any) -> bool:
-        """Whether a belief begins the session that is announced; its first ones may have passed."""
+        """Whether a belief is the first received one of the announced session; earlier ones may have been missed."""
         if self._next_run is None:
             return False
         is_later = header_stamp_ns(belief) >= header_stamp_ns(self._next_run)
         return bool(belief.keyframe == 0 or (self._has_gap and is_later))
 
     def _begin_session(self) -> None:
-        """Another bag; it begins with what has already come of its session."""
+        """Start another bag, with the messages of the new session that have already arrived."""
         run, self._next_run = self._next_run, None
         self._finish_bag()
         self._run_id, self._stamp_ns, self._num_beliefs, self._belief_stamp_ns = str(run.run_id), 0, 0, -1
@@ -205,13 +205,13 @@ class BagRecorder(PipelineNode):
             self._write_raw(item.topic, item.data, item.stamp_ns or first_stamp_ns)
 
     def _is_repeated(self, topic: str, data: bytes) -> bool:
-        """Whether a replay that goes on after a death brings what is recorded."""
+        """Whether a replay resumed after a crash sends a message that is already recorded."""
         is_of_replay = self.lossless and topic != topics.DIAGNOSTICS
         return is_of_replay and self._repeats.is_known(absolute(topic), _key(topic, data))
 
     def _is_due(self, keyframe: int, stamp_ns: int) -> bool:
-        """Whether a belief is new, and in its turn; raises SemanticSlamError when some before it were lost."""
-        if keyframe < self._num_beliefs:  # of a manager that was started again
+        """Whether a belief is the next one expected; raises SemanticSlamError if some before it were lost."""
+        if keyframe < self._num_beliefs:  # repeated by a restarted manager
             self.repeated[topics.BELIEF] += 1
             return False
         may_lack = self._has_gap or (self._is_resumed and not self.lossless)
@@ -225,9 +225,10 @@ class BagRecorder(PipelineNode):
         return True
 
     def _note_ahead(self, keyframe: int, stamp_ns: int) -> None:
-        """A belief ahead of its turn is nobody's, unless others follow on it for a while: then those between were lost.
+        """Note a belief ahead of the expected one. Raises SemanticSlamError if those in between were lost.
 
-        Copies that somebody else sends may overtake a few.
+        A single one is refused, as it may be a copy from another publisher. If consecutive ones keep arriving for
+        ``PATIENCE_S``, the beliefs in between were lost.
         """
         before, follows = self._ahead, self._ahead is not None and keyframe == self._ahead.keyframe + 1
         self._refuse_ahead()
@@ -242,7 +243,7 @@ class BagRecorder(PipelineNode):
             self._ahead = None
 
     def _fail_if_lost(self) -> None:
-        """Raises SemanticSlamError when what is due has not come long after its followers."""
+        """Raises SemanticSlamError if the expected belief is missing ``PATIENCE_S`` after its successors began."""
         if self._ahead is not None and time.monotonic() - self._ahead.since_s > PATIENCE_S:
             came, due = self._ahead.first, self._num_beliefs
             raise SemanticSlamError(f"keyframe {came} came where {due} was due: beliefs were lost")
@@ -258,7 +259,7 @@ class BagRecorder(PipelineNode):
             self.when_drained(self._end, None)
 
     def _end(self, _: None) -> None:
-        """End with the last belief, which may still be on its way, unless another session has begun meanwhile."""
+        """End once the last belief is recorded, which may still be in transit; not if another session has begun."""
         if self._ends_at_ns is None:
             return
         if self._belief_stamp_ns >= self._ends_at_ns:
@@ -270,18 +271,18 @@ class BagRecorder(PipelineNode):
 
 
 def session_place(path: Path, number: int) -> Path:
-    """Where the bag of a session lies; 1 is the first."""
+    """Path of the bag of a session; number 1 is the first."""
     return path if number == 1 else path.with_name(f"{path.name}_{number}")
 
 
 def free_session(path: Path) -> Path:
-    """Where the next session's bag may lie: nothing is replaced in the midst of a drive."""
+    """Path for the next session's bag, one that is not taken: nothing is overwritten during a drive."""
     places = (session_place(path, number) for number in count(2))
     return next(place for place in places if not place.exists() and unfinished_bag(place) is None)
 
 
 def unfinished_session(path: Path) -> tuple[Path, Path | None]:
-    """The bag of the session whose recorder was killed, and where it was left; the first and None where none was."""
+    """Bag of the session whose recorder was killed, and where its unfinished data lie; ``path`` and None if none."""
     for number in count(1):
         place = session_place(path, number)
         if (left := unfinished_bag(place)) is not None:
@@ -292,7 +293,7 @@ def unfinished_session(path: Path) -> tuple[Path, Path | None]:
 
 
 def _key(topic: str, data: bytes) -> bytes:
-    """By what a message is known: a classifier that was started again measures the same, and counts from zero."""
+    """Bytes that identify a message; for measurements up to the stamp, as a restarted classifier counts from zero."""
     return data[:STAMP_END] if topic == topics.MEASUREMENTS else data
 
 

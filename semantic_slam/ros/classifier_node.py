@@ -1,15 +1,16 @@
-"""Node ``classifier``: images and detections in, semantic measurements out.
+"""Node ``classifier``: takes images and detections, publishes semantic measurements.
 
-Without images it takes detections by the places that they tell, loads no network and waits for nothing.
+Without images it uses the positions in the detections, loads no network and waits for no other topic.
 
 Parameters, besides those of config/default.yaml:
-  has_images       classify what is in the boxes (default true); false: detections tell places, or boxes of camera_info
-  has_depth        wait for the depth of each image (default true); false: bearing only
-  has_moving_camera wait for the transform of /tf that moves the camera on its robot (default false)
-  compressed       listen to image/compressed, else to image; not given: to the one that has a publisher
-  depth_compressed listen to depth/compressed, else to depth; not given: to the one that has a publisher
-  detections_type  type of topic detections; vision_msgs/msg/Detection2DArray or, without images, Detection3DArray
-                   where that package is installed
+  has_images       classify the image crops in the boxes (default true); false: use the positions in the detections, or
+                   their boxes with the intrinsics of camera_info
+  has_depth        wait for the depth image of each image (default true); false: bearing-only measurements
+  has_moving_camera wait for the transform on /tf of a camera that moves relative to the robot (default false)
+  compressed       true: subscribe to image/compressed, false: to image; not set: to the one that has a publisher
+  depth_compressed true: subscribe to depth/compressed, false: to depth; not set: to the one that has a publisher
+  detections_type  message type of topic detections (default semantic_slam_msgs/msg/DetectionArray); with vision_msgs
+                   installed also vision_msgs/msg/Detection2DArray or, without images, Detection3DArray
   lossless         true in a replay by bag_player at rate 0 (default false)
 """
 
@@ -44,7 +45,7 @@ OURS = topics.TYPES[topics.DETECTIONS]
 
 
 class ClassifierNode(PipelineNode):
-    """Frame assembler and classifier behind topics, or without images the places of detections alone."""
+    """ROS node that wraps the frame assembler and the classifier; without images, the places assembler."""
 
     def __init__(self) -> None:
         super().__init__("classifier")
@@ -70,7 +71,7 @@ class ClassifierNode(PipelineNode):
         self.health.add_source(lambda: [self._status])
 
     def _begin(self) -> None:
-        """Nothing was received so far of this session."""
+        """Start a session: reset the assemblers, the counts and the record of received messages."""
         self._frames = FrameAssembler(self._configuration, self._has_depth, self._moving)
         self._places = PlacesAssembler(self._configuration, self._sensor_pose)
         self._repeats = Repeats(self.repeated)
@@ -81,7 +82,7 @@ class ClassifierNode(PipelineNode):
         self._is_finished = False
 
     def _go_on_after_end(self) -> None:
-        """After the end of a replay another session begins; its camera is the same until another one is told of."""
+        """If the replay has ended, start another session; it keeps the camera until a new camera_info arrives."""
         if self._is_finished:
             frames, places = self._frames, self._places
             self._begin()
@@ -90,7 +91,7 @@ class ClassifierNode(PipelineNode):
             self.health.finished = False
 
     def _go_on_after_set_back(self) -> None:
-        """Where detections and pictures go on from an earlier time, a bag is played again: another session begins."""
+        """Start another session if the stamps went back, as when a bag is played again."""
         frames, places = self._frames, self._places
         if self._assembler.is_over:
             self._work(at_end=True)
@@ -102,7 +103,7 @@ class ClassifierNode(PipelineNode):
 
     @property
     def _assembler(self) -> FrameAssembler | PlacesAssembler:
-        """What takes the detections."""
+        """The assembler in use: of frames, or without a classifier of places."""
         return self._places if self._classifier is None else self._frames
 
     def _outlet(self, topic: str, profile: Any) -> Outlet:
@@ -137,8 +138,8 @@ class ClassifierNode(PipelineNode):
     def _look_for(
         self, parameter: str, transports: tuple[str, str], add: Callable[[Any], None], is_wanted: bool
     ) -> None:
-        """Listen to pictures by the transport that ``parameter`` says, or else by that which has a publisher."""
-        given = parameter in self._parameter_overrides  # that none is given cannot be told from a default
+        """Subscribe to the image transport that ``parameter`` selects; if not set, to the one that has a publisher."""
+        given = parameter in self._parameter_overrides  # the value alone does not show whether it was set
         is_compressed = declare_fixed(self, parameter, True)
         if not is_wanted:
             return
@@ -156,7 +157,7 @@ class ClassifierNode(PipelineNode):
         return handle
 
     def _detections_handler(self, type_name: str) -> Callable[[bytes], None]:
-        """For our own detections, or for those of another package that is installed here."""
+        """Handler of detections, of our own type or of an installed package's. Raises InputError for other types."""
         if type_name not in READERS:
             raise InputError(f"parameter detections_type: {type_name} is not one of {', '.join(READERS)}")
         foreign = None if type_name == OURS else ros_type(type_name)
@@ -166,13 +167,13 @@ class ClassifierNode(PipelineNode):
                 return
             if foreign is None:
                 message = deserialize(data, OURS)
-                self._received += is_usable(data, OURS)  # the player waits for no others
+                self._received += is_usable(data, OURS)  # the player counts only usable messages as frames
             else:
                 self._received += 1
                 detections = READERS[type_name](_received(data, foreign))
                 try:
                     message = to_message(in_body(detections, type_name, self._perception.base_frame, self._sensor_pose))
-                except InputError as fault:  # the transform may still come
+                except InputError as fault:  # the transform may still arrive for later messages
                     self._dropped[str(fault)] += 1
                     return
             self._assembler.add_detections(message)
@@ -182,17 +183,17 @@ class ClassifierNode(PipelineNode):
         return add
 
     def _is_repeated(self, topic: str, data: bytes) -> bool:
-        """Whether a player that was started again sends what this node has had of the session."""
+        """Whether a restarted player sends a message that this node has already received in this session."""
         self._go_on_after_end()
         return self.lossless and self._repeats.is_known(topic, data)
 
     def _sensor_pose(self, frame_id: str) -> Array:
-        """(7,) pose of a camera's optical frame, or of another sensor's, in the body frame; raises InputError."""
+        """(7,) pose of a sensor frame, such as a camera's optical frame, in the body frame; raises InputError."""
         settings = self._perception
         return sensor_pose(settings.extrinsics, settings.base_frame, self._transforms, frame_id)
 
     def _work(self, *, at_end: bool = False) -> None:
-        """Measure and send what is complete by now; ``at_end``: all that is left."""
+        """Measure and publish the frames that are complete; ``at_end``: all remaining ones."""
         self._measure(self._frames.flush() if at_end else self._frames.take())
         for measured in self._places.flush() if at_end else self._places.take():
             self._send(measured)
@@ -207,7 +208,7 @@ class ClassifierNode(PipelineNode):
                 T_base_camera = frame.T_base_camera
                 if T_base_camera is None:
                     T_base_camera = self._sensor_pose(frame.camera.frame_id)
-            except InputError as fault:  # the transform may still come
+            except InputError as fault:  # the transform may still arrive for later frames
                 self._dropped[str(fault)] += 1
                 continue
             self._send(self._classifier.measure(frame, self._measured, T_base_camera))
@@ -218,11 +219,11 @@ class ClassifierNode(PipelineNode):
         self._measurements.send(encode(replace(measured, dropped=self._all_dropped().total())))
 
     def _num_lost(self) -> int:
-        """Detection messages that became no measurement."""
+        """Number of received detection messages that did not become a measurement."""
         return self._received - self._measured - self._assembler.num_waiting
 
     def _announce(self, *, finished: bool) -> None:
-        """Tell how many were lost: a lossless replay must not wait for them."""
+        """Publish how many frames were lost, so that a lossless replay does not wait for them."""
         self._announced = self._num_lost()
         self._progress.send(encode(ReplayProgress(self._stamp_ns, frames=self._announced, finished=finished)))
 
@@ -238,7 +239,7 @@ class ClassifierNode(PipelineNode):
         self._is_finished = True
         self._measurements.wait_for_acknowledgement()
         self.health.finished = True
-        self.health.publish()  # the last counts, before whoever records stops listening
+        self.health.publish()  # the final counts, before the recorder stops listening
         self._announce(finished=True)
 
     def _all_dropped(self) -> Counter[str]:
@@ -247,10 +248,10 @@ class ClassifierNode(PipelineNode):
 
 
 def _received(data: bytes, kind: Any) -> Any:
-    """A message of another package; raises MessageError."""
+    """Deserialise a message of another package; raises MessageError."""
     try:
         return deserialize_message(data, kind)
-    except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
+    except Exception as fault:  # any failure of the deserialiser means that the bytes are invalid
         raise MessageError(f"{len(data)} bytes do not decode ({fault})", "message does not decode") from None
 
 

@@ -14,7 +14,7 @@ from semantic_slam.outputs import add_overwrite, claimed_folder_again, claimed_r
 from semantic_slam.shipped import configuration_file
 
 DOMAINS = 50
-"""ROS domains of demos that are told none, from 1 on; what runs beside them, such as tests, keeps to those above."""
+"""Demos without ROS_DOMAIN_ID use the domains 1 to 50; others running here, such as tests, use higher ones."""
 LAST_DOMAIN = 232
 JOURNAL = "journal"
 REPLAY_TIMEOUT_S = 3600.0
@@ -42,7 +42,7 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
 
 
 def command() -> None:
-    """Replay, record, report; raises SemanticSlamError with the last lines of a node that died."""
+    """Replay, record and report; raises SemanticSlamError, with the last lines of a node that died."""
     arguments = parse()
     need_ros()
     if arguments.config is None:
@@ -64,7 +64,7 @@ def command() -> None:
 
 
 def output_of(arguments: argparse.Namespace) -> AbstractContextManager[Path]:
-    """Where to write; raises InputError."""
+    """Context with the output folder; raises InputError."""
     if not arguments.resume:
         return claimed_report(arguments.out, [arguments.bag, arguments.config], arguments.overwrite)
     from semantic_slam.pipeline.journal.journal import FILE
@@ -75,7 +75,7 @@ def output_of(arguments: argparse.Namespace) -> AbstractContextManager[Path]:
 
 
 def replay(arguments: argparse.Namespace, belief: Path) -> None:
-    """Run the nodes until the recorder has everything."""
+    """Run the nodes until the recorder and the player have ended."""
     from semantic_slam.ros.launching.node_set import node_set
     from semantic_slam.ros.launching.processes import NodeProcesses, loopback_environment
     from semantic_slam.ros.launching.supervisor import Supervisor
@@ -101,7 +101,7 @@ def replay(arguments: argparse.Namespace, belief: Path) -> None:
 
 
 def domain() -> int:
-    """ROS_DOMAIN_ID where it is set; else one of its own, for other nodes in the default one may publish the same."""
+    """ROS_DOMAIN_ID if set, else one by process id, apart from nodes in the default domain; raises InputError."""
     told = os.environ.get("ROS_DOMAIN_ID", "")
     if not told:
         return 1 + os.getpid() % DOMAINS
@@ -115,7 +115,7 @@ def main() -> None:
 
 
 def _explained() -> None:
-    """A dead node's last lines say more than this process's traceback."""
+    """Run the command; for a SemanticSlamError print its text, a node's last lines, instead of a traceback."""
     try:
         command()
     except InputError:

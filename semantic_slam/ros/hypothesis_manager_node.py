@@ -1,29 +1,29 @@
-"""Node ``hypothesis_manager``: measurements and odometry in, the hybrid belief and its plain views out.
+"""Node ``hypothesis_manager``: takes measurements and odometry, publishes the hybrid belief, pose, path and markers.
 
 Services (semantic_slam_msgs/srv):
-  ~/find_objects     FindObjects: which mapped objects are of a class, and lie in a region
-  ~/get_object       GetObject: all that is known of one
-  ~/query_place      QueryPlace: what is at a place, and what should be there and is not
-  ~/explain          Explain: why an object is taken for what it says
-  ~/get_path         GetPath: the robot's path from its start on
-  ~/find_lookalike   FindLookalike: which mapped object looks like a crop
-  ~/reset            std_srvs/Trigger: the run ends, another one begins at keyframe 0
-  ~/load_map         LoadMap: likewise, on a saved map
-  ~/pause            std_srvs/SetBool: no keyframes are made; odometry is still listened to
-  ~/save_map         SaveMap: write the map into a file, from which a later run may start
+  ~/find_objects     FindObjects: the mapped objects of a class that lie in a region
+  ~/get_object       GetObject: everything known about one object
+  ~/query_place      QueryPlace: which objects are in a region, and which expected ones are missing there
+  ~/explain          Explain: the evidence for an object's class
+  ~/get_path         GetPath: the robot's path since the start of the run
+  ~/find_lookalike   FindLookalike: which mapped object looks like an image crop
+  ~/reset            std_srvs/Trigger: end the run and start another one at keyframe 0, on the same map
+  ~/load_map         LoadMap: end the run and start another one at keyframe 0, on a saved map
+  ~/pause            std_srvs/SetBool: make no keyframes; odometry is still received
+  ~/save_map         SaveMap: write the map to a file, from which a later run can start
 
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
-  backend_timeout_s  a backend silent for so long is given up (default 60)
+  backend_timeout_s  a backend that does not answer for this many seconds is given up (default 60)
   map_frame          name of the frame of beliefs, pose, path, markers, TF and initialpose (default map)
-  odom_frame         name of the odometry's frame in TF (default "": as the headers of the odometry name it)
-  broadcast_odom     TF from odom_frame to the odometry's child_frame_id, too, where no driver does (default false)
-  has_imu            in space, wait for topic imu, which tells roll and pitch (default false)
-  map_prior          FILE.map or objects.json with the objects known before (default none)
-  source_bag         bag being replayed, for the record (default none)
-  journal            folder in which the run is kept on disk, so that this node goes on where it stood when it is
-                     started again (default none)
-  resume             go on from an unfinished journal (default true); false: it is set aside as journal.old
+  odom_frame         name of the odometry frame in TF (default "": the frame_id of the odometry messages)
+  broadcast_odom     also publish TF from odom_frame to the odometry's child_frame_id, for robots whose driver does not
+                     (default false)
+  has_imu            in 3D runs, wait for topic imu, which measures roll and pitch (default false)
+  map_prior          FILE.map or objects.json with the objects known in advance (default none)
+  source_bag         bag being replayed, recorded as provenance in the run configuration (default none)
+  journal            folder of the journal on disk; a restarted node replays it and continues the run (default none)
+  resume             continue from an unfinished journal (default true); false: rename it to journal.old
   lossless           true in a replay by bag_player at rate 0 (default false)
 """
 
@@ -71,13 +71,13 @@ from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name
 
 END = "end"
-"""The journal's record of a replay's end: what comes after it is another session."""
+"""Name of the journal record that marks the end of a replay; records after it belong to another session."""
 SESSION, PAUSE = "session", "pause"
-"""Records of a run that was ended by a service, with the map of the next one, and of a pause, with b"1" or b"0"."""
+"""Journal records of service calls: a run ended, with the map of the next one; a pause, b"1", or its end, b"0"."""
 
 
 class HypothesisManagerNode(PipelineNode):
-    """Keyframe assembler and hypothesis manager behind topics."""
+    """ROS node that wraps the keyframe assembler and the hypothesis manager."""
 
     def __init__(self) -> None:
         super().__init__("hypothesis_manager")
@@ -103,11 +103,11 @@ class HypothesisManagerNode(PipelineNode):
         self._frames = FrameCount(is_gapless=self.lossless)
         self.repeated = self._pool.repeated
         self._repeats = Repeats(self.repeated)
-        self._adders: dict[str, Callable[[Any], None]] = {}  # by topic
+        self._adders: dict[str, Callable[[Any], None]] = {}  # by topic: what takes its decoded messages
         self._announced, self._belief_stamp_ns = -1, 0
         self._is_recovering = self._is_finished = False
         self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
-        self._explanation = explanation_status(None)  # likewise
+        self._explanation = explanation_status(None)  # replaced by the worker, published by the executor
         self._map_frame = frames.map
         self._publisher = BeliefPublisher(self, frames, self.lossless)
         self._belief: HybridBelief | None = None  # the newest
@@ -129,7 +129,7 @@ class HypothesisManagerNode(PipelineNode):
         return strategy_of(self._configuration).wants_identities
 
     def _imu_source(self) -> ImuSource | None:
-        """Topic imu, where the configuration has a use for it."""
+        """Source of IMU readings; None, with a warning, if the configuration does not use topic imu."""
         reason = unused_because(self._configuration)
         if reason:
             self.get_logger().warning(f"parameter has_imu: topic {topics.IMU} is not used: {reason}")
@@ -137,7 +137,7 @@ class HypothesisManagerNode(PipelineNode):
         return ImuSource(self._transforms, waits=self.lossless)
 
     def _listen(self) -> None:
-        # In this order: of messages that are there at once, the executor takes those of the earlier subscription first.
+        # The order matters: when several messages are ready, the executor serves the subscription created first.
         self._input(topics.INITIAL_POSE, self._set_initial_pose, required=False)
         if self._imu is not None:
             if is_installed(topics.TYPES[topics.TF_STATIC]):
@@ -155,7 +155,7 @@ class HypothesisManagerNode(PipelineNode):
         self.listen(topic, self._kept(topic, add), qos.sensor_input(topic, self.lossless), required=required)
 
     def _kept(self, topic: str, add: Callable[[Any], None]) -> Callable[[bytes], None]:
-        """A handler that has its messages in the journal before it uses them; a replay's repetitions change nothing."""
+        """Handler that appends each message to the journal before using it; repeats in a replay are ignored."""
         self._adders[topic] = add
 
         def handle(data: bytes) -> None:
@@ -170,19 +170,19 @@ class HypothesisManagerNode(PipelineNode):
         self._adders[topic](deserialize(data, topics.TYPES[topic]))
         self._infer()
         former = self._session
-        if former.assembler.is_over:  # its topics go on from an earlier time: a bag that is played again
+        if former.assembler.is_over:  # stamps restarted from an earlier time, e.g. a bag that is played again
             self._infer(at_end=True)
             self._begin(former.map_prior)
             self._session.assembler.go_on_from(former.assembler)
             self._infer()
 
     def _go_on_after_end(self) -> None:
-        """After the end of a replay another session begins, of which nothing was had so far."""
+        """If the replay has ended, start another session, whose messages count as not received before."""
         if self._is_finished:
             self._begin(self._session.map_prior)
 
     def _begin(self, map_prior: MapPrior | None) -> None:
-        """Another run, whose backends follow once it is announced."""
+        """Start another run on this map; the backends follow when its configuration is announced."""
         if self._is_finished:
             self._is_finished = self.health.finished = False
             self._frames, self._repeats = FrameCount(is_gapless=self.lossless), Repeats(self.repeated)
@@ -197,31 +197,31 @@ class HypothesisManagerNode(PipelineNode):
         self._explanation = explanation_status(None)
 
     def resume(self) -> None:
-        """Work; after :meth:`pause_work`, make keyframes again."""
+        """Start working; after :meth:`pause_work`, make keyframes again."""
         if self.is_active:
             self.worker.submit(lambda _: self.pause(False), None)
         super().resume()
 
     def pause_work(self) -> None:
-        """A paused robot: no keyframes are made, but odometry is listened to, which tells how far it moves."""
+        """Make no keyframes, but keep receiving odometry, so that motion during the pause is known."""
         self.worker.submit(lambda _: self.pause(True), None)
 
     def reset(self) -> None:
-        """End the run; another one begins at keyframe 0, on the same map."""
+        """End the run and start another one at keyframe 0, on the same map."""
         self.load(self._session.map_prior)
 
     def check(self, prior: MapPrior) -> None:
-        """Raises InputError where no run can be on this map; on any thread."""
+        """Check that a run can start on this map. Raises InputError; may be called on any thread."""
         self._session.check(prior)
 
     def load(self, map_prior: MapPrior | None) -> None:
-        """End the run; another one begins on this map."""
+        """End the run and start another one on this map; journaled."""
         self._journal.append(SESSION, b"" if map_prior is None else map_prior.to_json().encode())
         self._begin(map_prior)
         self._infer()
 
     def pause(self, paused: bool) -> None:
-        """Make no keyframes, or make them again."""
+        """Stop or resume making keyframes; journaled."""
         self._journal.append(PAUSE, b"1" if paused else b"0")
         self._set_paused(paused)
 
@@ -229,12 +229,12 @@ class HypothesisManagerNode(PipelineNode):
         self._is_paused = self._session.assembler.is_paused = paused
 
     def close(self) -> None:
-        """Give up what is being explained, and what else was asked for."""
+        """Cancel pending service requests, including a running explanation."""
         self._explain.close()
         self._background.close()
 
     def _recover(self, _: None) -> None:
-        """Go again through what the journal has, up to where the last process stood; then say where that is."""
+        """Replay the journal up to where the last process stopped, then announce the progress."""
         self._is_recovering = True
         while (record := self._journal.next) is not None:
             self._journal.take()
@@ -244,7 +244,7 @@ class HypothesisManagerNode(PipelineNode):
         if self._session.num_keyframes:
             self.get_logger().info(f"{self._session.num_keyframes} keyframes of the journal are there again")
         if self._belief is not None and not self.lossless:
-            self._publisher.repeat(self._belief)  # nobody may have had the last one
+            self._publisher.repeat(self._belief)  # the last belief may not have reached anybody
         self._is_recovering = False
         self._announce(finished=self._is_finished)
 
@@ -280,10 +280,10 @@ class HypothesisManagerNode(PipelineNode):
         self._announce(finished=False)
 
     def _state(self, belief: HybridBelief, keyframe: Keyframe) -> None:
-        """Tell everybody, once nothing that led to the belief can be lost any more."""
+        """Publish a belief once the journal records that led to it are on disk."""
         if not self._is_recovering:
             self._journal.sync()
-        # Of a replay whoever comes late is sent everything; those who hear live beliefs have heard them.
+        # In a lossless replay late subscribers get the whole history; live subscribers have received these beliefs.
         start, is_repeated = self._session.assembler.first_pose, self._is_recovering and not self.lossless
         self._publisher.publish(belief, keyframe.odometry, start, is_repeated=is_repeated)
         self._belief, self._objects.map_prior = belief, self._session.map_prior
@@ -294,7 +294,7 @@ class HypothesisManagerNode(PipelineNode):
         self._belief_stamp_ns = belief.stamp_ns
 
     def _run(self) -> RunConfiguration:
-        """The run that beliefs are of. Raises InputError before there is one."""
+        """Configuration of the current run. Raises InputError before its first keyframe."""
         return self._session.run
 
     def _classifier_progress(self, data: bytes) -> None:
@@ -310,7 +310,7 @@ class HypothesisManagerNode(PipelineNode):
             self.when_drained(self._end_of_replay, None)
 
     def _is_progress_repeated(self, progress: ReplayProgress, data: bytes) -> bool:
-        """Whether it was told before, in this process: one that goes on has the end of a replay still to come."""
+        """Whether this process has handled the message before; a resumed one still has to handle the replay's end."""
         if not progress.finished:
             return self._repeats.is_known(topics.CLASSIFIER_PROGRESS, data)
         self.repeated[topics.CLASSIFIER_PROGRESS] += self._is_finished
@@ -325,18 +325,18 @@ class HypothesisManagerNode(PipelineNode):
         self._journal.append(END)
         self._finish()
         self._publisher.wait_for_acknowledgement()
-        self.health.publish()  # the last counts, before whoever records stops listening
+        self.health.publish()  # the final counts, before the recorder stops listening
         self._announce(finished=True)
 
     def _finish(self) -> None:
-        """All that is left."""
+        """Process the remaining keyframes and mark the replay as finished."""
         self._infer(at_end=True)
         self._is_finished = self.health.finished = True
 
     def _announce(self, *, finished: bool) -> None:
-        """Tell the player how many detection frames are done with, and up to which stamp; at the end the last belief's.
+        """Publish how many detection frames are done and the stamp of the newest; at the end, that of the last belief.
 
-        A player that is started again begins there, and a recorder waits for that belief.
+        A restarted player resumes from that frame, and the recorder waits for the last belief.
         """
         frames = self._frames.num_done(self._session.assembler.num_waiting)
         if self._is_recovering or (frames == self._announced and not finished):

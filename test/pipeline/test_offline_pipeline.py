@@ -37,6 +37,7 @@ from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.images import decode_image
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import message_class, serialize, typestore
+from semantic_slam.pipeline import recorded_views
 from semantic_slam.pipeline.offline import run_bag
 
 NUM_FRAMES = 4
@@ -113,6 +114,23 @@ def test_a_run_repeats_bit_by_bit_with_any_number_of_backends(bag, tmp_path, con
     run_bag(bag, tmp_path / "first", configuration)
     run_bag(bag, tmp_path / "second", configuration, pool=InProcessPool(num_backends))
     assert raw(tmp_path / "first", topics.BELIEF) == raw(tmp_path / "second", topics.BELIEF)
+
+
+def test_the_belief_bag_shows_pose_path_and_markers(bag, tmp_path, configuration, monkeypatch):
+    monkeypatch.setattr(recorded_views, "EVERY", 2)
+    run_bag(bag, tmp_path / "belief", configuration)
+    told = beliefs(tmp_path / "belief")
+    poses = values(tmp_path / "belief", topics.POSE)
+    with BagReader(tmp_path / "belief") as reader:
+        shown = [
+            (item.topic, item.stamp_ns, reader.decode(item.cdr, item.type_name))
+            for item in reader.messages([topics.PATH, topics.MARKERS])
+        ]
+    assert [pose.stamp_ns for pose in poses] == [belief.stamp_ns for belief in told]
+    paths = [(stamp, len(path.poses)) for topic, stamp, path in shown if topic == topics.PATH]
+    assert paths == [(frame_stamp(0), 1), (frame_stamp(2), 3), (frame_stamp(3), 4)]
+    markers = [message for topic, _, message in shown if topic == topics.MARKERS]
+    assert len(markers) == 3 and {marker.ns for marker in markers[-1].markers} == {"objects", "classes"}
 
 
 def test_recorded_measurements_need_no_images(bag, tmp_path, configuration):

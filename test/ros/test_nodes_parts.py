@@ -17,10 +17,10 @@ from semantic_slam.messages.codec import encode
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import OdometryEstimate, header_stamp_ns
 from semantic_slam.messages.typestore import deserialize, serialize
+from semantic_slam.pipeline.plain_views import MarkersView, pose_view
 from semantic_slam.ros.node.health import Level, explanation_status
 from semantic_slam.ros.publishing.frames import Frames
 from semantic_slam.ros.publishing.transforms import Transforms
-from semantic_slam.ros.publishing.views import MarkersView, pose_view
 from semantic_slam.ros.replay.flow_control import Credit
 from semantic_slam.ros.replay.playlist import Playlist, parse_remaps
 

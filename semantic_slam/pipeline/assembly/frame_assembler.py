@@ -1,7 +1,7 @@
-"""Images, depth, camera_info and detections, in whatever order they arrive, become frames in the order of their stamps.
+"""Assembles images, depth, camera_info and detections, which arrive in any order, into frames in stamp order.
 
-What comes out depends on the messages' stamps alone. A frame leaves once the topics' clocks show which image and
-which depth lie nearest to its detections; images without detections are never decoded.
+The result depends on the messages' stamps alone. A frame is complete once the topics' clocks show which image and which
+depth image are nearest in time to its detections; images without detections are never decoded.
 """
 
 from collections import Counter
@@ -23,21 +23,21 @@ from semantic_slam.pipeline.odometry.moving_camera import MovingCamera
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 MAX_IMAGES_WAITING = 300
-"""Images kept while no detections come; a detector later than that many images cannot be matched."""
+"""Images buffered while waiting for detections; a detector with a longer latency cannot be matched."""
 
 
 class FrameAssembler:
-    """Matches detections with the image and the depth nearest in time.
+    """Matches detections with the image and the depth image nearest in time.
 
-    ``dropped`` counts, by reason, every message that could not be used; images between detections are not among them.
+    ``dropped`` counts, by reason, the messages that could not be used, except images without detections.
     """
 
     def __init__(
         self, configuration: Configuration, has_depth: bool, fixed_transforms: TransformTree | None = None
     ) -> None:
-        """``has_depth``: whether this run has a depth topic; without it every frame is bearing only.
+        """``has_depth``: whether this run has a depth topic; without it every frame is bearing-only.
 
-        ``fixed_transforms``: those of /tf_static, where /tf may tell how the camera moves on the robot.
+        ``fixed_transforms``: those of /tf_static, if /tf may contain the motion of a camera relative to the robot.
         """
         self.dropped: Counter[str] = Counter()
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
@@ -53,25 +53,25 @@ class FrameAssembler:
         self._depths: StampedBuffer[Any] = StampedBuffer(topics.DEPTH, self.dropped, MAX_IMAGES_WAITING)
 
     def add_camera_info(self, message: Any) -> None:
-        """sensor_msgs/CameraInfo; raises InputError when the camera is not calibrated."""
+        """Take a sensor_msgs/CameraInfo; raises InputError if the camera is not calibrated."""
         if self.camera is None or self._camera_is_of_another:
             self.camera, self._camera_is_of_another = camera_model(message, topics.CAMERA_INFO), False
 
     def add_image(self, message: Any) -> None:
-        """sensor_msgs/Image or CompressedImage in colour."""
+        """Take a colour image, a sensor_msgs/Image or CompressedImage."""
         self._images.add(header_stamp_ns(message), message)
 
     def add_depth(self, message: Any) -> None:
-        """sensor_msgs/Image or CompressedImage with depth."""
+        """Take a depth image, a sensor_msgs/Image or CompressedImage."""
         self._depths.add(header_stamp_ns(message), message)
 
     def add_transforms(self, message: Any) -> None:
-        """tf2_msgs/TFMessage with transforms that move."""
+        """Take a tf2_msgs/TFMessage of /tf, with time-varying transforms."""
         if self._moving is not None:
             self._moving.add(message)
 
     def add_detections(self, message: Any) -> None:
-        """semantic_slam_msgs/DetectionArray."""
+        """Take a semantic_slam_msgs/DetectionArray."""
         try:
             detections = from_message(message)
         except InputError:
@@ -81,24 +81,24 @@ class FrameAssembler:
 
     @property
     def num_waiting(self) -> int:
-        """Detections whose image or depth is not decided yet, those apart that a held stamp keeps back.
+        """Number of detections that wait for their image or depth; 0 while a suspicious stamp is on hold.
 
-        A lossless replay that waited for them would keep back the very message that judges the held one.
+        Otherwise a lossless replay would wait for them and not send the message that decides on the held one.
         """
         holds = self._moving is not None and self._moving.is_holding
         return 0 if holds or self._images.is_holding or self._depths.is_holding else len(self._detections)
 
     @property
     def is_over(self) -> bool:
-        """Whether detections and pictures go on from an earlier time, and so are of another session."""
+        """Whether the stamps of detections and images both went back, so that another session has started."""
         return self._detections.is_set_back and self._images.is_set_back
 
     def keep_camera_of(self, former: "FrameAssembler") -> None:
-        """Until another one is told of, the camera is that of the session before."""
+        """Use the camera of the previous session until a camera_info arrives."""
         self.camera, self._camera_is_of_another = former.camera, former.camera is not None
 
     def go_on_from(self, former: "FrameAssembler") -> None:
-        """Take what another one, whose session is over, has refused because it is of this session."""
+        """Take the messages of this session that the assembler of the previous one has refused."""
         self.keep_camera_of(former)
         for ours, theirs in (
             (self._detections, former._detections),
@@ -110,11 +110,11 @@ class FrameAssembler:
             self._moving.go_on_from(former._moving)
 
     def take(self) -> list[Frame]:
-        """Frames that are complete by now, in the order of their stamps."""
+        """Frames that are complete, in stamp order."""
         return self._frames(at_end=False)
 
     def flush(self) -> list[Frame]:
-        """All that is left, once no more messages will come."""
+        """All remaining frames, once no more messages will come."""
         for buffer in (self._detections, self._images, self._depths):
             buffer.release()
         if self._moving is not None:
@@ -142,7 +142,7 @@ class FrameAssembler:
         return moving is None or moving.is_known(self.camera.frame_id, stamp_ns)
 
     def _frame(self, detections: Detections) -> Frame | None:
-        """The frame of these detections; None, counted, when image, camera or frame id are missing or wrong."""
+        """The frame of these detections; None, counted, if image, camera or transform is missing or wrong."""
         camera, image = self.camera, self._images.nearest(detections.stamp_ns, self._tolerance_ns)
         fault = _fault(detections, camera, image)
         if fault or camera is None:
@@ -160,11 +160,11 @@ class FrameAssembler:
         return Frame(stamp_ns, pixels, self._depth(stamp_ns, camera), camera, detections, T_base_camera)
 
     def _moving_camera(self, camera: CameraModel) -> MovingCamera | None:
-        """What tells where the camera is, None where that is fixed."""
+        """Source of the pose of a camera that moves on the robot; None if the camera is fixed."""
         return None if self._moving is None or self._moving.is_fixed(camera.frame_id) else self._moving
 
     def _depth(self, stamp_ns: int, camera: CameraModel) -> NDArray[np.float32] | None:
-        """Depth for the frame of this stamp; None where it is missing or broken, counted: those are bearing only."""
+        """Depth image [m] for this stamp; None, counted, if it is missing or broken: the frame is bearing-only."""
         if not self._has_depth:
             return None
         message = self._depths.nearest(stamp_ns, self._tolerance_ns)
@@ -176,7 +176,7 @@ class FrameAssembler:
     def _pixels(
         self, decode: Callable[[Any, str], NDArray[Any]], message: Any, topic: str, camera: CameraModel
     ) -> NDArray[Any] | None:
-        """Decoded image of the camera's size; None, counted, when it does not decode or has another size."""
+        """Decoded image of the camera's size; None, counted, if it does not decode or has another size."""
         try:
             self._check_size(size_of(message), topic, camera)
             pixels = decode(message, topic)
@@ -187,7 +187,7 @@ class FrameAssembler:
         return pixels
 
     def _check_size(self, size: tuple[int, int] | None, topic: str, camera: CameraModel) -> None:
-        """Raises InputError for a size that is known and is not the camera's."""
+        """Raises InputError if the size is known and not the camera's."""
         if size is not None and size != (camera.width, camera.height):
             expected = f"{camera.width} x {camera.height} of {topics.CAMERA_INFO}"
             raise InputError(f"{topic}: size {size[0]} x {size[1]} is not the {expected}")
@@ -200,7 +200,7 @@ def _depth_in_metres(message: Any, topic: str) -> NDArray[np.float32]:
 
 
 def _fault(detections: Detections, camera: CameraModel | None, image: Any) -> str:
-    """Why no frame can be made; "" when one can."""
+    """Why no frame can be made; "" if one can."""
     if camera is None:
         return f"{topics.DETECTIONS}: no {topics.CAMERA_INFO} came"
     if plain_frame(detections.frame_id) != plain_frame(camera.frame_id):

@@ -1,4 +1,4 @@
-"""How many detection frames of a replay are done with, whoever dies in between."""
+"""Counts the processed detection frames of a replay, across restarts of the classifier."""
 
 from collections import OrderedDict
 from dataclasses import replace
@@ -7,32 +7,32 @@ from semantic_slam.errors import MessageError
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 MOST_REMEMBERED = 1000
-"""Frames: more than a replay goes back."""
+"""Frames remembered: more than a resumed replay sends again."""
 MOST_AT_ONCE = 1000
-"""Frames: more than a classifier loses before it tells."""
+"""Frames: more than a classifier can lose between two progress messages."""
 
 
 class FrameCount:
-    """Counts the frames that were measured, and those that their classifier lost.
+    """Counts the frames that were measured and those that the classifier lost.
 
-    A classifier that is started again goes over the last frames once more, and counts from zero what it drops.
+    A restarted classifier measures the last frames again, and its drop counts restart from zero.
     """
 
     def __init__(self, *, is_gapless: bool = False) -> None:
-        """``is_gapless``: none of a classifier's measurements is lost on its way here."""
+        """``is_gapless``: the transport loses no measurements, so that sequence numbers must be consecutive."""
         self._is_gapless = is_gapless
         self.stamp_ns = 0  # of the newest frame measured
         self._num_measured = 0
-        self._lost_before, self._lost = 0, 0  # by former classifiers, and by this one
+        self._lost_before, self._lost = 0, 0  # by previous classifiers, and by the current one
         self._sequence = -1
-        self._again_until_ns = 0  # a former classifier measured what comes up to here
-        self._dropped: OrderedDict[int, int] = OrderedDict()  # as told with the last frames, by stamp
-        self._dropped_before = 0  # by former classifiers
+        self._again_until_ns = 0  # frames up to this stamp were already measured by a previous classifier
+        self._dropped: OrderedDict[int, int] = OrderedDict()  # total dropped counts of the last frames, by stamp
+        self._dropped_before = 0  # by previous classifiers
 
     def measured(self, measurements: SemanticMeasurements) -> SemanticMeasurements | None:
-        """The measurements with what all classifiers dropped; None for a frame that a former one has measured.
+        """The measurements with the drop count of all classifiers; None if a previous classifier measured the frame.
 
-        Raises MessageError where they are not the next ones of their classifier.
+        Raises MessageError if the sequence number is not the next one, with ``is_gapless``.
         """
         stamp_ns = measurements.stamp_ns
         if self._is_gapless and self._num_measured and not self._is_next(measurements):
@@ -44,7 +44,7 @@ class FrameCount:
         if stamp_ns <= self._again_until_ns:
             self._dropped_before = self._dropped.get(stamp_ns, self._dropped_before) - measurements.dropped
             return None
-        self._again_until_ns = 0  # what lies before that from now on is of another session
+        self._again_until_ns = 0  # from now on earlier stamps belong to another session
         told = replace(measurements, dropped=measurements.dropped + self._dropped_before)
         self._num_measured += 1
         self.stamp_ns = stamp_ns
@@ -54,12 +54,12 @@ class FrameCount:
         return told
 
     def _is_next(self, measurements: SemanticMeasurements) -> bool:
-        """Whether they follow on the last ones, or begin anew with frames that were measured before."""
+        """Whether the sequence number is the next one, or restarts at 0 with a frame that was measured before."""
         is_again = measurements.sequence == 0 and measurements.stamp_ns <= self.stamp_ns
         return is_again or measurements.sequence == self._sequence + 1
 
     def lost(self, frames: int) -> None:
-        """A classifier has told how many frames it lost so far. Raises MessageError for more than can be."""
+        """Set how many frames the classifier has lost so far. Raises MessageError for an impossible number."""
         if frames - self._lost > MOST_AT_ONCE:
             raise MessageError(f"progress: {frames} frames were lost, after {self._lost}", "more than there can be")
         if frames < self._lost:
@@ -67,5 +67,5 @@ class FrameCount:
         self._lost = frames
 
     def num_done(self, num_waiting: int) -> int:
-        """Frames done with, where so many of those measured still wait."""
+        """Number of processed frames, given how many measured ones still wait."""
         return self._num_measured - num_waiting + self._lost_before + self._lost

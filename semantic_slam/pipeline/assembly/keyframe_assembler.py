@@ -1,12 +1,12 @@
-"""Odometry and semantic measurements, in whatever order they arrive, become keyframes in the order of their stamps.
+"""Assembles odometry and semantic measurements, which arrive in any order, into keyframes in stamp order.
 
-What comes out depends on the messages' stamps alone. A measurement becomes a keyframe (or is passed over by the
-policy) once the odometry has come to its stamp.
+The result depends on the messages' stamps alone. A measurement becomes a keyframe, or is skipped by the policy, once
+odometry has reached its stamp.
 
-Policies: ``every_detection`` makes a keyframe of every measurement that has detections, and in an open world, where
-misses count, of those without, too; ``odometry`` of the first measurement, and of every one, with detections or
-without, at which the robot has moved far enough since the last keyframe. The motion up to measurements passed over is
-in the odometry of the next keyframe.
+Policies: ``every_detection`` makes a keyframe of every measurement with detections and, in an open world, where missed
+detections are evidence, also of those without. ``odometry`` makes one of the first measurement and of every one, with
+or without detections, at which the robot has moved far enough since the last keyframe. The odometry of a keyframe
+includes the motion since the previous keyframe, over skipped measurements.
 """
 
 from collections import Counter
@@ -51,14 +51,14 @@ from semantic_slam.pipeline.odometry.odometry_rate import RateMeter
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 MAX_EXTRAPOLATION_S = 1.0
-"""How long the last odometry still stands for the robot's pose; measurements after that cannot be used."""
+"""How long the last odometry sample is used as the robot's pose; later measurements cannot be used."""
 
 LONGEST_NAME = 80
-"""Characters of somebody else's frame id that a reason repeats."""
+"""Characters of a foreign frame id that are quoted in a reason."""
 
 
 class KeyframeAssembler:
-    """Decides which measurements become keyframes, and gives each its odometry. ``dropped`` counts, by reason."""
+    """Selects the measurements that become keyframes and adds odometry; ``dropped`` counts unused ones by reason."""
 
     def __init__(
         self,
@@ -67,10 +67,10 @@ class KeyframeAssembler:
         passes_over: Callable[[SemanticMeasurements], bool] = lambda _: False,
         imu: ImuSource | None = None,
     ) -> None:
-        """``has_identities``: with ``association: given``, object ids come through :meth:`add_identities`.
+        """``has_identities``: with ``association: given``, object ids are supplied by :meth:`add_identities`.
 
-        ``passes_over``: whether measurements are to make no keyframe, which is counted. ``imu``: one that
-        :meth:`add_imu` is told of, where the configuration has a use for it; None: there is none.
+        ``passes_over``: returns whether measurements must not become a keyframe, which is counted. ``imu``: source of
+        the readings passed to :meth:`add_imu`, used only if the configuration needs it; None: there is no IMU.
         """
         self.dropped: Counter[str] = Counter()
         self._configuration = configuration
@@ -85,22 +85,22 @@ class KeyframeAssembler:
         self._newest: OdometryPoint | None = None
         self._rates = RateMeter()
         self._last_keyframe: OdometryPoint | None = None  # before the first keyframe: the first odometry sample
-        self._last_poses: Array | None = None  # (G, 7) odometry there at all offsets of its clock, where estimated
-        self._last_driven: tuple[float, float] | None = None  # until there, by the stamps of the odometry as they came
+        self._last_poses: Array | None = None  # (G, 7) odometry there at all clock offsets, if these are estimated
+        self._last_driven: tuple[float, float] | None = None  # [m], [rad] up to there, by uncorrected odometry stamps
         self._expected_ns = round(configuration.odometry.clock_offset_s * NANOSECONDS)
         self._offsets_ns = _offsets_ns(configuration.odometry)
-        self._instants_ns = [0, -self._expected_ns, *self._offsets_ns]  # at which odometry is asked for, about a stamp
+        self._instants_ns = [0, -self._expected_ns, *self._offsets_ns]  # odometry is evaluated at stamp + each of these
         self._imu = (
             GravityByImu(configuration, imu, self.dropped) if imu and not unused_because(configuration) else None
         )
         if self._imu is not None:
             self._instants_ns.append(-self._imu.window_ns)
         self._next_index = 0
-        self.is_paused = False  # no keyframe is made; the motion meanwhile is in the odometry of the next one
+        self.is_paused = False  # make no keyframes; the next one's odometry includes the motion meanwhile
         self.first_pose: Array | None = None  # (7,) T_odom_body where the motion of the first keyframe starts
 
     def add_odometry(self, message: Any) -> None:
-        """nav_msgs/Odometry; one that is not finite is dropped, its neighbours are interpolated."""
+        """Take a nav_msgs/Odometry; one that is not finite is dropped, and its neighbours are interpolated."""
         try:
             sample = odometry_sample(message, topics.ODOMETRY)
         except InputError:
@@ -117,15 +117,15 @@ class KeyframeAssembler:
         self._odometry.add(stamp_ns, replace(sample, stamp_ns=stamp_ns, covariance=stated))
 
     def add_imu(self, message: Any) -> None:
-        """sensor_msgs/Imu; nothing where the configuration has no use for it."""
+        """Take a sensor_msgs/Imu; ignored if the configuration does not use it."""
         if self._imu is not None:
             self._imu.add(message)
 
     def _advanced(self, sample: OdometrySample) -> OdometryPoint:
-        """The point at the next sample; the first one is where the first keyframe's motion starts."""
+        """The odometry point at the next sample; at the first sample the first keyframe's motion starts."""
         last = self._newest
         if last is not None and sample.stamp_ns <= last.stamp_ns and not self._next_index:
-            last, self._rates = self._odometry.newest, RateMeter()  # the first stamps were wrong, and are withdrawn
+            last, self._rates = self._odometry.newest, RateMeter()  # the first stamps were wrong and were withdrawn
         if last is None:
             biases = self._configuration.odometry.estimate_bias
             self._newest = self._last_keyframe = start(sample, with_slopes=biases)
@@ -137,7 +137,7 @@ class KeyframeAssembler:
         return self._newest
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
-        """The measurements of one frame; detections that are no measurements are dropped."""
+        """Take the measurements of one frame; detections that are no valid measurements are dropped."""
         told = usable(measurements, topics.MEASUREMENTS, self.dropped)
         if self._in_space is not None:
             told = self._in_space.usable(told)
@@ -147,15 +147,15 @@ class KeyframeAssembler:
         self._measurements.add(measurements.stamp_ns, found)
 
     def add_identities(self, identities: GroundTruthAssociations) -> None:
-        """Object ids of the detections of one frame, used with ``association: given``."""
+        """Take the object ids of the detections of one frame, used with ``association: given``."""
         self._identities.add(identities.stamp_ns, identities.object_ids)
 
     @property
     def num_waiting(self) -> int:
-        """Measurements for which odometry or identities are still to come, those apart that a held stamp keeps back.
+        """Number of measurements that wait for odometry, identities or IMU; 0 while a suspicious stamp is on hold.
 
-        A lossless replay that waited for them would keep back the very message that judges the held one; nor is an IMU
-        waited for that has fallen silent.
+        Otherwise a lossless replay would wait for them and not send the message that decides on the held one. It is
+        also 0 while the IMU is silent.
         """
         is_held = self._odometry.is_holding or self._identities.is_holding or self._is_imu_silent
         return 0 if is_held else len(self._measurements)
@@ -167,11 +167,11 @@ class KeyframeAssembler:
 
     @property
     def is_over(self) -> bool:
-        """Whether odometry and measurements both go on from an earlier time: what they say is of another session."""
+        """Whether odometry and measurements both restarted from an earlier time, so that another session has begun."""
         return self._odometry.begins_again and self._measurements.begins_again
 
     def go_on_from(self, former: "KeyframeAssembler") -> None:
-        """Take what another one, whose session is over, has refused because it is of this session."""
+        """Take the messages of this session that the assembler of the previous one has refused."""
         self._odometry.go_on_from(former._odometry)
         self._measurements.go_on_from(former._measurements)
         self._identities.go_on_from(former._identities)
@@ -179,11 +179,11 @@ class KeyframeAssembler:
             self._imu.go_on_from(former._imu)
 
     def take(self) -> list[Keyframe]:
-        """Keyframes that are complete by now, in the order of their stamps. Raises InputError when ids are missing."""
+        """Keyframes that are complete, in stamp order. Raises InputError if required object ids cannot be supplied."""
         return self._keyframes(at_end=False)
 
     def flush(self) -> list[Keyframe]:
-        """All that is left, once no more messages will come; the last odometry stands for a short while."""
+        """All remaining keyframes, once no more messages will come; see :data:`MAX_EXTRAPOLATION_S`."""
         for buffer in (self._odometry, self._measurements, self._identities):
             buffer.release()
         if self._imu is not None:
@@ -205,14 +205,14 @@ class KeyframeAssembler:
         return keyframes
 
     def _is_all_known(self, measurements: SemanticMeasurements) -> bool:
-        """Whether no more messages will follow that a keyframe of these measurements depends on."""
+        """Whether all messages that a keyframe of these measurements depends on have arrived."""
         stamp_ns = measurements.stamp_ns
         return (
             self._odometry_known(stamp_ns) and self._identities_known(measurements) and self._is_gravity_known(stamp_ns)
         )
 
     def _odometry_known(self, stamp_ns: int) -> bool:
-        """Whether no more odometry will follow that the motion to this stamp depends on."""
+        """Whether all odometry that the motion to this stamp depends on has arrived."""
         return self._odometry.has_reached(stamp_ns + max(self._instants_ns))
 
     def _is_gravity_known(self, stamp_ns: int) -> bool:
@@ -223,7 +223,7 @@ class KeyframeAssembler:
         return not self._needs_identities(measurements) or self._identities.has_reached(measurements.stamp_ns)
 
     def _needs_identities(self, measurements: SemanticMeasurements) -> bool:
-        """Whether detections have to be given identities; raises InputError when nothing can give them."""
+        """Whether detections need identities from another topic; raises InputError if there is no such topic."""
         if not self._association.wants_identities or not len(measurements) or any(measurements.track_ids):
             return False
         if not self._has_identities:
@@ -234,7 +234,7 @@ class KeyframeAssembler:
         return True
 
     def _keyframe(self, measurements: SemanticMeasurements) -> Keyframe | None:
-        """The next keyframe; None when the policy passes the measurement over, or, counted, when it cannot be used."""
+        """The next keyframe; None if the policy skips the measurement or, counted, if it cannot be used."""
         if not self._is_odometry_near(measurements.stamp_ns):
             self.dropped[f"{topics.MEASUREMENTS}: no {topics.ODOMETRY} at their stamp"] += 1
             return None
@@ -273,7 +273,7 @@ class KeyframeAssembler:
         return keyframe
 
     def _is_odometry_near(self, stamp_ns: int) -> bool:
-        """Whether there is odometry at an instant, or so little before it that it still stands for the robot's pose."""
+        """Whether there is odometry after an instant, or at most ``MAX_EXTRAPOLATION_S`` before it; prunes old ones."""
         earlier, later = self._around(stamp_ns)
         oldest, _ = self._around(stamp_ns + min(self._instants_ns))
         if earlier is not None and oldest is not None:
@@ -283,14 +283,14 @@ class KeyframeAssembler:
         return earlier is not None and stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
 
     def _point(self, stamp_ns: int) -> OdometryPoint:
-        """Odometry at an instant; the first sample stands for all before it, the last for a short while after it."""
+        """Odometry at an instant: interpolated; before the first sample the first, after the last one with more noise."""
         earlier, later = self._around(stamp_ns)
         if earlier is not None and later is None:
             return earlier.standing_until(stamp_ns)
         return self._standing(stamp_ns)
 
     def _around(self, stamp_ns: int) -> tuple[OdometryPoint | None, OdometryPoint | None]:
-        """The odometry before an instant, and at it or after it."""
+        """The last odometry before an instant, and the first one at or after it."""
         earlier: OdometryPoint | None = None
         for sample_stamp_ns, point in self._odometry:
             if sample_stamp_ns >= stamp_ns:
@@ -299,7 +299,7 @@ class KeyframeAssembler:
         return earlier, None
 
     def _level(self, point: OdometryPoint) -> Array | None:
-        """Which way is up at a keyframe in space, where an IMU or odometry knows."""
+        """``Keyframe.level`` of a 3D run, from the IMU or from odometry; None if neither measures it."""
         if self._in_space is None:
             return None
         if self._imu is not None:
@@ -309,7 +309,7 @@ class KeyframeAssembler:
         return level_at(point, before, self._configuration.odometry)
 
     def _shifts(self, point: OdometryPoint) -> Array | None:
-        """How the motion to ``point`` changes with the offset of odometry's clock, where that is estimated."""
+        """Changes of the motion to ``point`` by odometry clock offsets; None if the offset is not estimated."""
         if not self._offsets_ns:
             return None
         assert self._last_keyframe is not None
@@ -321,7 +321,7 @@ class KeyframeAssembler:
         return motion_shifts(before, poses)
 
     def _standing(self, stamp_ns: int) -> OdometryPoint:
-        """Odometry at an instant, standing still before its first sample and after its last."""
+        """Odometry at an instant, interpolated; constant before the first sample and after the last."""
         earlier, later = self._around(stamp_ns)
         if earlier is not None and later is not None:
             return point_between(earlier, later, stamp_ns)
@@ -330,7 +330,7 @@ class KeyframeAssembler:
         return end
 
     def _driven(self, stamp_ns: int) -> tuple[float, float]:
-        """Length of the path [m] and sum of all turns [rad] until an instant, as :meth:`_standing` has them."""
+        """Path length [m] and sum of absolute turns [rad] up to an instant, interpolated as in :meth:`_standing`."""
         earlier, later = self._around(stamp_ns)
         if earlier is not None and later is not None:
             return driven_between(earlier, later, stamp_ns)
@@ -339,14 +339,14 @@ class KeyframeAssembler:
         return end.travelled_m, end.turned_rad
 
     def _is_chosen(self, measurements: SemanticMeasurements, driven: tuple[float, float]) -> bool:
-        """Whatever is expected of the odometry's clock, the same frames are chosen."""
+        """Whether the policy selects the frame; ``driven`` does not depend on the configured odometry clock offset."""
         policy, last = self._configuration.keyframes, self._last_driven
         if policy.policy == "every_detection":
             return len(measurements) > 0 or self._association.counts_misses
         return last is None or driven[0] - last[0] >= policy.distance_m or driven[1] - last[1] >= policy.angle_rad
 
     def _inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """In an open world without detections from outside its region, where births are not told from known objects."""
+        """Without detections outside the open world's region, where new objects are not distinguished from known."""
         if not self._association.counts_misses:
             return measurements
         if self._configuration.open_world.learn_region:
@@ -360,7 +360,7 @@ class KeyframeAssembler:
         return measurements.take(np.flatnonzero(~outside))
 
     def _with_identities(self, measurements: SemanticMeasurements) -> SemanticMeasurements | None:
-        """The measurements with object ids as their track ids where ids are given apart; None when there are none."""
+        """The measurements, with supplied object ids as track ids if needed; None if these are missing."""
         if not self._needs_identities(measurements):
             return measurements
         object_ids = self._identities.nearest(measurements.stamp_ns, 0)
@@ -371,12 +371,12 @@ class KeyframeAssembler:
 
 
 def tracks_tell(configuration: Configuration) -> bool:
-    """Whether boxes are followed from frame to frame: where tracks are evidence of which object a box is of."""
+    """Whether boxes are tracked from frame to frame: if tracks are evidence for the data association."""
     return configuration.open_world.track_error_share > 0.0 and configuration.association == "open"
 
 
 def _offsets_ns(odometry: OdometryConfiguration) -> list[int]:
-    """Offsets of odometry's clock at which motions are told; none where it is not estimated."""
+    """Odometry clock offsets [ns] at which motions are evaluated; empty if the offset is not estimated."""
     if not odometry.estimate_bias or odometry.sigma_clock_offset_s <= 0.0:
         return []
     return [round(offset * odometry.sigma_clock_offset_s * NANOSECONDS) for offset in OFFSETS]

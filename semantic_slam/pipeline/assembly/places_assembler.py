@@ -1,7 +1,7 @@
-"""Detections without pictures, in whatever order they and the camera's intrinsics arrive, become measurements.
+"""Turns detections without images into measurements, in whatever order they and camera_info arrive.
 
-What comes out depends on the messages' stamps alone. Detections that tell places leave at once; boxes wait for the
-camera.
+The result depends on the messages' stamps alone. Detections with positions are measured at once; those with boxes only
+wait for the camera's intrinsics.
 """
 
 from collections import Counter
@@ -23,10 +23,10 @@ from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 
 class PlacesAssembler:
-    """Detections as measurements, in the order of their stamps; ``dropped`` counts, by reason, what was not used."""
+    """Turns detections into measurements, in stamp order; ``dropped`` counts unused ones by reason."""
 
     def __init__(self, configuration: Configuration, camera_pose: Callable[[str], Array]) -> None:
-        """``camera_pose`` gives (7,) T_base_camera of an optical frame, or raises InputError."""
+        """``camera_pose`` returns (7,) T_base_camera of an optical frame, or raises InputError."""
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
         self._reader = PlaceReader(configuration.perception, in_space=configuration.is_spatial)
         self._in_space = configuration.is_spatial
@@ -42,16 +42,16 @@ class PlacesAssembler:
 
     @property
     def num_waiting(self) -> int:
-        """Detections that wait for the camera, one apart that a held stamp keeps back."""
+        """Number of detections that wait for the camera, without any whose suspicious stamp is on hold."""
         return len(self._detections)
 
     def add_camera_info(self, message: Any) -> None:
-        """sensor_msgs/CameraInfo; raises InputError when the camera is not calibrated."""
+        """Take a sensor_msgs/CameraInfo; raises InputError if the camera is not calibrated."""
         if self.camera is None or self._camera_is_of_another:
             self.camera, self._camera_is_of_another = camera_model(message, topics.CAMERA_INFO), False
 
     def add_detections(self, message: Any) -> None:
-        """semantic_slam_msgs/DetectionArray."""
+        """Take a semantic_slam_msgs/DetectionArray."""
         try:
             detections = from_message(message)
         except InputError:
@@ -61,25 +61,25 @@ class PlacesAssembler:
 
     @property
     def is_over(self) -> bool:
-        """Whether detections go on from an earlier time, and so are of another session."""
+        """Whether the stamps of detections went back, so that another session has started."""
         return self._detections.is_set_back
 
     def keep_camera_of(self, former: "PlacesAssembler") -> None:
-        """Until another one is told of, the camera is that of the session before."""
+        """Use the camera of the previous session until a camera_info arrives."""
         self.camera, self._camera_is_of_another = former.camera, former.camera is not None
 
     def go_on_from(self, former: "PlacesAssembler") -> None:
-        """Take what another one, whose session is over, has refused because it is of this session."""
+        """Take the detections of this session that the assembler of the previous one has refused."""
         self.keep_camera_of(former)
-        self._num_measured = former._num_measured  # measurements are numbered on
+        self._num_measured = former._num_measured  # sequence numbers continue
         self._detections.go_on_from(former._detections)
 
     def take(self) -> list[SemanticMeasurements]:
-        """Measurements that can be made by now, in the order of their stamps."""
+        """Measurements that are complete, in stamp order."""
         return self._measurements(at_end=False)
 
     def flush(self) -> list[SemanticMeasurements]:
-        """All that is left, once no more messages will come."""
+        """All remaining measurements, once no more messages will come."""
         self._detections.release()
         return self._measurements(at_end=True)
 
@@ -94,7 +94,7 @@ class PlacesAssembler:
         return made
 
     def _measure(self, detections: Detections) -> SemanticMeasurements:
-        looks = _needs_camera(detections) or (self._in_space and not len(detections))  # a miss counts where it looks
+        looks = _needs_camera(detections) or (self._in_space and not len(detections))  # misses count in its view
         camera = self.camera if looks else None
         if camera is None:
             return self._reader.measure(detections, self._num_measured)
@@ -102,13 +102,13 @@ class PlacesAssembler:
             T_base_camera = self._camera_pose(camera.frame_id)
             if plain_frame(detections.frame_id) != plain_frame(camera.frame_id):
                 raise InputError(f"frame id '{detections.frame_id}' is not the camera's '{camera.frame_id}'")
-        except InputError as fault:  # of a live system the transform may still come
+        except InputError as fault:  # in a live system the transform may still arrive
             self._lost[f"{topics.DETECTIONS}: boxes without their camera: {fault}"] += 1
             return self._reader.measure(detections, self._num_measured)
         return self._reader.measure(detections, self._num_measured, camera, T_base_camera)
 
 
 def _needs_camera(detections: Detections) -> bool:
-    """Whether detections have boxes and nothing else that tells where they are."""
+    """Whether detections have boxes but neither positions nor bearings."""
     places = (detections.positions, detections.bearings_rad)
     return bool(np.isfinite(detections.boxes).any()) and not any(np.isfinite(values).any() for values in places)

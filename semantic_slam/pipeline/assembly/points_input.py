@@ -1,5 +1,6 @@
-"""Measurements for a run in space: those that tell where in space their objects are, or in which direction from the
-camera, and lie in the camera's region.
+"""Filters the measurements of a 3D run.
+
+Usable are those with a 3D position or a direction from the camera, inside the camera's region.
 """
 
 from collections import Counter
@@ -17,13 +18,13 @@ from semantic_slam.perception.usable_measurements import FARTHEST_M
 
 
 class PointsInput:
-    """Passes on what can be used; ``dropped`` counts the rest, by reason."""
+    """Passes usable measurements on; ``dropped`` counts the others, by reason."""
 
     def __init__(self, configuration: Configuration, dropped: Counter[str]) -> None:
         self._region, self._dropped = SpatialRegion.of(configuration.open_world), dropped
 
     def usable(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """Without detections of which nobody knows where in space they are."""
+        """Without detections that have neither a valid 3D position nor a direction."""
         (points, _), (rays, _) = points_of(measurements), rays_of(measurements)
         distances = np.linalg.norm(points, axis=1)
         is_ray = np.isnan(points).any(axis=1) & np.isfinite(rays).all(axis=1)
@@ -47,7 +48,7 @@ class PointsInput:
         return measurements if kept.all() else measurements.take(np.flatnonzero(kept))
 
     def inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """Without detections from outside the camera's region; a ray alone is held against the image."""
+        """Without detections outside the camera's region; of a ray without range only the direction is checked."""
         camera, (points, _), (rays, _) = camera_of(measurements), points_of(measurements), rays_of(measurements)
         within = measurements.sensor_position + self._region.shells(1) * rays
         placed = np.where(np.isnan(points).any(axis=1, keepdims=True), within, points)

@@ -1,8 +1,8 @@
-"""What a hypothesis manager received and was answered, record by record on disk, so that a restarted one goes on.
+"""Journal on disk of what a hypothesis manager received, by which a restarted one replays and continues the run.
 
-A belief is a function of the configuration, of what the manager took in its order, and of its backends' answers. A
-record has its number, two lengths and a checksum before its name and data; it reaches the operating system at once,
-and the disk with :meth:`Journal.sync`. What a power cut tore off the end is cut off at the next start.
+A belief is a function of the configuration, the received messages in order, and the backends' answers. A record is its
+number, two lengths and a checksum, followed by its name and data. It is passed to the operating system at once, and
+reaches the disk with :meth:`Journal.sync`. A record torn by a power cut is truncated at the next start.
 """
 
 import fcntl
@@ -17,43 +17,43 @@ from semantic_slam.errors import InputError
 
 FILE, OLD_FILE = "journal", "journal.old"
 RUN = "run"
-"""The first record: what tells one run from another."""
+"""Name of the first record, whose data identify the run."""
 HEADER = struct.Struct("<QIII")
-"""Number of the record, bytes of its name and of its data, CRC-32 of these three, name and data."""
+"""Record number, length [bytes] of its name and of its data, CRC-32 over these three, name and data."""
 NUMBERS = struct.Struct("<QII")
 
 
 class Record(NamedTuple):
-    """One thing that happened."""
+    """One journal entry."""
 
     name: str
     data: bytes
 
 
 class NoJournal:
-    """Nothing was kept, and nothing is."""
+    """Null journal: it is empty and discards what is appended."""
 
     @property
     def next(self) -> Record | None:
-        """The oldest record that was not taken yet; None: all are."""
+        """The oldest record not taken yet; None if all were taken."""
         return None
 
     def take(self) -> Record:
-        """The oldest record that was not taken yet, which there has to be."""
+        """Take the oldest record not taken yet. Raises InputError if there is none."""
         raise InputError("there is no journal to go on from; set parameter journal")
 
     def append(self, name: str, data: bytes = b"") -> None:
-        """Keep what happened now; all that is on disk has to be taken before."""
+        """Append a record; all records on disk must have been taken before."""
 
     def sync(self) -> None:
-        """Whatever was appended outlives a power cut from now on."""
+        """Flush appended records to disk, so that they survive a power cut."""
 
 
 class Journal(NoJournal):
-    """The journal of one run in a folder; one process holds it at a time."""
+    """Journal of one run in a folder, locked by one process at a time."""
 
     def __init__(self, folder: Path, run: str, *, resume: bool = True) -> None:
-        """``run`` tells the run from others; without ``resume`` an old journal is set aside. Raises InputError."""
+        """``run`` identifies the run; without ``resume`` an old journal is renamed to journal.old. Raises InputError."""
         self._path = folder / FILE
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -124,12 +124,12 @@ class Journal(NoJournal):
         os.fdatasync(self._file)
 
     def close(self) -> None:
-        """Let another process go on."""
+        """Close the file and release the lock."""
         self._reader.close()
         os.close(self._file)
 
     def _read(self) -> Record | None:
-        """The next record; None at the end, where what is torn is cut off."""
+        """Read the next record; None at the end, where a torn record is truncated."""
         begin = self._reader.tell()
         head = self._reader.read(HEADER.size)
         if len(head) == HEADER.size:

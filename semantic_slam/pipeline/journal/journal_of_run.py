@@ -1,4 +1,4 @@
-"""The journal of a hypothesis manager, by what tells its runs from those of others."""
+"""Opens the journal of a hypothesis manager for its run."""
 
 import hashlib
 import json
@@ -14,9 +14,10 @@ from semantic_slam.version import __version__
 def open_journal(
     folder: str, configuration: Configuration, map_prior: MapPrior | None, source: str, *, resume: bool
 ) -> NoJournal:
-    """The journal in a folder, "" for none.
+    """Open the journal in a folder; "" gives a null journal.
 
-    Raises InputError where it is that of another run, or of one that cannot be repeated.
+    Raises InputError if it belongs to a run with another configuration, map, input or version, or if the run cannot be
+    repeated.
     """
     if not folder:
         return NoJournal()

@@ -1,4 +1,4 @@
-"""Backends whose answers are kept in a journal, and are taken from there until it ends."""
+"""Backend pool whose answers are recorded in a journal, and replayed from it after a restart."""
 
 import struct
 from collections.abc import Mapping
@@ -16,16 +16,17 @@ COUNT = struct.Struct("<I")
 
 
 class TeachablePool(BackendPool, Protocol):
-    """A pool whose backends may have missed keyframes."""
+    """Backend pool that can send keyframes to backends that have missed them."""
 
     def tell(self, keyframe: Keyframe) -> None:
-        """Let those backends know a keyframe that do not; nobody answers."""
+        """Make a keyframe known to backends that miss it, without an answer."""
 
 
 class JournaledPool:
-    """``pool`` behind ``journal``: an engine that goes on after a restart sees the answers, and who gave them, again.
+    """Wraps ``pool`` with ``journal``: after a restart the engine gets the recorded answers, and backend ids, again.
 
-    The backends are told of the keyframes, without work, so that new ones among them can rebuild what they are given.
+    During the replay the backends are only told the keyframes, without work, so that new ones can later rebuild the
+    hypotheses they are given.
     """
 
     def __init__(self, pool: TeachablePool, journal: NoJournal) -> None:
@@ -33,7 +34,7 @@ class JournaledPool:
 
     @property
     def backend_ids(self) -> tuple[int, ...]:
-        """Numbers of the backends that take part now."""
+        """Ids of the backends that take part now."""
         return self._pool.backend_ids
 
     @backend_ids.setter
@@ -41,24 +42,24 @@ class JournaledPool:
         self._pool.backend_ids = numbers
 
     def start(self, run: RunConfiguration) -> None:
-        """Begin a run."""
+        """Start a run."""
         self._pool.start(run)
 
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
-        """Round one; what the journal has of it, or else what the backends answer."""
+        """Round one: the answers from the journal, or else those of the backends."""
         if self._journal.next is not None:
             self._pool.tell(keyframe)
             return self._kept(topics.CANDIDATES, keyframe.index)
         return self._keep(topics.CANDIDATES, self._pool.expand(keyframe))
 
     def commit(self, commit: Commit) -> list[Components]:
-        """Round two, likewise."""
+        """Round two: the answers from the journal, or else those of the backends."""
         if self._journal.next is not None:
             return self._kept(topics.COMPONENTS, commit.keyframe)
         return self._keep(topics.COMPONENTS, self._pool.commit(commit))
 
     def offer(self, components: Mapping[int, Component]) -> None:
-        """Components that the next commit need not rebuild; of no use where the journal has its answers."""
+        """Offer components that the next commit need not rebuild; not needed while replaying the journal."""
         if self._journal.next is None:
             self._pool.offer(components)
 

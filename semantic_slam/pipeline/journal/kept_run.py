@@ -1,6 +1,6 @@
-"""The keyframes of a run that goes on, in a file without a name, for whoever has missed some, or infers the run again.
+"""Keeps the keyframes of the current run in an unnamed file, for late backends and for repeating the inference.
 
-Another process may read it up to the length that it had when it was asked for.
+Another process can read it by its descriptor, up to the length at the time of the request.
 """
 
 import struct
@@ -18,32 +18,32 @@ LENGTH = struct.Struct("<Q")
 
 
 class KeptRun:
-    """What a run was configured to be, and its keyframes so far; kept until nobody refers to it."""
+    """Configuration and keyframes of a run, kept in a file until the object is no longer referenced."""
 
     def __init__(self, run: RunConfiguration) -> None:
-        self.fault = ""  # why keyframes are missing; "" where none are
+        self.fault = ""  # why keyframes are missing; "" if none are
         self._file = NamelessFile()
         self._run_id = run.run_id
         self._append(encode(run))
-        self._ends = array("Q", [self.length])  # of the run, and of each keyframe
+        self._ends = array("Q", [self.length])  # end offsets [bytes] of the configuration and of each keyframe
 
     @property
     def descriptor(self) -> int:
-        """Descriptor of the file, which is there with the first record."""
+        """File descriptor; the file exists once the first record is written."""
         return self._file.descriptor
 
     @property
     def length(self) -> int:
-        """Bytes of whole records."""
+        """Length [bytes] of the complete records."""
         return self._file.length
 
     @property
     def num_keyframes(self) -> int:
-        """Keyframes that are kept, the first ones."""
+        """Number of keyframes kept, counted from the first."""
         return len(self._ends) - 1
 
     def add(self, keyframe: Keyframe) -> None:
-        """Keep the next keyframe, once; a disk that takes no more ends this, and nothing else."""
+        """Keep the next keyframe; others are ignored. A disk error sets ``fault`` and stops the keeping."""
         if keyframe.index != self.num_keyframes:
             return
         self._append(encode(keyframe, run_id=self._run_id))
@@ -51,7 +51,7 @@ class KeptRun:
             self._ends.append(self.length)
 
     def keyframes(self, first: int, end: int) -> list[Keyframe]:
-        """Keyframes ``first`` to ``end`` - 1, of those that are kept. Raises InputError where the disk fails."""
+        """Kept keyframes ``first`` to ``end`` - 1. Raises InputError if the file ends too early."""
         last = min(end, self.num_keyframes)
         if first >= last:
             return []
@@ -69,7 +69,7 @@ class KeptRun:
 
 
 def read_kept(descriptor: int, length: int) -> tuple[RunConfiguration, list[Keyframe]]:
-    """The run and its keyframes in the first ``length`` bytes of a file. Raises InputError."""
+    """Read the run's configuration and keyframes from the first ``length`` bytes of a file. Raises InputError."""
     run, *keyframes = _records(descriptor, 0, length)
     types = topics.TYPES
     return decode(run, types[topics.RUN_CONFIGURATION]), [decode(own, types[topics.KEYFRAMES]) for own in keyframes]

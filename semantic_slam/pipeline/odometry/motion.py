@@ -1,4 +1,4 @@
-"""The robot's motion between two instants, from its odometry."""
+"""Relative motion of the robot between two instants, from odometry."""
 
 from dataclasses import dataclass, replace
 
@@ -18,21 +18,21 @@ from semantic_slam.pipeline.odometry.odometry_rate import NOT_KNOWN, Rate
 from semantic_slam.pipeline.odometry.stated_covariance import increment, since_start
 
 NO_MOTION_VARIANCE = 1e-8
-"""Square metres and radians, of a motion that is none: covariances have inverses."""
+"""Variance [m^2, rad^2] of a motion over zero time, which keeps covariances invertible."""
 
 
 @dataclass(frozen=True)
 class OdometryPoint:
-    """Where the odometry stands at one instant."""
+    """State of the odometry at one instant."""
 
     stamp_ns: int
     pose: Array  # (7,) T_odom_body
     travelled_m: float  # length of the path since the first sample
-    turned_rad: float  # sum of all turns since the first sample
-    slopes: Array | None = None  # (3, 3) sum of those of all steps, in the tangent space of odom; None: not asked for
+    turned_rad: float  # sum of absolute turns since the first sample
+    slopes: Array | None = None  # (3, 3) sum of all steps' bias Jacobians, in odom's tangent space; None: not needed
     rate: Rate = NOT_KNOWN  # of the samples up to this one
-    sigma_m: float = 0.0  # standard deviation of x and of y beyond the odometry's own: it was missing then
-    sigma_rad: float = 0.0  # of yaw, likewise
+    sigma_m: float = 0.0  # additional standard deviation of x and of y where odometry is missing
+    sigma_rad: float = 0.0  # additional standard deviation of yaw where odometry is missing
     covariance: Array | None = None  # (6, 6) x y z rx ry rz along the axes of odom, since its start; None: not stated
 
     def advance(self, sample: OdometrySample) -> "OdometryPoint":
@@ -46,13 +46,13 @@ class OdometryPoint:
         )
 
     def standing_until(self, stamp_ns: int) -> "OdometryPoint":
-        """The point at a later instant of which there is no odometry any more: the robot may have moved on."""
+        """The point at an instant after the last odometry; its sigmas grow with the pace, as the robot may have moved."""
         late_s = (stamp_ns - self.stamp_ns) / NANOSECONDS
         sigma_m, sigma_rad = self.rate.pace_m_s * late_s, self.rate.pace_rad_s * late_s
         return replace(self, stamp_ns=stamp_ns, sigma_m=sigma_m, sigma_rad=sigma_rad)
 
     def slopes_at(self, pose: Array) -> Array | None:
-        """``slopes`` after one more step, an arc to ``pose``."""
+        """``slopes`` after one more step, along an arc to ``pose``."""
         if self.slopes is None:
             return None
         before, after = planar_from_pose_vector(self.pose), planar_from_pose_vector(pose)
@@ -60,13 +60,13 @@ class OdometryPoint:
 
 
 def start(sample: OdometrySample, *, with_slopes: bool = False) -> OdometryPoint:
-    """The point at the first sample; ``with_slopes``: how biases of the odometry change the motion is kept, too."""
+    """The point at the first sample; ``with_slopes``: also keep the Jacobians of the motion by odometry biases."""
     slopes_there = np.zeros((3, 3)) if with_slopes else None
     return OdometryPoint(sample.stamp_ns, sample.pose, 0.0, 0.0, slopes_there, covariance=sample.covariance)
 
 
 def point_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) -> OdometryPoint:
-    """The point at an instant between two neighbours: steady motion, which within a gap is but the best guess."""
+    """The point at an instant between two samples, by constant velocity; within a gap it gets additional sigmas."""
     share = (stamp_ns - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
     pose = interpolate(first.pose, second.pose, share)
     sigma_m, sigma_rad = _gap_sigmas(first, second, share)
@@ -92,7 +92,7 @@ def driven_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) -
 
 
 def _gap_sigmas(first: OdometryPoint, second: OdometryPoint, share: float) -> tuple[float, float]:
-    """Standard deviations [m], [rad] at a share of the way between two samples; 0 where they are as close as usual."""
+    """Standard deviations [m], [rad] at a fraction of the way between two samples; 0 unless there is a gap."""
     step_s = (second.stamp_ns - first.stamp_ns) / NANOSECONDS
     if not first.rate.is_gap(step_s):
         return 0.0, 0.0
@@ -103,10 +103,10 @@ def _gap_sigmas(first: OdometryPoint, second: OdometryPoint, share: float) -> tu
 
 
 def motion_slopes(first: OdometryPoint, second: OdometryPoint) -> Array | None:
-    """(3, 3) change of the planar motion between two points, in its tangent space, by the odometry's biases.
+    """(3, 3) Jacobian of the planar motion between two points by the odometry biases, in its tangent space.
 
-    Composed over all samples between, as :func:`odometry_bias.composed_slopes` does step by step: each step's slopes
-    are moved to the motion's end, over all that the robot drove since.
+    Composed over all samples between, equal to the step-by-step :func:`odometry_bias.composed_slopes`: each step's
+    Jacobian is transported to the end of the motion.
     """
     if first.slopes is None or second.slopes is None:
         return None
@@ -114,18 +114,18 @@ def motion_slopes(first: OdometryPoint, second: OdometryPoint) -> Array | None:
 
 
 def motion_shifts(first: Array, second: Array) -> Array:
-    """(G, 3) change of the planar motion by offsets of odometry's clock: ``clock_offset.shifts_of``.
+    """(G, 3) changes of the planar motion by offsets of the odometry clock, by ``clock_offset.shifts_of``.
 
-    Between the odometry's poses ``first`` and ``second`` (G, 7), at all offsets of each.
+    ``first`` and ``second`` are the odometry poses (G, 7) at the two instants, for all offsets.
     """
     controls = [planar_from_pose_vector(between(*pair)) for pair in zip(first, second, strict=True)]
     return shifts_of(np.array(controls))
 
 
 def motion_covariance_in_space(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
-    """:func:`motion_covariance` of all six: as the odometry states, else along and about every axis alike.
+    """(6, 6) covariance of a 3D motion: as stated by odometry, else of the noise model, equal for all axes.
 
-    From an instant to itself nothing moves, whatever the odometry is like.
+    Over x y z rx ry rz at the second point. Between equal stamps it is :data:`NO_MOTION_VARIANCE` times the identity.
     """
     if second.stamp_ns == first.stamp_ns:
         return NO_MOTION_VARIANCE * np.eye(6)
@@ -140,9 +140,9 @@ def motion_covariance_in_space(first: OdometryPoint, second: OdometryPoint, nois
 
 
 def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
-    """(6, 6) covariance of the motion between two points, over x y z rx ry rz at the second; planar.
+    """(6, 6) covariance of the planar motion between two points, over x y z rx ry rz at the second.
 
-    What is not known of either point, where odometry was missing, adds to it as if the two were independent.
+    The additional variances of both points, where odometry was missing, are added as if independent.
     """
     travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
     place, turn = _missing(first, second)
@@ -150,8 +150,10 @@ def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: Odomet
 
 
 def stated_motion(first: OdometryPoint, second: OdometryPoint) -> Array | None:
-    """(6, 6) over x y z rx ry rz at the second point, by how much what the odometry states grows; None where it states
-    nothing, or no covariance. Of its own start it knows all, which is stated as nothing is.
+    """(6, 6) growth of the covariance stated by odometry, over x y z rx ry rz at the second point.
+
+    None if odometry states none at the second point, or if the difference is no covariance. If none is stated at the
+    first point, it counts as zero there.
     """
     if second.covariance is None:
         return None
@@ -159,7 +161,7 @@ def stated_motion(first: OdometryPoint, second: OdometryPoint) -> Array | None:
 
 
 def stated_between(first: OdometryPoint, second: OdometryPoint, pose: Array, share: float) -> Array | None:
-    """(6, 6) along the axes of odom at a share of the way between two points; None where it is not stated there."""
+    """(6, 6) stated covariance along the axes of odom at a fraction of the way between two points; None if not stated."""
     motion = stated_motion(first, second)
     return None if motion is None else since_start(first.pose, _known(first.covariance), pose, share * motion)
 
@@ -169,7 +171,7 @@ def _known(covariance: Array | None) -> Array:
 
 
 def _missing(first: OdometryPoint, second: OdometryPoint) -> tuple[float, float]:
-    """Variances [m^2, rad^2] of what is not known of either point, where odometry was missing."""
+    """Additional variances [m^2, rad^2] of the motion between two points, where odometry was missing."""
     length_m = float(np.linalg.norm(second.pose[:3] - first.pose[:3]))
     place = first.sigma_m**2 + second.sigma_m**2 + (first.sigma_rad * length_m) ** 2
     return place, first.sigma_rad**2 + second.sigma_rad**2

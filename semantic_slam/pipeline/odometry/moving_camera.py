@@ -1,4 +1,4 @@
-"""Where a camera that moves on its robot looks from at each instant, by /tf: one that is held by hand, or pans."""
+"""Pose, by /tf, of a camera that moves relative to the robot, such as a panning or hand-held one."""
 
 from collections import Counter
 from typing import Any
@@ -12,19 +12,19 @@ from semantic_slam.messages.standard import is_pose, stamp_ns
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 MAX_WAITING = 3000
-"""Transforms of one pair of frames that are kept while no detections come."""
+"""Transforms of one pair of frames buffered while no detections arrive."""
 
 
 class MovingCamera:
-    """The one transform of /tf that lies between body and camera, where the static ones do not connect them."""
+    """Tracks the one /tf transform between body and camera, if static transforms do not connect them."""
 
     def __init__(self, base_frame: str, fixed: TransformTree, dropped: Counter[str]) -> None:
-        """``fixed`` may still grow; ``dropped`` counts, by reason, transforms that cannot be used."""
+        """``fixed``: static transforms, may still grow; ``dropped`` counts, by reason, unusable transforms."""
         self._base_frame, self._fixed, self._dropped = base_frame, fixed, dropped
         self._moves: dict[str, StampedBuffer[Array]] = {}  # child frame -> T_base_child
 
     def add(self, message: Any) -> None:
-        """Remember the transforms of a tf2_msgs/TFMessage that begin at the body, or at what is fixed to it."""
+        """Store the transforms of a tf2_msgs/TFMessage whose parent frame is the body or is fixed to it."""
         for item in message.transforms:
             T_base_parent = self._between(self._base_frame, item.header.frame_id)
             if T_base_parent is None:
@@ -37,7 +37,7 @@ class MovingCamera:
             moves.add(stamp_ns(item.header.stamp), compose(T_base_parent, pose))
 
     def go_on_from(self, former: "MovingCamera") -> None:
-        """Take what another one has refused because it is of this session."""
+        """Take the transforms of this session that the object of the previous one has refused."""
         for child, moves in former._moves.items():
             self._buffer(child).go_on_from(moves)
 
@@ -47,36 +47,36 @@ class MovingCamera:
 
     @property
     def is_holding(self) -> bool:
-        """Whether a transform is held aside until the next ones tell whether its stamp is right."""
+        """Whether a transform with a suspicious stamp is on hold until the next ones confirm or refute it."""
         return any(moves.is_holding for moves in self._moves.values())
 
     def is_fixed(self, optical_frame: str) -> bool:
-        """Whether static transforms tell where the camera is."""
+        """Whether static transforms connect the body with the camera."""
         return self._between(self._base_frame, optical_frame) is not None
 
     def is_known(self, optical_frame: str, stamp_ns: int) -> bool:
-        """Whether no more transforms will come that tell where the camera is at this stamp."""
+        """Whether all transforms that determine the camera's pose at this stamp have arrived."""
         child, _ = self._mount(optical_frame)
         return child in self._moves and self._moves[child].has_reached(stamp_ns)
 
     def pose(self, optical_frame: str, stamp_ns: int, tolerance_ns: int) -> Array | None:
-        """(7,) T_base_camera by the transform nearest in time; None where none is near."""
+        """(7,) T_base_camera by the transform nearest in time; None if none is within the tolerance."""
         child, T_child_camera = self._mount(optical_frame)
         T_base_child = self._moves[child].nearest(stamp_ns, tolerance_ns) if child in self._moves else None
         return None if T_base_child is None else compose(T_base_child, T_child_camera)
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Remove what lies before a stamp."""
+        """Remove the transforms before a stamp."""
         for moves in self._moves.values():
             moves.forget_before(stamp_ns)
 
     def release(self) -> None:
-        """No more will come."""
+        """Accept transforms on hold, as no more will come."""
         for moves in self._moves.values():
             moves.release()
 
     def _mount(self, optical_frame: str) -> tuple[str, Array]:
-        """The frame that moves and that the camera is fixed to, and T_frame_camera."""
+        """Name of the moving frame to which the camera is fixed, and (7,) T_frame_camera; "" if there is none."""
         for child in self._moves:
             T_child_camera = self._between(child, optical_frame)
             if T_child_camera is not None:
@@ -84,7 +84,7 @@ class MovingCamera:
         return "", IDENTITY
 
     def _between(self, target: str, source: str) -> Array | None:
-        """Fixed T_target_source; None where nothing fixed connects the two."""
+        """(7,) static T_target_source; None if no static transforms connect the two."""
         try:
             return self._fixed.lookup(target, source)
         except InputError:

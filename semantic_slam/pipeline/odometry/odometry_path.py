@@ -1,4 +1,4 @@
-"""The robot's odometry over the last instants before a keyframe."""
+"""Odometry poses over a short time before a keyframe, with interpolation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,19 +13,19 @@ from semantic_slam.pipeline.odometry.motion import OdometryPoint
 
 @dataclass(frozen=True)
 class OdometryPath:
-    """N poses of the body at stamps that grow."""
+    """N poses of the body at increasing stamps."""
 
     stamps_ns: NDArray[np.int64]  # (N,)
     poses: Array  # (N, 7) T_odom_body
 
     @classmethod
     def of(cls, points: Sequence[OdometryPoint]) -> "OdometryPath":
-        """Through points in the order of their stamps."""
+        """Path through points in stamp order."""
         stamps = np.array([point.stamp_ns for point in points], dtype=np.int64)
         return cls(stamps, se3.wrapped(np.array([point.pose for point in points])))
 
     def at(self, stamps_ns: NDArray[np.int64]) -> Array:
-        """(M, 7) poses at instants (M,), as if each motion were steady; outside of the path its ends."""
+        """(M, 7) poses at instants (M,), interpolated at constant velocity; outside the path its end poses."""
         after = np.minimum(np.searchsorted(self.stamps_ns, stamps_ns), len(self.stamps_ns) - 1)
         before = np.maximum(after - 1, 0)
         step = np.maximum(self.stamps_ns[after] - self.stamps_ns[before], 1)

@@ -1,8 +1,8 @@
-"""How often odometry comes and how fast the robot moves, which tell whether it is missing, and what that may hide.
+"""Rate of the odometry and pace of the robot, for detecting gaps in odometry and bounding the motion within them.
 
-Between two samples that are as close as usual the motion is steady. Where odometry is missing for longer, the robot may
-have stood until the gap's end or have moved at once: within a gap from a to b its place at t is that of steady motion,
-with a standard deviation of pace * min(t - a, b - t); both ends are as sure as ever.
+Between two samples at the usual distance constant velocity is assumed. In a longer gap, from a to b, the robot may have
+moved at any time: its pose at t is interpolated at constant velocity, with an additional standard deviation of
+pace * min(t - a, b - t), which is zero at both ends.
 """
 
 from collections import deque
@@ -13,21 +13,21 @@ from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.pipeline.stamps.topic_clock import LEAP_STEPS
 
 RECENT_STEPS = 25
-"""So many last steps tell the rate and the pace."""
+"""Number of last steps from which rate and pace are computed."""
 LEAST_STEPS = 3
-"""With fewer the rate is not known, and nothing is called a gap."""
+"""With fewer steps the rate is unknown, and no step is a gap."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rate:
-    """What the last steps of odometry were like."""
+    """Typical step and pace of the last odometry samples."""
 
-    step_s: float = 0.0  # median; 0: not known yet
+    step_s: float = 0.0  # median; 0: unknown yet
     pace_m_s: float = 0.0
     pace_rad_s: float = 0.0
 
     def is_gap(self, step_s: float) -> bool:
-        """Whether a step is longer than the rate allows."""
+        """Whether a step is longer than ``LEAP_STEPS`` typical ones."""
         return 0.0 < LEAP_STEPS * self.step_s < step_s
 
 
@@ -35,13 +35,13 @@ NOT_KNOWN = Rate()
 
 
 class RateMeter:
-    """Follows the odometry, sample by sample."""
+    """Estimates the rate from successive odometry steps."""
 
     def __init__(self) -> None:
         self._steps: deque[tuple[float, float, float]] = deque(maxlen=RECENT_STEPS)  # duration [s], length [m], turn
 
     def step(self, duration_ns: int, length_m: float, turn_rad: float) -> Rate:
-        """The rate with one more step. Gaps tell nothing of it, nor does a step back from a stamp that was wrong."""
+        """Add a step and return the rate; gaps, and steps back in time after a wrong stamp, are not included."""
         duration_s = duration_ns / NANOSECONDS
         if duration_ns > 0 and not self._rate().is_gap(duration_s):
             self._steps.append((duration_s, length_m, turn_rad))

@@ -1,7 +1,7 @@
-"""What odometry states of its own errors: a covariance since its start, which grows from pose to pose.
+"""Covariance of a motion from the covariance that odometry states for its pose since the start.
 
-With S of the pose before, and the step T between the two, that of the pose after is Ad(T^-1) S Ad(T^-1)^T + Q: Q is the
-motion's own. Where odometry states something else, the same numbers in every message or less and less, Q is none.
+With the covariance S of the pose before and the step T, that of the pose after is Ad(T^-1) S Ad(T^-1)^T + Q, where Q is
+the covariance of the motion. If odometry states constant or decreasing numbers, Q is not a covariance.
 """
 
 import numpy as np
@@ -10,17 +10,17 @@ from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
 
 LEAST_VARIANCE = 1e-12
-"""A micrometre, or a microradian: less is rounding."""
+"""Variance of a micrometre or a microradian; less is rounding error."""
 LARGEST_VARIANCE = 1e6
-"""Beyond a kilometre nothing is known, and differences are rounding."""
+"""Variance of a kilometre; beyond it the pose is unknown, and differences are rounding errors."""
 ROUNDING = 1e-12
-"""Share of the covariances since the start, by which their difference is wrong."""
+"""Relative rounding error of the difference of two covariances since the start."""
 
 
 def increment(before: Array, covariance_before: Array, after: Array, covariance_after: Array) -> Array | None:
-    """(6, 6) of the motion between two poses (7,) over x y z rx ry rz at the second; None where it is none.
+    """(6, 6) covariance of the motion between two poses (7,), over x y z rx ry rz at the second; None if it is none.
 
-    The covariances of the poses are along the axes of their frame.
+    The poses' covariances are along the axes of their parent frame.
     """
     if max(np.abs(covariance_before).max(), np.abs(covariance_after).max()) > LARGEST_VARIANCE:
         return None
@@ -33,13 +33,13 @@ def increment(before: Array, covariance_before: Array, after: Array, covariance_
 
 
 def since_start(before: Array, covariance_before: Array, after: Array, motion: Array) -> Array:
-    """(6, 6) of the pose ``after`` along the axes of its frame, from that of the motion to it."""
+    """(6, 6) covariance of the pose ``after`` along the axes of its parent frame, from that of the motion to it."""
     first, second = se3.wrapped(before), se3.wrapped(after)
     grown = _moved(first, covariance_before, second) + motion[se3.TO_MESSAGE][:, se3.TO_MESSAGE]
     return se3.covariance_along_parent(second, grown)
 
 
 def _moved(before: Array, covariance_before: Array, after: Array) -> Array:
-    """(6, 6) in the tangent space at the pose after, of what is not known before."""
+    """(6, 6) covariance of the pose before, transported into the tangent space at the pose after."""
     slopes = se3.inverse_adjoint(se3.between(before, after))
     return np.asarray(slopes @ se3.covariance_at_pose(before, covariance_before) @ slopes.T)

@@ -1,4 +1,4 @@
-"""Messages of one topic in the order of their stamps, for matching with another topic's."""
+"""Buffer of one topic's messages in stamp order, for matching with those of another topic."""
 
 from bisect import bisect_left
 from collections import Counter
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class StampedBuffer(Generic[T]):
-    """Items of one topic whose stamps its clock believes; the others are refused and counted."""
+    """Items of one topic whose stamps the topic's clock accepts; the others are refused and counted."""
 
     def __init__(
         self,
@@ -20,9 +20,9 @@ class StampedBuffer(Generic[T]):
         capacity: int | None = None,
         made_of: Callable[[Any], T] | None = None,
     ) -> None:
-        """``dropped`` counts what is refused, and what is pushed out once ``capacity`` items wait.
+        """``dropped`` counts refused items, and the oldest ones removed when more than ``capacity`` are buffered.
 
-        ``made_of`` makes the item that is kept of the one that was added, in order and of those believed alone.
+        ``made_of`` converts an added item to the stored one; it is called in stamp order, for accepted items only.
         """
         self.topic = topic
         self.last_stamp_ns: int | None = None
@@ -41,7 +41,7 @@ class StampedBuffer(Generic[T]):
 
     @property
     def is_holding(self) -> bool:
-        """Whether an item is held aside until the next ones tell whether its stamp is right."""
+        """Whether an item with a suspicious stamp is on hold until the next ones confirm or refute it."""
         return self._clock.is_holding
 
     @property
@@ -51,16 +51,16 @@ class StampedBuffer(Generic[T]):
 
     @property
     def begins_again(self) -> bool:
-        """Whether the topic's clock was set back to its start, or before it: what it says is of another session."""
+        """Whether the topic's clock was set back to about its start or earlier, so that another session has begun."""
         return self._clock.begins_again
 
     def go_on_from(self, former: "StampedBuffer[T]") -> None:
-        """Add what another one has refused because it is of this session."""
+        """Add the items of this session that the buffer of the previous one has refused."""
         for stamp_ns, item in former._clock.earlier:
             self.add(stamp_ns, item)
 
     def add(self, stamp_ns: int, item: Any) -> None:
-        """Append an item that is newer than all before it, once its stamp is believed."""
+        """Add an item; it is appended once its stamp is accepted."""
         taken = self._clock.take(stamp_ns, item)
         if self._clock.withdrawn_from_ns is not None:
             position = bisect_left(self._stamps, self._clock.withdrawn_from_ns)
@@ -69,7 +69,7 @@ class StampedBuffer(Generic[T]):
             self._append(*believed)
 
     def release(self) -> None:
-        """Append what is held aside: no more items will come."""
+        """Append the items on hold, as no more will come."""
         for believed in self._clock.release():
             self._append(*believed)
 
@@ -83,15 +83,15 @@ class StampedBuffer(Generic[T]):
 
     @property
     def newest(self) -> T | None:
-        """The newest item, where one is kept."""
+        """The newest buffered item; None if there is none."""
         return self._items[-1] if self._items else None
 
     def has_reached(self, stamp_ns: int) -> bool:
-        """Whether the topic's clock has come to this stamp: nothing at or before it will follow."""
+        """Whether the topic's clock has reached this stamp, so that no item at or before it will follow."""
         return self.last_stamp_ns is not None and self.last_stamp_ns >= stamp_ns
 
     def nearest(self, stamp_ns: int, tolerance_ns: int) -> T | None:
-        """The item with the nearest stamp, the earlier one of two; None when none is within the tolerance."""
+        """The item with the nearest stamp, on a tie the earlier one; None if none is within the tolerance."""
         position = bisect_left(self._stamps, stamp_ns)
         around = [index for index in (position - 1, position) if 0 <= index < len(self._stamps)]
         best = min(around, key=lambda index: abs(self._stamps[index] - stamp_ns), default=None)
@@ -100,7 +100,7 @@ class StampedBuffer(Generic[T]):
         return self._items[best]
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Remove what lies before a stamp; it has been used, or nothing asked for it."""
+        """Remove the items before a stamp, which are not needed any more."""
         position = bisect_left(self._stamps, stamp_ns)
         del self._stamps[:position], self._items[:position]
 
@@ -109,6 +109,6 @@ class StampedBuffer(Generic[T]):
         return self._stamps[0], self._items[0]
 
     def pop(self) -> T:
-        """Take the oldest item out."""
+        """Remove and return the oldest item."""
         del self._stamps[0]
         return self._items.pop(0)

@@ -1,4 +1,4 @@
-"""Which stamps of one topic are believed: its clock runs forward, and a leap ahead needs two more witnesses."""
+"""Validates the stamps of one topic: its clock must run forward, and a leap ahead needs two confirming messages."""
 
 from collections import Counter, deque
 from typing import Generic, TypeVar
@@ -8,72 +8,72 @@ from semantic_slam.messages.standard import NANOSECONDS
 T = TypeVar("T")
 
 LEAP_STEPS = 4
-"""A step of more than so many of the topic's usual ones is a leap."""
+"""A step longer than this many usual steps is a leap."""
 USUAL_STEPS = 3
-"""The shortest of so many last steps is usual: to suspect too much costs nothing but two messages' patience."""
+"""The usual step is the shortest of this many last ones; a needless suspicion only delays by two messages."""
 WITNESSES = 2
-"""So many messages that go on from a stamp confirm it."""
+"""Number of later messages, continuing from a stamp, that confirm it."""
 FIRST_STEP_NS = NANOSECONDS
-"""How long the first step may be, before which there is none to compare it with."""
+"""Longest first step that is no leap, as there is no earlier one to compare it with."""
 BACKWARDS = "time goes backwards"
 AHEAD = "stamp leaps ahead of those around it"
 SET_BACK = "its clock was set back; what follows is another session, to be run by itself"
 ABOUT_THE_START_NS = 2 * NANOSECONDS
-"""A session that is played again begins no later after the start of this one: its first messages may be lost."""
+"""A replayed session begins at most this long after the start of the current one; its first messages may be lost."""
 MOST_EARLIER = 5000
-"""So many of the newest messages of another session are kept until it begins."""
+"""Maximum number of messages of another session kept until it begins; the newest ones."""
 
 
 class TopicClock(Generic[T]):
-    """Gives out the items of one topic in the order of their stamps, and counts those that it refuses.
+    """Releases the items of one topic in stamp order; refused ones are counted.
 
-    Items whose stamps leap ahead are held aside until ``WITNESSES`` more go on from there: then there was a gap, and
-    all are given out. When one goes on from the old time before that, those that are ahead of it were wrong stamps,
-    and are dropped. So a clock that ran wrong once or twice costs those messages, and a topic without wrong stamps
-    loses none. The first one or two have none before them: they are given out at once, and withdrawn when more than so
-    many after them agree on an earlier time. Where several agree on an earlier time later on, that is named: a clock
-    was set back. What is believed depends on the stamps alone, never on when they came.
+    Items whose stamps leap ahead are put on hold until ``WITNESSES`` more continue from there: then it was a gap, and
+    all are released. If one continues from the old time before that, the stamps ahead of it were wrong, and those items
+    are dropped. So one or two wrong stamps cost only those messages, and a topic without wrong stamps loses none. The
+    first one or two items have no predecessors to compare with: they are released at once, and withdrawn if a larger
+    number of later items agree on an earlier time. If several items agree on an earlier time later in the run, they are
+    counted as a clock that was set back. The result depends on the stamps alone, never on arrival times.
     """
 
     def __init__(self, topic: str, dropped: Counter[str], most_earlier: int = MOST_EARLIER) -> None:
         self.topic = topic
         self._dropped = dropped
-        self._first_ns: list[int] | None = []  # what is believed without witnesses; None: there are enough by now
-        self._last_ns: int | None = None  # the newest stamp that is believed
-        self._earlier_from_ns = 0  # the first stamp of all that agree, of which the newest are kept
-        self._began_ns: int | None = None  # the first stamp that is believed
-        self._steps_ns: deque[int] = deque(maxlen=USUAL_STEPS)  # between the newest that are believed
-        self._held: list[tuple[int, T]] = []  # ahead of the newest, growing
-        self._earlier: deque[tuple[int, T]] = deque(maxlen=most_earlier)  # the last ones that agree on an earlier time
-        self.withdrawn_from_ns: int | None = None  # the last call withdraws what was given out from this stamp on
+        self._first_ns: list[int] | None = []  # first stamps, accepted without confirmation; None once there are enough
+        self._last_ns: int | None = None  # the newest accepted stamp
+        self._earlier_from_ns = 0  # the first stamp of the series in _earlier, which may no longer be kept
+        self._began_ns: int | None = None  # the first accepted stamp
+        self._steps_ns: deque[int] = deque(maxlen=USUAL_STEPS)  # between the newest accepted stamps
+        self._held: list[tuple[int, T]] = []  # on hold: ahead of the newest, with increasing stamps
+        self._earlier: deque[tuple[int, T]] = deque(maxlen=most_earlier)  # the newest that agree on an earlier time
+        self.withdrawn_from_ns: int | None = None  # set if the last call to take withdraws items from this stamp on
 
     @property
     def is_holding(self) -> bool:
-        """Whether an item waits for the next ones."""
+        """Whether an item is on hold until the next ones confirm or refute its stamp."""
         return bool(self._held)
 
     @property
     def is_set_back(self) -> bool:
-        """Whether several items, none newer after them, agree on an earlier time."""
+        """Whether several consecutive last items agree on an earlier time."""
         return len(self._earlier) > WITNESSES
 
     @property
     def begins_again(self) -> bool:
-        """Whether it was set back to about the start of this session, or before it.
+        """Whether the clock was set back to about the start of this session, or before it.
 
-        Its items are of another session. Those that are earlier, but of this session's time, are of a player that was
-        started again and goes over its last messages once more.
+        Then its items belong to another session. Earlier items within this session's time come from a restarted player
+        that repeats its last messages.
         """
         began_ns = self._began_ns
         return self.is_set_back and began_ns is not None and self._earlier_from_ns <= began_ns + ABOUT_THE_START_NS
 
     @property
     def earlier(self) -> list[tuple[int, T]]:
-        """The newest items, one after the other, that agree on an earlier time; they were counted as dropped."""
+        """The newest items, in order, that agree on an earlier time; they were counted as dropped."""
         return list(self._earlier)
 
     def take(self, stamp_ns: int, item: T) -> list[tuple[int, T]]:
-        """What is believed now that this item has come: nothing, it, or what was held and it."""
+        """Take an item; returns the items accepted by now: none, the item, or the items on hold and it."""
         self.withdrawn_from_ns = None
         if stamp_ns == self._last_ns or any(stamp_ns == held for held, _ in self._held):
             self._count("stamp repeats", 1)
@@ -89,14 +89,14 @@ class TopicClock(Generic[T]):
         return [(stamp_ns, item)]
 
     def release(self) -> list[tuple[int, T]]:
-        """What is still held once no more will come: nothing has spoken against it, so it is believed."""
+        """Accept and return the items on hold, as no more will come and nothing has refuted them."""
         held, self._held = self._held, []
         for stamp_ns, _ in held:
             self._advance(stamp_ns)
         return held
 
     def _refuse(self, stamp_ns: int, item: T) -> list[tuple[int, T]]:
-        """Count an item that is too early; what is believed when those before it were the wrong ones."""
+        """Refuse and count an item that is too early; returns items if those accepted before it were wrong instead."""
         if self._earlier and stamp_ns <= self._earlier[-1][0]:
             self._earlier.clear()
         if not self._earlier:
@@ -108,14 +108,14 @@ class TopicClock(Generic[T]):
         if agreeing <= WITNESSES:
             self._count(BACKWARDS, 1)
             return []
-        if agreeing == WITNESSES + 1:  # those before were counted as stragglers
+        if agreeing == WITNESSES + 1:  # recount the ones before, which were counted as stragglers
             self._count(BACKWARDS, -WITNESSES)
             self._count(SET_BACK, WITNESSES)
         self._count(SET_BACK, 1)
         return []
 
     def _begin_anew(self, first_ns: list[int]) -> list[tuple[int, T]]:
-        """What is believed instead of the first items, which had wrong stamps."""
+        """Restart with the earlier items, returned as accepted, since the first items had wrong stamps."""
         taken = self.earlier
         self._earlier.clear()
         self.withdrawn_from_ns = taken[0][0]
@@ -136,7 +136,7 @@ class TopicClock(Generic[T]):
     def _count(self, reason: str, number: int) -> None:
         name = f"{self.topic}: {reason}"
         self._dropped[name] += number
-        if not self._dropped[name]:  # no reason that counts none
+        if not self._dropped[name]:  # remove zero counts
             del self._dropped[name]
 
     def _is_leap(self, stamp_ns: int) -> bool:

@@ -1,4 +1,4 @@
-"""Which nodes a replay consists of, with which parameters: the launch file and the demo both start these."""
+"""The nodes of a replay and their parameters, as started by the launch file and by the demo."""
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -23,15 +23,15 @@ from semantic_slam.ros.node.parameters import changed_parameters
 
 FIRST_TRANSFORMS = 100
 LOSSLESS = 0.0
-"""The rate that stands for lock-step: as fast as the nodes can follow, and nothing is lost."""
+"""Rate that means lock-step: as fast as the nodes can process, without loss."""
 
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One process: an executable of this package, the node's name, and the parameters that are not at their default.
+    """Process of one node: an executable of this package, the node's name, and its non-default parameters.
 
-    When it dies it is started again with the parameters of ``again`` besides; None: the run ends. ``followers`` are
-    nodes that are then started anew, too.
+    If it dies, it is restarted with the additional parameters ``again``; None: its death ends the run. ``followers``
+    are nodes that are restarted together with it.
     """
 
     executable: str
@@ -41,7 +41,7 @@ class NodeSpec:
     followers: tuple[str, ...] = ()
 
     def anew(self) -> "NodeSpec":
-        """The process in place of one that died."""
+        """Specification of the process that replaces one that died."""
         return replace(self, parameters=self.parameters | (self.again or {}))
 
 
@@ -58,20 +58,20 @@ def node_set(
     resume: bool = False,
     autostart: bool = True,
 ) -> list[NodeSpec]:
-    """Nodes that replay ``bag``; those that listen come first. Raises InputError.
+    """Nodes that replay ``bag``, the player last, so that it starts after its listeners. Raises InputError.
 
-    ``record`` names the belief bag to write, "" for none; an old one is replaced with ``overwrite`` alone. ``journal``
-    is the manager's, "" for none: then its death ends the run. With ``resume`` journal and belief bag of a run that was
-    broken off are gone on with. Without ``autostart`` the nodes wait for the transitions of their lifecycle. Without
-    tf2_msgs (``has_tf2``) nobody can publish /tf_static here, and the classifier is given the extrinsics that the bag's
-    transforms say.
+    ``record``: belief bag to write, "" for none; an existing one is replaced only with ``overwrite``. ``journal``: the
+    manager's journal folder, "" for none: then the manager's death ends the run. ``resume``: continue journal and
+    belief bag of an interrupted run. ``autostart`` False: the nodes wait for lifecycle transitions. ``has_tf2`` False:
+    without tf2_msgs /tf_static cannot be published here, so the classifier gets the extrinsics from the bag's
+    transforms as a parameter.
     """
     if backends < 1 or rate < LOSSLESS:
         raise InputError(f"backends {backends}, rate {rate:g}: give at least one backend and a rate of 0 or more")
     if record and not resume:
         check_bag_output(Path(record), [bag, configuration_file, map_prior_path(bag)], overwrite, LEAVE_OF_NODES)
     configuration = load_configuration(configuration_file)
-    if configuration.open_world.time_budget_ms > 0:  # what is found in time cannot be repeated
+    if configuration.open_world.time_budget_ms > 0:  # results depend on timing, so a run cannot be repeated
         journal, resume = "", False
     with BagReader(bag) as reader:
         found = find_topics(bag, reader.topics)
@@ -88,7 +88,7 @@ def node_set(
         "source_bag": str(bag),
         "journal": journal,
         "resume": resume,
-        **({"broadcast_odom": True} if has_tf2 and is_without_body else {}),  # or RViz could not place the robot
+        **({"broadcast_odom": True} if has_tf2 and is_without_body else {}),  # so that RViz can place the robot
         **imu,
         **labels,
     }
@@ -97,7 +97,7 @@ def node_set(
     nodes += [NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(backends)]
     if not found.measurements:
         parameters = configured | _classifier_parameters(found, extrinsics)
-        # What was on the way to a classifier that died, its successor is sent by a player that begins there.
+        # Messages in flight to a dead classifier are lost; a restarted player sends them again to the new one.
         followers = ("bag_player",) if rate == LOSSLESS else ()
         nodes.append(NodeSpec("classifier_node", "classifier", parameters, followers=followers))
     if record:
@@ -111,7 +111,7 @@ def node_set(
 def _labels(
     reader: BagReader, found: InputTopics, configuration: Configuration, map_prior: Path | None
 ) -> dict[str, Any]:
-    """The parameter that names all labels of the bag where they mean something: live the first alone would be known."""
+    """Parameter with all labels of the bag, where labels are the classes; live, only the first one would be known."""
     if configuration.semantic_model.labels or class_model_kind(configuration.semantic_model).labels is None:
         return {}
     prior = read_map_prior(map_prior) if map_prior is not None else None
@@ -120,7 +120,7 @@ def _labels(
 
 
 def _places_body(reader: BagReader, found: InputTopics, base_frame: str) -> bool:
-    """Whether the bag's transforms say where the robot's body is, as far as its first ones show."""
+    """Whether one of the bag's first ``FIRST_TRANSFORMS`` messages on /tf has the base frame as a child."""
     messages = islice(reader.messages([found.transforms]), FIRST_TRANSFORMS) if found.transforms else ()
     return any(
         plain_frame(transform.child_frame_id) == base_frame
@@ -143,21 +143,21 @@ def _classifier_parameters(found: InputTopics, extrinsics: list[float]) -> dict[
 def _imu_parameters(
     reader: BagReader, found: InputTopics, configuration: Configuration, *, has_tf2: bool
 ) -> dict[str, Any]:
-    """The parameters that have the manager listen to topic imu, where the bag has it and the run a use for it."""
+    """Manager parameters for topic imu; empty if the bag has none or the configuration does not use it."""
     first = next(iter(reader.messages([found.imu])), None) if found.imu else None
     if first is None or unused_because(configuration):
         return {}
     if has_tf2 or configuration.imu.extrinsics:
         return {"has_imu": True}
     frame_id, tree = reader.decode(first.cdr, first.type_name).header.frame_id, read_preamble(reader).transforms
-    with suppress(InputError):  # which the run counts
+    with suppress(InputError):  # the run counts the missing transform
         pose = sensor_pose((), configuration.perception.base_frame, tree, frame_id)
         return {"has_imu": True, "imu.extrinsics": pose.tolist()}
     return {"has_imu": True}
 
 
 def _extrinsics(reader: BagReader, found: InputTopics, configuration: Configuration) -> list[float]:
-    """T_base_camera of the bag's camera; [] where the configuration gives it or there is none."""
+    """(7,) T_base_camera of the bag's camera; [] if the configuration gives it or there is none. Raises InputError."""
     perception = configuration.perception
     camera_info = next(iter(reader.messages([found.camera_info])), None) if found.camera_info else None
     if perception.extrinsics or camera_info is None:
@@ -169,5 +169,5 @@ def _extrinsics(reader: BagReader, found: InputTopics, configuration: Configurat
     except InputError:
         if found.has_images and not found.transforms:
             raise
-        return []  # detections that tell places need no camera, and one that moves is told of at every instant
+        return []  # detections with positions need no camera, and a moving camera's pose comes from /tf
     return [float(value) for value in pose]

@@ -1,4 +1,4 @@
-"""Nodes as processes of their own, without ros2launch: started, watched, and ended by their ids."""
+"""Runs nodes as processes without ros2launch: starts, monitors and ends them by process id."""
 
 import ctypes
 import json
@@ -24,10 +24,10 @@ TAIL_LINES = 12
 
 
 class NodeProcesses:
-    """A context in which nodes run; at its end all of them are ended, and when this process is killed, too.
+    """Context manager for node processes; they end with the context, or when this process is killed.
 
-    Their output goes to ``logs/<name>.log``. With a ``supervisor`` those that die are started again while somebody
-    waits; without, their end is a fault.
+    Their output goes to ``logs/<name>.log``. With a ``supervisor`` nodes that die are restarted during :meth:`wait` and
+    :meth:`check`; without one a nonzero exit code raises SemanticSlamError there.
     """
 
     def __init__(self, logs: Path, environment: Mapping[str, str], supervisor: Supervisor | None = None) -> None:
@@ -36,8 +36,8 @@ class NodeProcesses:
         self._supervisor = supervisor
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._commands: dict[str, tuple[Sequence[str], bool]] = {}
-        self._settled: set[int] = set()  # ids of processes whose end has been seen to
-        self._due: dict[str, tuple[float, NodeSpec]] = {}  # what is to be started, and when
+        self._settled: set[int] = set()  # ids of ended processes that have been handled
+        self._due: dict[str, tuple[float, NodeSpec]] = {}  # by name: when to restart which node
 
     def __enter__(self) -> Self:
         self._logs.mkdir(parents=True, exist_ok=True)
@@ -52,7 +52,7 @@ class NodeProcesses:
         """Start a node; ``command`` replaces its executable, ``show_errors`` leaves its stderr on the terminal."""
         self._commands[spec.name] = (command, show_errors)
         parameters = self._logs / f"{spec.name}.yaml"
-        # JSON is YAML; written with the node's name so that nothing else takes these parameters.
+        # JSON is valid YAML; the key with the node's name keeps other nodes from taking these parameters.
         given = {f"/**/{spec.name}": {"ros__parameters": _nested(spec.parameters)}}
         parameters.write_text(json.dumps(given), "utf-8")
         options = ["-r", f"__node:={spec.name}", "--params-file", str(parameters)]
@@ -68,20 +68,20 @@ class NodeProcesses:
             )
 
     def exit_code(self, name: str) -> int | None:
-        """How a node ended; None while it runs."""
+        """Exit code of a node, -signal if it was killed by one; None while it runs."""
         return self._processes[name].poll()
 
     def pids(self) -> dict[str, int]:
-        """Ids of the processes that run, by node."""
+        """Process ids of the running nodes, by name."""
         return {name: process.pid for name, process in self._processes.items() if process.poll() is None}
 
     def kill(self, name: str) -> None:
-        """End a node at once, as a crash would."""
+        """Kill a node with SIGKILL, to simulate a crash."""
         self._processes[name].kill()
         self._processes[name].wait()
 
     def wait(self, name: str, timeout_s: float) -> None:
-        """Wait until the node has ended well. Raises SemanticSlamError, with its last lines, when any node dies."""
+        """Wait until a node has exited with code 0. Raises SemanticSlamError on timeout and as :meth:`check` does."""
         give_up = time.monotonic() + timeout_s
         while self.exit_code(name) != 0:
             self.check()
@@ -91,7 +91,7 @@ class NodeProcesses:
         self.check()
 
     def check(self) -> None:
-        """See to nodes that have ended. Raises SemanticSlamError with the last lines of one that ends the run."""
+        """Handle ended nodes and due restarts. Raises SemanticSlamError, with its last lines, if one ends the run."""
         now_s = time.monotonic()
         for name, process in list(self._processes.items()):
             code = process.poll()
@@ -123,12 +123,12 @@ class NodeProcesses:
             self._due[name] = (now_s + verdict.after_s, verdict.again)
 
     def tail(self, name: str) -> str:
-        """The last lines of a node's output."""
+        """The last lines of a node's log."""
         lines = self._log(name).read_text("utf-8", errors="replace").splitlines()
         return "\n".join(f"  {line}" for line in lines[-TAIL_LINES:])
 
     def stop(self) -> None:
-        """Interrupt what still runs, and kill what does not end by itself."""
+        """Send SIGINT to all running nodes, and SIGKILL to those that do not end within ``GRACE_S``."""
         running = [process for process in self._processes.values() if process.poll() is None]
         for process in running:
             process.send_signal(signal.SIGINT)
@@ -148,7 +148,7 @@ class NodeProcesses:
 
 
 def loopback_environment(domain_id: int) -> dict[str, str]:
-    """Environment of this process with ROS traffic on this machine only, in a domain of its own."""
+    """This process's environment, with ROS traffic limited to this machine and to the given ROS domain."""
     return os.environ | {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_DOMAIN_ID": str(domain_id),
@@ -158,16 +158,16 @@ def loopback_environment(domain_id: int) -> dict[str, str]:
 
 
 def end_with(parent: int) -> None:
-    """Called in a new process before anything else: the kernel ends it when its parent has died, however."""
+    """Have the kernel end this process when its parent dies in any way; to be called first in a new process."""
     if LIBC is None:
         return
     LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:  # it has died meanwhile
+    if os.getppid() != parent:  # the parent has already died
         os._exit(1)
 
 
 def _nested(parameters: Mapping[str, object]) -> dict[str, object]:
-    """``a.b`` keys as nested mappings."""
+    """Nested mappings from dotted keys such as ``a.b``."""
     nested: dict[str, object] = {}
     for name, value in parameters.items():
         *path, last = name.split(".")

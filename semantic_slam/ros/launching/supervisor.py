@@ -1,7 +1,7 @@
-"""What becomes of a run when one of its nodes ends: ``demo`` and the launch file both ask a :class:`Supervisor`.
+"""Decides on restarts when a node of a run ends: ``demo`` and the launch file both ask a :class:`Supervisor`.
 
-A node that dies, by a signal or by a fault, is started again, and with it those that follow it. One that ends because
-of bad input is a mistake in the set-up, which no second start mends: the run ends. So does one that dies too often.
+A node that dies by a signal or an error is restarted together with its followers. A node that exits because of bad
+input ends the run, since a restart does not correct the input, and so does one that dies too often.
 """
 
 from collections.abc import Iterable
@@ -11,35 +11,35 @@ from semantic_slam.cli.exit_codes import BAD_INPUT
 from semantic_slam.ros.launching.node_set import NodeSpec
 
 MOST_RESTARTS, WINDOW_S = 8, 120.0
-"""A node that has died so often within so long ends the run."""
+"""Restarts of a node allowed within the window [s]; one more death ends the run."""
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.25, 4.0
-"""How long a node stays down; each death within the window doubles it."""
+"""Delay [s] before a restart; each further death within the window doubles it, up to the longest."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What to do now that a node has ended: nothing, unless something is said here."""
+    """Action to take after a node has ended; by default none."""
 
     text: str = ""  # for the console
     again: NodeSpec | None = None  # to be started
     after_s: float = 0.0
-    kill: tuple[str, ...] = ()  # nodes to be killed, of whose end the supervisor wants to hear, too
+    kill: tuple[str, ...] = ()  # nodes to be killed, whose end must be reported to the supervisor, too
     ends_run: bool = False
 
 
 class Supervisor:
-    """Follows the nodes of one run; times are seconds of a steady clock."""
+    """Tracks the nodes of one run; times are seconds of a steady clock."""
 
     def __init__(self, specs: Iterable[NodeSpec], last: str = "") -> None:
-        """``last``: the node with whose end the run is done; "": with none."""
+        """``last``: name of the node whose normal exit ends the run; "": none."""
         self._specs = {spec.name: spec for spec in specs}
         self._last = last
         self._deaths: dict[str, list[float]] = {}
-        self._killed: set[str] = set()  # on our behalf
+        self._killed: set[str] = set()  # followers that the caller was told to kill
         self._done: set[str] = set()
 
     def ended(self, name: str, exit_code: int, now_s: float) -> Verdict:
-        """A node has ended with the exit code, or -signal."""
+        """Verdict on a node that has ended, with its exit code or -signal."""
         if name in self._killed:
             self._killed.discard(name)
             return Verdict(again=self._specs[name].anew())
@@ -49,7 +49,7 @@ class Supervisor:
         return self._died(self._specs[name], exit_code, now_s)
 
     def is_down(self, name: str) -> None:
-        """A node that was to be killed had ended before, and is started again anyway: its next end is its own."""
+        """Note that a node to be killed had already ended, so that its next end is not taken for that kill."""
         self._killed.discard(name)
 
     def _died(self, spec: NodeSpec, exit_code: int, now_s: float) -> Verdict:

@@ -1,11 +1,11 @@
-"""Messages of one topic that came faster than they are worked on."""
+"""Bounded queue for the messages of one topic that arrive faster than they are processed."""
 
 import threading
 from collections import deque
 
 
 class Backlog:
-    """At most ``most`` messages wait, the newest ones: what is worked on is late by no more than these take."""
+    """Queue of the newest ``most`` messages, which bounds the latency of processing; thread-safe."""
 
     def __init__(self, most: int) -> None:
         self._waiting: deque[bytes] = deque(maxlen=most)
@@ -13,13 +13,13 @@ class Backlog:
         self._lock = threading.Lock()
 
     def add(self, data: bytes) -> bool:
-        """Let a message wait; whether the oldest one has gone for it, so that no more wait than before."""
+        """Append a message; returns whether the queue was full, so that the oldest message was discarded."""
         with self._lock:
             is_full = len(self._waiting) == self._most
             self._waiting.append(data)
         return is_full
 
     def take(self) -> bytes:
-        """The oldest one that waits."""
+        """Remove and return the oldest message."""
         with self._lock:
             return self._waiting.popleft()

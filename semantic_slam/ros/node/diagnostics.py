@@ -1,4 +1,4 @@
-"""A node's health on /diagnostics, once a second."""
+"""Publishes a node's health on /diagnostics, once a second."""
 
 import math
 import time
@@ -18,7 +18,7 @@ from semantic_slam.ros.wire.transport import Outlet
 
 PERIOD_S = 1.0
 SAY_AGAIN_S = 10.0
-"""What goes on being wrong, or changes, is said on the console once in so long."""
+"""Minimum interval between console lines about the node's health."""
 
 
 class Diagnostics:
@@ -30,26 +30,26 @@ class Diagnostics:
         self._monitors: list[InputMonitor] = []
         self._incompatible: dict[str, Status] = {}
         self._sources: list[Callable[[], Iterable[Status]]] = []
-        self.speaks = False  # on the console
+        self.speaks = False  # whether to print to the console
         self._said, self._said_s = "", -math.inf
-        self.finished = False  # a replay has ended: silence is in order
-        # The steady clock: diagnostics go on when simulated time stands still.
+        self.finished = False  # a replay has ended: silent inputs are no problem
+        # The steady clock, so that diagnostics are published also while simulated time stands still.
         node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def monitor(self, topic: str) -> InputMonitor:
-        """Watch an input that must speak; its callback calls ``arrived``."""
+        """Monitor a required input topic; its callback has to call ``arrived``."""
         self._monitors.append(InputMonitor(topic, time.monotonic()))
         return self._monitors[-1]
 
     def forget(self, monitor: InputMonitor) -> None:
-        """No longer watch an input."""
+        """Stop monitoring an input."""
         self._monitors.remove(monitor)
 
     def add_source(self, source: Callable[[], Iterable[Status]]) -> None:
         self._sources.append(source)
 
     def incompatible(self, topic: str, policy: str) -> None:
-        """Note a publisher whose QoS cannot match."""
+        """Report a publisher whose QoS is incompatible with our subscription."""
         self._incompatible[topic] = incompatible_status(topic, policy)
 
     def publish(self) -> None:
@@ -64,7 +64,7 @@ class Diagnostics:
         self._outlet.send(serialize(self._message(statuses)))
 
     def _say(self, statuses: list[Status]) -> None:
-        """What is waited for and what is wrong, on the console: when it changes, and at most once in ten seconds."""
+        """Print problems and missing inputs to the console when they change, at most once in ten seconds."""
         text = console_text(statuses)
         if not self.speaks or text == self._said or time.monotonic() - self._said_s < SAY_AGAIN_S:
             return

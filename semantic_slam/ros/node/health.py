@@ -1,4 +1,4 @@
-"""What is wrong with a node, in words that name the topic, the label or the backend."""
+"""Diagnostic statuses of a node, whose messages name the topic, the label or the backend concerned."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -23,7 +23,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """One line of a node's health."""
+    """One diagnostic status of a node."""
 
     name: str
     level: Level
@@ -32,7 +32,7 @@ class Status:
 
 
 class InputMonitor:
-    """Watches one input topic; times are seconds of a steady clock."""
+    """Monitors the activity of one input topic; times are seconds of a steady clock."""
 
     def __init__(self, topic: str, now_s: float) -> None:
         self.topic = topic
@@ -44,7 +44,7 @@ class InputMonitor:
         self._last_s = now_s
 
     def status(self, now_s: float, num_publishers: int) -> Status:
-        """Whether the topic speaks, and what to do when it does not."""
+        """Status of the topic: receiving, waiting or silent, with the remedy."""
         name = f"input {self.topic}"
         values = {"messages": str(self.count), "publishers": str(num_publishers)}
         silent_s = now_s - self._last_s
@@ -57,14 +57,14 @@ class InputMonitor:
 
 
 def console_text(statuses: Iterable[Status]) -> str:
-    """What a person at the console has to know of a node's health; "" when all is well."""
+    """Console text on a node's problems and the inputs it waits for; "" if there are none."""
     return "; ".join(
         status.message for status in statuses if status.level != Level.OK or status.message.startswith(WAITING)
     )
 
 
 def dropped_status(dropped: Counter[str]) -> Status:
-    """Inputs that were not used and hypotheses given up, by reason."""
+    """Status with the counts, by reason, of inputs not used and hypotheses dropped."""
     if not dropped:
         return Status("dropped", Level.OK, "nothing dropped")
     text = "; ".join(f"{number} x {reason}" for reason, number in sorted(dropped.items()))
@@ -72,7 +72,7 @@ def dropped_status(dropped: Counter[str]) -> Status:
 
 
 def disk_status(fault: str) -> Status:
-    """Whether keyframes can be kept on disk; ``fault``: why not, in the system's words."""
+    """Status of keeping keyframes on disk; ``fault``: the system's error message, "" if there is none."""
     if not fault:
         return Status("disk", Level.OK, "keyframes can be kept on disk")
     folder = gettempdir()
@@ -86,13 +86,13 @@ def disk_status(fault: str) -> Status:
 
 
 def repeated_status(repeated: Counter[str]) -> Status:
-    """Messages that came before, by topic: after a restart that is in order."""
+    """Status with the counts of repeated messages, by topic; they are normal after a restart."""
     text = "; ".join(f"{number} x {topic}" for topic, number in sorted(repeated.items())) or "nothing came again"
     return Status("repeated", Level.OK, text, {f"repeated: {topic}": str(n) for topic, n in sorted(repeated.items())})
 
 
 def explanation_status(belief: HybridBelief | None, carried: float = 0.0) -> Status:
-    """Whether the newest belief explains its data; ``carried``: probability that the robot was, lately."""
+    """Whether the newest belief explains its data; ``carried``: probability that the robot was kidnapped recently."""
     if belief is None:
         return Status("explanation", Level.OK, "no keyframe so far")
     names = ("log_evidence", "innovation_nees", "unexplained", "discarded_mass_window")
@@ -111,7 +111,7 @@ def explanation_status(belief: HybridBelief | None, carried: float = 0.0) -> Sta
 
 
 def incompatible_status(topic: str, policy: str) -> Status:
-    """A publisher whose QoS can never match our subscription."""
+    """Status for a publisher whose QoS is incompatible with our subscription."""
     return Status(
         f"QoS {topic}",
         Level.ERROR,

@@ -1,4 +1,4 @@
-"""How a node ends when it is asked to by Ctrl-C: in order, once, and with nothing on the console."""
+"""Orderly shutdown of a node on Ctrl-C (SIGINT), without a traceback."""
 
 import os
 import signal
@@ -10,10 +10,11 @@ from rclpy.task import Future
 
 
 class Interrupt(Future):  # type: ignore[misc]  # rclpy is not followed by mypy
-    """Ctrl-C, from now on, as a future that an executor spins until: rclpy's own handler wakes it, and it asks.
+    """SIGINT as a future for ``spin_until_future_complete``: rclpy's handler wakes the executor, which then polls it.
 
-    Nothing is raised: an exception out of a destructor or a constructor in C++ becomes another, or is only printed,
-    and a second Ctrl-C (a terminal and a launcher each send one) would break off what closes a bag.
+    Installed when it is constructed. It raises no KeyboardInterrupt: an exception out of a C++ constructor or
+    destructor turns into another one or is only printed, and a second Ctrl-C (a terminal and a launcher each send one)
+    would interrupt the closing of a bag.
     """
 
     def __init__(self) -> None:
@@ -22,21 +23,21 @@ class Interrupt(Future):  # type: ignore[misc]  # rclpy is not followed by mypy
         signal.signal(signal.SIGINT, self._note)
 
     def done(self) -> bool:
-        """Whether it has come."""
+        """Whether SIGINT was received."""
         return self._has_come
 
     def add_done_callback(self, callback: Any) -> None:
-        """Keep nothing: an executor adds one before every callback that it runs, for as long as a node lives.
+        """Discard the callback: an executor adds one per callback that it runs, which would accumulate.
 
-        None is ever called, for nobody sets a result.
+        No callback would ever be called, because the future never gets a result.
         """
 
     def _note(self, *_: Any) -> None:
-        self._has_come = True  # and nothing that takes a lock, which whatever is interrupted may hold
+        self._has_come = True  # take no lock here: the interrupted code may hold it
 
 
 def leave(code: int) -> NoReturn:
-    """End the process with this exit code; threads of the middleware that still run do not see Python end."""
+    """End the process at once with this exit code, without finalising Python under running middleware threads."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()

@@ -1,4 +1,4 @@
-"""The fields of :class:`Configuration` as ROS parameters, and back."""
+"""Maps the fields of :class:`Configuration` to ROS parameters and back."""
 
 import dataclasses
 import math
@@ -15,7 +15,7 @@ from semantic_slam.errors import InputError
 
 T = TypeVar("T")
 SETTINGS_OF_ROS = frozenset({"use_sim_time", "start_type_description_service"})
-"""Which rclpy reads itself."""
+"""Parameters that rclpy reads itself."""
 
 
 def leaves(cls: type = Configuration, prefix: str = "") -> Iterator[tuple[str, "dataclasses.Field[Any]", Any]]:
@@ -33,7 +33,7 @@ def _default(item: "dataclasses.Field[Any]") -> Any:
 
 
 def changed_parameters(configuration: Configuration) -> dict[str, Any]:
-    """Dotted names and values of the parameters that are not at their defaults."""
+    """Dotted names and values of the parameters that differ from their defaults."""
     values = {name: attrgetter(name)(configuration) for name, _, _ in leaves()}
     return {
         name: list(values[name]) if isinstance(default, tuple) else values[name]
@@ -55,7 +55,7 @@ def declare_configuration(node: Node) -> Configuration:
 
 
 def configuration_of(parameters: Mapping[str, Any], origin: str) -> Configuration:
-    """The configuration that values by dotted names make; others keep their defaults. Raises InputError."""
+    """Configuration from values by dotted names; the others keep their defaults. Raises InputError."""
     values: dict[str, Any] = {}
     for name, _, _ in leaves():
         if name in parameters:
@@ -64,9 +64,9 @@ def configuration_of(parameters: Mapping[str, Any], origin: str) -> Configuratio
 
 
 def declare_fixed(node: Node, name: str, default: T) -> T:
-    """Declare a parameter that is read once and cannot be set later; its value. Raises InputError.
+    """Declare a read-only parameter, read once at start, and return its value. Raises InputError.
 
-    Where a number is asked for, ``1`` may stand for ``1.0``.
+    For a float parameter an integer such as ``1`` is accepted, too.
     """
     is_number = isinstance(default, float)
     told = ParameterDescriptor(description="read when the node starts", read_only=True, dynamic_typing=is_number)
@@ -79,10 +79,10 @@ def declare_fixed(node: Node, name: str, default: T) -> T:
 
 
 def refuse_undeclared(node: Node) -> None:
-    """Refuse parameters left undeclared: a mistyped ``pruning.ration`` must not silently leave the default in place.
+    """Raise InputError for parameters given but not declared, such as a mistyped ``pruning.ration``.
 
-    The names of the configuration are known to every node, because a file for ``/**`` addresses all of them.
-    Raises InputError.
+    Otherwise the default would silently stay in place. Every node accepts all names of the configuration, because a
+    parameter file for ``/**`` addresses all nodes.
     """
     known = {name for name, _, _ in leaves()} | {_former(name, item) for name, item, _ in leaves()} | SETTINGS_OF_ROS
     for name in node._parameter_overrides:
@@ -93,7 +93,7 @@ def refuse_undeclared(node: Node) -> None:
 
 
 def descriptor(item: "dataclasses.Field[Any]", default: Any) -> ParameterDescriptor:
-    """Description and limits of a field. Typing is dynamic so that ``1`` may stand for ``1.0``."""
+    """Parameter descriptor of a field: description and limits; typing is dynamic, so that ``1`` may mean ``1.0``."""
     limits = item.metadata
     result = ParameterDescriptor(description=limits["description"], read_only=True, dynamic_typing=True)
     if choices_of(item):
@@ -118,7 +118,7 @@ def _declared(node: Node, name: str, item: "dataclasses.Field[Any]", default: An
 
 
 def _former(name: str, item: "dataclasses.Field[Any]") -> str | None:
-    """The dotted older name of a parameter."""
+    """Dotted former name of a parameter; None if it was never renamed."""
     old = item.metadata.get("formerly")
     return old and ".".join([*name.split(".")[:-1], old])
 

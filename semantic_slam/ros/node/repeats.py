@@ -1,6 +1,6 @@
-"""Messages that come again: a lossless replay that goes on after a death goes over what it had sent.
+"""Detection of repeated messages: a lossless replay that resumes after a crash sends some messages again.
 
-Live inputs never repeat, and are not looked at.
+Live inputs do not repeat and are not checked.
 """
 
 from collections import Counter, deque
@@ -9,14 +9,14 @@ from hashlib import blake2b
 from semantic_slam.messages import topics
 
 MOST_REMEMBERED = 20_000
-"""Messages of a topic that are remembered: more than a late reader is sent again, or a replay goes back."""
+"""Messages remembered per topic: more than a late subscriber's history holds, or a resumed replay sends again."""
 MOST_NEWS = 1000
-"""Messages of how far another node is that are remembered: a late reader is sent the last one alone."""
+"""Messages remembered per progress topic, which are latched: a late subscriber gets only the last one."""
 NEWS = frozenset({topics.CLASSIFIER_PROGRESS, topics.MANAGER_PROGRESS})
 
 
 class Repeats:
-    """Knows the messages of each topic by their bytes; ``counted`` counts, by topic, those that came again."""
+    """Recognises repeated messages of each topic by a hash of their bytes; ``counted`` counts them by topic."""
 
     def __init__(self, counted: Counter[str]) -> None:
         self._counted = counted
@@ -24,7 +24,7 @@ class Repeats:
         self._order: dict[str, deque[bytes]] = {}
 
     def is_known(self, topic: str, data: bytes) -> bool:
-        """Whether the topic had this message before; from now on it has."""
+        """Whether the topic had this message before; remembers it."""
         known, order = self._known.setdefault(topic, set()), self._order.setdefault(topic, deque())
         digest = blake2b(data, digest_size=8).digest()
         if digest in known:
@@ -37,7 +37,7 @@ class Repeats:
         return False
 
     def forget(self, topic: str, data: bytes) -> None:
-        """Take a message for one that the topic never had: it was not used, and may come again in its turn."""
+        """Forget a message that was not used, so that it is accepted when it arrives again."""
         digest = blake2b(data, digest_size=8).digest()
         if digest in self._known.get(topic, ()):
             self._known[topic].remove(digest)

@@ -1,4 +1,4 @@
-"""The thread that does a node's work, so that its callbacks only have to queue."""
+"""Worker thread that processes a node's messages, so that executor callbacks only queue them."""
 
 import queue
 import threading
@@ -7,11 +7,11 @@ from typing import Any
 
 STOP = object()
 PATIENCE_S = 1.0
-"""For which whoever stops a worker waits for what it is at."""
+"""How long :meth:`Worker.stop` waits for the thread to finish."""
 
 
 class Worker:
-    """Calls queued functions one after the other; ends at the first exception, which it hands to ``on_fault``."""
+    """Calls queued functions in order; ends at the first exception, which it passes to ``on_fault``."""
 
     def __init__(self, on_fault: Callable[[Exception], None]) -> None:
         self._on_fault = on_fault
@@ -20,26 +20,26 @@ class Worker:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def start(self) -> None:
-        """Begin, or go on."""
+        """Start the thread, or resume after :meth:`suspend`."""
         self._may_work.set()
         if not self._thread.ident:
             self._thread.start()
 
     def suspend(self) -> None:
-        """Begin nothing new until it is started again; what is submitted meanwhile waits."""
+        """Start no further function until :meth:`start`; submissions are queued meanwhile."""
         self._may_work.clear()
 
     def submit(self, function: Callable[[Any], None], item: Any) -> None:
-        """Have ``function(item)`` called after all that was submitted before."""
+        """Queue the call ``function(item)``."""
         self._items.put((function, item))
 
     @property
     def has_more(self) -> bool:
-        """Whether something else waits to be done."""
+        """Whether further calls are queued."""
         return not self._items.empty()
 
     def stop(self) -> None:
-        """Let what was submitted before be done, for at most ``PATIENCE_S``."""
+        """End the thread after the calls queued so far; waits at most ``PATIENCE_S`` for it."""
         self._may_work.set()
         self._items.put(STOP)
         if self._thread.is_alive():

@@ -10,11 +10,11 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.messages.typestore import serialize
+from semantic_slam.pipeline.plain_views import MarkersView, pose_view
 from semantic_slam.ros.publishing.frames import Frames
 from semantic_slam.ros.publishing.object_detections import ObjectDetections
 from semantic_slam.ros.publishing.path_publisher import PathPublisher
 from semantic_slam.ros.publishing.transforms import Transforms
-from semantic_slam.ros.publishing.views import MarkersView, pose_view
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name, receive
 

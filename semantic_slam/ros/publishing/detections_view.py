@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.ros.publishing.frames import MAP
+from semantic_slam.pipeline.plain_views import MAP
 
 NO_CLASS = "object"
 """Class of every object where the run has no classes."""

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 from rclpy.node import Node
 
+from semantic_slam.pipeline.plain_views import MAP
 from semantic_slam.ros.node.parameters import declare_fixed
-
-MAP = "map"
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import NANOSECONDS, PoseEstimate
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.ros.publishing.views import path_view
+from semantic_slam.pipeline.plain_views import path_view
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, private_name, ros_type
 

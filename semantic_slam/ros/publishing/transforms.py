@@ -10,8 +10,8 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import plain_frame
 from semantic_slam.messages.standard import header_stamp_ns, is_pose, pose_vector
 from semantic_slam.messages.typestore import deserialize, serialize
+from semantic_slam.pipeline.plain_views import transform_view
 from semantic_slam.ros.publishing.frames import Frames
-from semantic_slam.ros.publishing.views import transform_view
 
 ODOM, BASE = "odom", "base_link"
 

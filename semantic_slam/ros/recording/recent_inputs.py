@@ -1,4 +1,4 @@
-"""What a recorder has received lately, for another session that has begun with it before anybody could say so."""
+"""Buffer of the messages a recorder has received recently, for a new session whose first messages came unannounced."""
 
 from collections import deque
 from typing import NamedTuple
@@ -8,19 +8,19 @@ from semantic_slam.messages.standard import NANOSECONDS
 
 MOST = 5000
 EARLIER_NS = 2 * NANOSECONDS
-"""A session's inputs may begin so long before its first keyframe."""
+"""How long before its first keyframe the inputs of a session may begin."""
 
 
 class Received(NamedTuple):
-    """One message."""
+    """One received message."""
 
     topic: str
     data: bytes
-    stamp_ns: int  # of its header
+    stamp_ns: int  # header stamp
 
 
 class RecentInputs:
-    """The newest messages of the topics that a belief bag keeps, and of latched ones the last."""
+    """The newest messages of the recorded topics, and the last one of each latched topic."""
 
     def __init__(self) -> None:
         self._latched: dict[str, Received] = {}
@@ -34,10 +34,10 @@ class RecentInputs:
             self._recent.append(Received(topic, data, stamp_ns))
 
     def of_session(self, first_stamp_ns: int) -> list[Received]:
-        """What belongs to a session whose first keyframe has this stamp, in the order in which it came.
+        """Messages of the session whose first keyframe has this stamp: the latched ones, then in order of arrival.
 
-        Of each topic that is the newest stretch of growing stamps: where the clock was set back, what was before that
-        is of another session.
+        Per topic these are the newest messages with increasing stamps: where stamps jump back, the messages before
+        belong to another session.
         """
         earliest: dict[str, int] = {}
         over: set[str] = set()

@@ -1,4 +1,4 @@
-"""Lossless lock-step: how many detection frames may be under way."""
+"""Flow control of the lossless lock-step replay: limits the detection frames in flight."""
 
 import threading
 import time
@@ -8,10 +8,10 @@ CHECK_S = 0.2
 
 
 class Credit:
-    """Flow control by credit: at most ``window`` frames are sent and not yet done with.
+    """Credit-based flow control: at most ``window`` frames are sent but not yet processed.
 
-    It bounds memory; what keeps every message is the quality of service. So, when nothing has moved for
-    ``stall_s`` (the pipeline may wait for a message that only comes later), one more frame may go.
+    It bounds memory; losslessness is ensured by QoS. Therefore one more frame may be sent after ``stall_s`` seconds
+    without progress, since the pipeline may be waiting for a later message.
     """
 
     def __init__(self, window: int, stall_s: float) -> None:
@@ -21,7 +21,7 @@ class Credit:
         self._changed = threading.Condition()
 
     def done(self, frames: int) -> None:
-        """``frames`` are done with, counted from the start; repeated or older counts change nothing."""
+        """Set the number of frames processed since the start; repeated or lower numbers are ignored."""
         with self._changed:
             if frames > self._done:
                 self._done = frames
@@ -32,7 +32,7 @@ class Credit:
         return self._done
 
     def wait(self, sent: int, running: Callable[[], bool]) -> bool:
-        """Wait until a frame may follow the ``sent`` ones; False when it follows only because nothing moved."""
+        """Wait until another frame may be sent after ``sent`` ones; returns False if only because of a stall."""
         with self._changed:
             since, before = time.monotonic(), self._done
             while sent - self._done >= self._window and running():

@@ -1,4 +1,4 @@
-"""Which topics of a bag are replayed, and under which names."""
+"""Selects which topics of a bag are replayed, and under which names."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -19,25 +19,25 @@ INPUTS = frozenset(
     }
 )
 NEVER = (topics.CLOCK, topics.DIAGNOSTICS, "/classifier/", "/hypothesis_manager/", "/bag_player/")
-"""What the running nodes publish themselves; a recorded one would mix with it."""
+"""Topics, or their prefixes, that running nodes publish themselves; recorded ones would mix with those."""
 RECORDED_MEASUREMENTS = topics.MEASUREMENTS.lstrip("/")
 
 
 @dataclass(frozen=True)
 class PlayItem:
-    """One topic of the bag."""
+    """One topic to replay."""
 
     name: str  # under which it is published, relative but for tf
     type_name: str
 
     @property
     def is_input(self) -> bool:
-        """Whether one of our nodes must listen."""
+        """Whether one of our nodes must subscribe to the topic."""
         return self.name in INPUTS or self.is_frame
 
     @property
     def is_frame(self) -> bool:
-        """Whether its messages are the frames that flow control counts."""
+        """Whether its messages are the frames counted by flow control."""
         return self.name in (topics.DETECTIONS, RECORDED_MEASUREMENTS)
 
     @property
@@ -46,10 +46,10 @@ class PlayItem:
 
 
 class Playlist:
-    """``items`` by the bag's absolute topic names; ``notes`` say what is left out and why.
+    """Topics to replay: ``items`` by absolute topic name in the bag; ``notes`` on topics left out.
 
-    ``has_measurements``: the bag has recorded measurements and nothing to measure; its player stands in for the
-    classifier.
+    ``has_measurements``: the bag has recorded measurements and no detections, so that the player takes the
+    classifier's place.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Playlist:
 
 
 def parse_remaps(entries: Iterable[str]) -> dict[str, str]:
-    """``/camera/image:=image`` entries as a dictionary with absolute keys. Raises InputError."""
+    """Parse entries such as ``/camera/image:=image`` into a dictionary with absolute keys. Raises InputError."""
     remaps = {}
     for entry in filter(None, entries):
         source, separator, target = entry.partition(":=")

@@ -1,4 +1,4 @@
-"""Where in a bag a player begins that was started again while the other nodes stood still."""
+"""Finds the position in a bag from which a restarted player resumes the replay."""
 
 import struct
 from collections.abc import Iterable
@@ -8,22 +8,23 @@ from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.messages.standard import NANOSECONDS
 
 STAMP_AT = 4
-"""Bytes of a CDR message before the stamp of its header, which comes first."""
+"""Offset in bytes of the header stamp in a CDR message that begins with its header."""
 MARGIN = 8
-"""Frames before the newest one done with that are sent again, for what was under way is lost with its sender."""
+"""Frames before the newest processed one that are sent again, as messages in flight are lost with their sender."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Resumption:
-    """The first frame to be sent, and from which log time on what is no frame: that before it, whose pictures it may
-    need.
+    """Position in a bag: the number of the first frame to send, and the log time from which to send all other topics.
+
+    The log time is that of the frame before, so that the images that belong to the first frame are included.
     """
 
     frame: int = 0
     log_time_ns: int = 0
 
     def takes(self, message: RawMessage, frame: int | None) -> bool:
-        """Whether a message is to be sent; ``frame`` is its number among the frames, None for what is none."""
+        """Whether to send a message; ``frame`` is its number among the frames, None if it is not a frame."""
         return message.stamp_ns >= self.log_time_ns if frame is None else frame >= self.frame
 
 
@@ -31,7 +32,7 @@ FROM_THE_START = Resumption()
 
 
 def resumption(frames: Iterable[RawMessage], stamp_ns: int) -> Resumption:
-    """Before the newest frame that is done with, by its stamp; where the bag does not have it, from the start."""
+    """Position ``MARGIN`` frames before the last frame with this header stamp; the start if there is none."""
     log_times: list[int] = []
     found = -1
     for number, message in enumerate(frames):
@@ -43,7 +44,7 @@ def resumption(frames: Iterable[RawMessage], stamp_ns: int) -> Resumption:
 
 
 def header_stamp_ns(cdr: bytes) -> int:
-    """Stamp of a message that begins with its header; 0 for what is too short to have one."""
+    """Header stamp of a CDR message that begins with its header; 0 if it is too short."""
     if len(cdr) < STAMP_AT + 8:
         return 0
     seconds, nanoseconds = struct.unpack_from("<iI" if cdr[1] & 1 else ">iI", cdr, STAMP_AT)

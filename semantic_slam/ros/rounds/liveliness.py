@@ -1,4 +1,4 @@
-"""Which backends are alive, as DDS sees it: its own threads assert it, whatever the process is busy with."""
+"""Liveliness of backends by DDS, whose own threads assert it however busy the process is."""
 
 import time
 from collections.abc import Sequence
@@ -12,18 +12,18 @@ from rclpy.qos import HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPo
 from semantic_slam.ros.wire.transport import ros_type
 
 LEASE_S = 1.0
-"""A process that was killed is missed after so long."""
+"""Liveliness lease duration: a killed process is noticed after this time."""
 
 
 class Sign:
-    """A backend's sign of life: a publisher that says nothing, but is there."""
+    """A backend's liveliness publisher; it sends no messages."""
 
     def __init__(self, node: Node, backend_id: int) -> None:
         self._publisher = node.create_publisher(ros_type("std_msgs/msg/Empty"), _name(backend_id), _profile())
 
 
 class Watch:
-    """How long the signs of life of backends have been missing."""
+    """Tracks for how long the liveliness of each backend has been lost."""
 
     def __init__(self, node: Node, backend_ids: Sequence[int]) -> None:
         self._missing_since: dict[int, float] = {}
@@ -31,11 +31,11 @@ class Watch:
         self._subscriptions = [self._watch(node, number) for number in backend_ids]
 
     def was_seen(self, backend_id: int) -> bool:
-        """Whether it has ever been there."""
+        """Whether the backend has ever been alive."""
         return backend_id in self._seen
 
     def missing_s(self, backend_id: int) -> float:
-        """Seconds; 0 while it is there, and before it ever was."""
+        """Seconds since liveliness was lost; 0 while the backend is alive and before it was first seen."""
         since = self._missing_since.get(backend_id)
         return 0.0 if since is None else time.monotonic() - since
 

@@ -1,4 +1,4 @@
-"""Backends that were started late, or again, ask for keyframes that they have missed, and are told them."""
+"""Answers backends that were started late or restarted and request the keyframes they have missed."""
 
 import queue
 from collections import Counter
@@ -12,13 +12,13 @@ from semantic_slam.pipeline.journal.kept_run import KeptRun
 from semantic_slam.ros.wire.transport import Outlet
 
 MOST_TOLD = 500
-"""Keyframes at once: who has missed more asks again, and neither he nor the manager ever holds more."""
+"""Keyframes sent at once, which bounds memory on both sides; a backend that missed more asks again."""
 
 
 class MissedQuestions:
-    """What backends ask for; taken on the executor's thread, answered on the worker's.
+    """Requests for missed keyframes; received on the executor's thread, answered on the worker's.
 
-    ``refused`` and ``repeated`` count questions that cannot be answered, and those that were, by topic.
+    ``refused`` counts invalid or unanswerable requests by topic and reason, ``repeated`` the valid ones by topic.
     """
 
     def __init__(self, backend_ids: Collection[int], refused: Counter[str], repeated: Counter[str]) -> None:
@@ -26,14 +26,15 @@ class MissedQuestions:
         self._asked: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 
     def ask(self, data: bytes) -> None:
-        """A message of :data:`~semantic_slam.messages.topics.MISSED`."""
+        """Queue a serialised message of :data:`~semantic_slam.messages.topics.MISSED`."""
         self._asked.put(data)
 
     def answer(self, run_id: str, kept: KeptRun, end: int, outlet: Outlet) -> bool:
-        """Send the keyframes before ``end`` that are missed; whether those who asked know all of them then.
+        """Send the requested keyframes before ``end``; returns whether the requesting backends then know all of them.
 
-        Of more than :data:`MOST_TOLD` only the oldest ones are sent, and the newest, at which the backend asks again.
-        A question that the disk prevents from being answered is counted, and asked again by the next keyframe.
+        If more than :data:`MOST_TOLD` are missing, only the oldest ones are sent, and the newest, which makes the
+        backend ask again. If the keyframes cannot be read from disk, that is counted as refused, and the backend asks
+        again at the next keyframe.
         """
         first = [question.keyframe for question in self._questions(run_id, kept.num_keyframes)]
         if not first:
@@ -49,7 +50,7 @@ class MissedQuestions:
         return middle == end
 
     def _questions(self, run_id: str, num_keyframes: int) -> list[MissedKeyframes]:
-        """All that have come, but those that nobody of this run can ask."""
+        """The valid requests received so far; invalid ones are counted as refused."""
         questions = []
         while not self._asked.empty():
             try:

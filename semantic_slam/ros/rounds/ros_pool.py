@@ -1,4 +1,4 @@
-"""The manager's backends behind topics."""
+"""The manager's pool of backend nodes, reached over topics."""
 
 import queue
 import time
@@ -24,35 +24,36 @@ from semantic_slam.ros.wire.transport import Outlet, private_name, receive
 
 CHECK_S = 0.2
 ASK_AGAIN_S = 5.0
-"""A backend that is there and does not answer for so long is asked again: an answer to a manager that it did not know
-yet is lost, and a repeated question costs it nothing.
+"""A backend that does not answer is asked again after this time: an answer sent before DDS has matched the manager is
+lost, and a repeated request costs the backend nothing.
 """
 PATIENCE_S = 0.5
-"""For which a sign of life may be missing: after a pause of the whole machine all are, and return at once."""
+"""Tolerated loss of liveliness: after a suspend of the machine all backends lose it, and regain it at once."""
 
 
 class RosPool:
-    """A ``BackendPool`` over topics. Its rounds run on the worker's thread, the answers arrive on the executor's.
+    """A ``BackendPool`` over topics; rounds run on the worker's thread, answers arrive on the executor's thread.
 
-    A backend whose sign of life is missing for ``PATIENCE_S``, or that does not answer within ``timeout_s``, is given
-    up: the manager rebuilds its hypotheses elsewhere. The last one is waited for, it may be started again. Who was
-    started late is told what it has missed, and takes part from where it answers, and so knows all keyframes.
+    A backend without liveliness for ``PATIENCE_S``, or without an answer within ``timeout_s``, is given up: the manager
+    rebuilds its hypotheses on other backends. The last backend is not given up for lost liveliness, as it may be
+    restarted, but only after ``timeout_s``. A backend that was started late is sent the keyframes it has missed and
+    takes part again from its first answer, at which it knows all keyframes.
     """
 
     def __init__(self, node: Node, backend_ids: Sequence[int], timeout_s: float) -> None:
         self.backend_ids = tuple(backend_ids)
         self._timeout_s = timeout_s
-        self.kept: KeptRun  # the keyframes of the run, from its announcement on
+        self.kept: KeptRun  # the keyframes of the run; set by start()
         self._run_id = ""
-        self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and kind
-        self.repeated: Counter[str] = Counter()  # answers that were there or are no longer awaited, by topic
+        self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and reason
+        self.repeated: Counter[str] = Counter()  # answers that are repeated or no longer awaited, by topic
         self._all_ids = frozenset(backend_ids)
         self._given_up: frozenset[int] = frozenset()
-        self._back: set[int] = set()  # of those given up, the ones that answer again
+        self._back: set[int] = set()  # backends that were given up and answer again
         self._logger = node.get_logger()
         self._watch = Watch(node, backend_ids)
         self._awaited: tuple[int, ...] = ()
-        self._goes_on = False  # after a restart, and has not asked for a keyframe since
+        self._goes_on = False  # recovering after a restart, no keyframe requested since
         self._since_s = time.monotonic()
         self._what = ""
         self._run = self._outlet(node, topics.RUN_CONFIGURATION, qos.latched())
@@ -64,20 +65,20 @@ class RosPool:
         receive(node, topics.MISSED, self._missed.ask, qos.everything())
 
     def start(self, run: RunConfiguration) -> None:
-        """Announce the run; backends that start later receive it, too."""
+        """Publish the run's configuration, latched, so that backends that start later receive it, too."""
         self._run_id, self.kept = run.run_id, KeptRun(run)
         self._run.send(encode(run))
 
     def tell(self, keyframe: Keyframe) -> None:
-        """Keep a keyframe for those backends that do not know it; no answer is waited for."""
+        """Keep a keyframe for backends that will miss it, without requesting an answer."""
         self.kept.add(keyframe)
         self._goes_on = True
 
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
-        """Round one: the candidates of every live hypothesis."""
+        """Round one: request the candidates of every live hypothesis."""
         self.kept.add(keyframe)
         request = encode(keyframe, run_id=self._run_id)
-        if self._goes_on:  # backends may have been farther: who asks twice stands there
+        if self._goes_on:  # backends may be ahead: a request sent twice tells them where the manager is
             self._keyframes.send(request)
             self._goes_on = False
         answers = self._ask(self._keyframes, request, self._candidates, topics.CANDIDATES, keyframe.index)
@@ -85,14 +86,14 @@ class RosPool:
         return answers
 
     def commit(self, commit: Commit) -> list[Components]:
-        """Round two: the survivors forked, updated and reported."""
+        """Round two: request the components of the surviving hypotheses, which the backends fork and update."""
         return self._ask(self._commits, encode(commit), self._components, topics.COMPONENTS, commit.keyframe)
 
     def offer(self, components: Mapping[int, Component]) -> None:
-        """Nothing: backends of other processes rebuild what they are to hold."""
+        """Does nothing: backends in other processes rebuild the components that they are to hold."""
 
     def _welcome(self) -> None:
-        """Let backends that are back take part; they are given hypotheses as ownership has it."""
+        """Readmit backends that are back; they get hypotheses according to the ownership rule."""
         for number in sorted(self._back):
             self._logger.info(f"backend_{number} is back")
         self._given_up -= self._back
@@ -100,7 +101,7 @@ class RosPool:
         self._back = set()
 
     def statuses(self) -> list[Status]:
-        """Which backends are silent or given up, and whether one that is started again can be told what it missed."""
+        """Statuses of the backends, and a warning if keyframes missed by a restarted backend cannot be sent."""
         waiting_s, awaited = time.monotonic() - self._since_s, self._awaited
         silent = awaited if waiting_s > SILENT_AFTER_S else ()
         return [
@@ -130,7 +131,7 @@ class RosPool:
         return [Status("memory of keyframes", Level.WARN, text)] if fault else []
 
     def _presence(self, number: int) -> Status:
-        """Status of a backend that does not owe an answer for long."""
+        """Status, by liveliness, of a backend that is not overdue with an answer."""
         name = f"backend_{number}"
         if not self._watch.was_seen(number):
             return Status(name, Level.WARN, f"{name} is not there; start it")
@@ -142,7 +143,7 @@ class RosPool:
     def _ask(
         self, outlet: Outlet, request: bytes, answers: "queue.SimpleQueue[bytes]", topic: str, index: int
     ) -> list[Any]:
-        """One answer of every backend, in the order of their ids; what belongs to another round is ignored."""
+        """Send a request and collect one answer per backend, ordered by id; backends may be given up meanwhile."""
         collected: dict[int, Any] = {}
         self._what, self._since_s = f"{topic.rsplit('/', 1)[-1]} of keyframe {index}", time.monotonic()
         self._awaited = self.backend_ids
@@ -170,7 +171,7 @@ class RosPool:
         return [collected[n] for n in sorted(collected)]
 
     def _note(self, answer: Any, topic: str, index: int) -> None:
-        """An answer that is not awaited: of a backend that is back, of a round that is over, or of nobody."""
+        """Classify an answer that is not awaited: from a returning backend, of a past round, or invalid."""
         if answer.backend_id not in self._all_ids:
             self.refused[f"{topic}: of a backend that there is not"] += 1
         elif answer.keyframe > index:
@@ -181,7 +182,7 @@ class RosPool:
                 self._back.add(answer.backend_id)
 
     def _next(self, answers: "queue.SimpleQueue[bytes]", topic: str) -> Any:
-        """The next answer of this run; None when none comes for a while."""
+        """The next valid answer of this run; None if none arrives within ``CHECK_S`` or it is refused."""
         try:
             answer = decode(answers.get(timeout=CHECK_S), topics.TYPES[topic])
         except queue.Empty:

@@ -1,4 +1,4 @@
-"""What messages of the rounds reveal of being wrong: motions, weights, and ids that are digests of what they name."""
+"""Validity checks of keyframes and commits: motions, covariances, weights, and ids, which are digests."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ ROUNDING = 1e-6
 
 
 def fault_of_commit(commit: Commit, stamp_ns: int) -> str:
-    """Why a commit of the keyframe with this stamp cannot be followed; "" when it can."""
+    """Why a commit of the keyframe with this stamp is invalid; "" if it is valid."""
     if not len(commit.ids):
         return "without a survivor"
     if len(set(commit.ids.tolist())) < len(commit.ids):
@@ -28,7 +28,7 @@ def fault_of_commit(commit: Commit, stamp_ns: int) -> str:
 
 
 def fault_of_keyframe(keyframe: Keyframe) -> str:
-    """Why nothing can be inferred from a keyframe; "" when something can."""
+    """Why a keyframe is invalid; "" if it is valid."""
     covariance = planar_from_covariance(keyframe.odometry_covariance)
     if not is_pose(keyframe.odometry):
         return "odometry that is no motion"

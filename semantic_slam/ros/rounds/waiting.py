@@ -1,4 +1,4 @@
-"""Messages of one topic of the rounds that wait for those before them, by run and keyframe."""
+"""Buffer for messages of one topic that arrive ahead of their predecessors, by run and keyframe."""
 
 from collections import Counter
 from collections.abc import Container
@@ -9,19 +9,19 @@ MOST_WAITING = 5000
 
 
 class Waiting(Generic[T]):
-    """What waits; each of its changes tells what it has dropped, by reason."""
+    """Buffer of at most ``MOST_WAITING`` messages; methods that drop some return the counts by reason."""
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
-        self._items: dict[str, dict[int, T]] = {}  # by run, the one that has waited longest first
+        self._items: dict[str, dict[int, T]] = {}  # by run, in order of insertion
         self._number = 0
 
     def has(self, run_id: str, index: int) -> bool:
-        """Whether a keyframe's message waits."""
+        """Whether the message of this keyframe is buffered."""
         return index in self._items.get(run_id, {})
 
     def keep(self, run_id: str, index: int, item: T) -> Counter[str]:
-        """Let it wait; the oldest one goes where there are too many."""
+        """Buffer a message; drops the oldest one if there are too many."""
         if not self.has(run_id, index):
             self._number += 1
         self._items.setdefault(run_id, {})[index] = item
@@ -32,7 +32,7 @@ class Waiting(Generic[T]):
         return Counter({f"{self.topic}: of no run that goes on": 1})
 
     def pop(self, run_id: str, index: int) -> T | None:
-        """Take a keyframe's message out; None where none waits."""
+        """Remove and return the message of this keyframe; None if there is none."""
         items = self._items.get(run_id, {})
         item = items.pop(index, None)
         if item is not None:
@@ -42,7 +42,7 @@ class Waiting(Generic[T]):
         return item
 
     def without_others(self, runs: Container[str]) -> Counter[str]:
-        """Drop what is of none of these runs."""
+        """Drop the messages of all other runs."""
         others = [run_id for run_id in self._items if run_id not in runs]
         number = sum(len(self._items.pop(run_id)) for run_id in others)
         self._number -= number

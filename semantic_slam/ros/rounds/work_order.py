@@ -1,10 +1,11 @@
-"""The order of a backend's work: announcement, then keyframe and commit in turn, whatever the order of arrival.
+"""Orders a backend's work: run configuration, then keyframe and commit alternately, in whatever order they arrive.
 
-Each topic keeps its own order, different topics have none: a commit may arrive before the keyframe it belongs to, and
-after a restart all of them arrive at once. Whoever asks for a keyframe has done with those before: their commits are
-not waited for, and of a heap of keyframes all but the newest are only learnt. A backend that was started late, or
-again, asks for the keyframes that it has missed. What does not belong to the run, or cannot be, is counted and changes
-nothing: it serves whoever announced a run, and another announcement silences nobody. Nothing here knows ROS.
+Messages of one topic arrive in order, those of different topics in any order: a commit may arrive before the keyframe
+it belongs to, and after a restart many arrive at once. A manager that requests a keyframe has finished the ones before,
+so their commits are not waited for, and of several queued keyframes all but the newest are only stored, not expanded. A
+backend that was started late or restarted requests the keyframes that it has missed. Invalid messages and those of
+other runs are counted and otherwise ignored. Up to ``MOST_RUNS`` announced runs are served side by side, so a second
+announcement does not displace the first. This module does not depend on ROS.
 """
 
 from array import array
@@ -27,31 +28,32 @@ from semantic_slam.ros.rounds.waiting import Waiting
 
 Answer = Candidates | Components | MissedKeyframes
 MOST_RUNS = 2
-"""Runs that a backend holds: that of its manager, and that of the one before it, or of whoever else announced one."""
+"""Runs that a backend holds: its manager's, and the previous one or that of another manager."""
 TOPICS = {topics.TYPES[topic]: topic for topic in (topics.RUN_CONFIGURATION, topics.KEYFRAMES, topics.COMMITS)}
 
 
 @dataclass
 class _Run:
-    """One run, and how far it has come."""
+    """One run and its progress."""
 
     announced: RunConfiguration
     backend: Backend
-    stamps_ns: "array[int]" = field(default_factory=lambda: array("q"))  # of the keyframes that are known
-    repeated: int = -1  # the keyframe that came last, when it was known before
+    stamps_ns: "array[int]" = field(default_factory=lambda: array("q"))  # of the known keyframes
+    repeated: int = -1  # index of the last requested keyframe if it was already known, else -1
     is_announced_again: bool = False
 
     @property
     def num_known(self) -> int:
-        """Keyframes that are known."""
+        """Number of keyframes that are known."""
         return len(self.stamps_ns)
 
 
 @dataclass
 class WorkOrder:
-    """Feeds the backends of announced runs and returns their answers; ``dropped`` counts what was not used, by reason.
+    """Passes messages in the right order to the backends of the announced runs and returns their answers.
 
-    ``make_backend`` makes the backend of one run; ``repeated`` counts what came before, by topic.
+    ``make_backend`` makes the backend of one run; ``dropped`` counts messages not used, by reason; ``repeated`` counts
+    repeated messages, by topic.
     """
 
     make_backend: Callable[[], Backend]
@@ -63,13 +65,13 @@ class WorkOrder:
 
     @property
     def disk_fault(self) -> str:
-        """Why keyframes of a run stay in memory that should be on disk; "" where none do."""
+        """Why keyframes of a run are in memory instead of on disk; "" if there is no such fault."""
         return next((fault for run in self._runs.values() if (fault := run.backend.steps.disk_fault)), "")
 
     def take(self, data: bytes, type_name: str, *, more: bool = False) -> list[Answer]:
-        """The answers to a message of the wire; one that cannot be used is counted.
+        """Process a serialised message and return the answers; an invalid one is counted.
 
-        With ``more``, messages that have arrived already, nothing new is begun before they are taken, too.
+        ``more``: further messages are queued; no buffered work is started before they are taken, too.
         """
         try:
             answers = self._taken(data, type_name)
@@ -79,7 +81,7 @@ class WorkOrder:
         return answers if more else answers + self.advance()
 
     def _taken(self, data: bytes, type_name: str) -> list[Answer]:
-        """What is answered at once."""
+        """Decode a message, handle it, and return immediate answers. Raises MessageError."""
         message = deserialize(data, type_name)
         value = from_message(message)
         if isinstance(value, Keyframe):
@@ -90,9 +92,9 @@ class WorkOrder:
         return self.commit(value)
 
     def start(self, run: RunConfiguration) -> None:
-        """A run is announced; a second announcement may come from a manager that was started anew.
+        """Start an announced run; a repeated announcement may come from a restarted manager.
 
-        Raises MessageError where no run can be made of it.
+        Raises MessageError if its id does not match its contents or the backend cannot start it.
         """
         known = self._runs.get(run.run_id)
         if known is not None:
@@ -105,9 +107,9 @@ class WorkOrder:
             del self._runs[idle[0] if idle else next(iter(self._runs))]
 
     def keyframe(self, run_id: str, keyframe: Keyframe, *, again: bool = False) -> list[Answer]:
-        """Round one; the answer where the keyframe is known, and is asked for again.
+        """Round one: buffer a keyframe; returns the answer if it is known and requested again.
 
-        With ``again`` it is told to those who have missed it, and nobody else is asked.
+        ``again``: it is sent for backends that have missed it; the others do not answer.
         """
         fault = fault_of_keyframe(keyframe)
         if fault:
@@ -125,7 +127,7 @@ class WorkOrder:
         return self._keep(self._keyframes, run_id, keyframe.index, keyframe)
 
     def commit(self, commit: Commit) -> list[Answer]:
-        """Round two; the answer where its keyframe is known. In the backend a repeated one is idempotent."""
+        """Round two: returns the answer if its keyframe is known, else buffers the commit. Commits are idempotent."""
         run = self._runs.get(commit.run_id)
         if run is not None and commit.keyframe < run.num_known:
             self.dropped += self._commits.without_others(self._runs)
@@ -133,7 +135,7 @@ class WorkOrder:
         return self._keep(self._commits, commit.run_id, commit.keyframe, commit)
 
     def advance(self) -> list[Answer]:
-        """Do all that can be done by now, in turn."""
+        """Process all buffered messages whose predecessors are known, in order."""
         return [answer for run_id, run in self._runs.items() for answer in self._advanced(run_id, run)]
 
     def _started(self, run: RunConfiguration) -> Backend:
@@ -151,10 +153,9 @@ class WorkOrder:
 
     @staticmethod
     def _asked_again(run: _Run, keyframe: Keyframe) -> list[Answer]:
-        """A keyframe that is due is answered again; another one when it comes twice in succession.
+        """Answer a repeated request of the keyframe due next, or of another one if requested twice in succession.
 
-        Where a manager that goes on after a restart asks for one twice, there it stands: it lost what this backend has
-        done since.
+        A restarted manager that requests a keyframe twice has lost everything after it that this backend has done.
         """
         is_due = keyframe.index in (run.backend.committed + 1, run.repeated)
         run.repeated = keyframe.index
@@ -162,15 +163,15 @@ class WorkOrder:
 
     @staticmethod
     def _begin_anew(run: _Run) -> None:
-        """A manager that was started anew has other keyframes."""
+        """Reset a run for a manager that restarted from the beginning, with other keyframes."""
         run.backend.start(run.announced)
         run.is_announced_again, run.stamps_ns, run.repeated = False, array("q"), -1
 
     def _keep(self, waiting: Waiting[Any], run_id: str, index: int, value: Any) -> list[Answer]:
-        """Let a message wait for those before it, or ask for the keyframes that are missing.
+        """Buffer a message until its predecessors have arrived, or request the missing keyframes.
 
-        A topic keeps its order, and so leaves out none of an announced run that this backend was there for; nor does
-        anything follow there on what is of another run, unless its announcement has come meanwhile.
+        Since a topic keeps its order, a gap in an announced run means that this backend has missed messages, and
+        buffered messages of runs that are not announced are obsolete.
         """
         run = self._runs.get(run_id)
         if run is not None:
@@ -197,7 +198,7 @@ class WorkOrder:
 
     @staticmethod
     def _began(run: _Run, keyframe: Keyframe, has_successor: bool) -> list[Answer]:
-        """Round one of a keyframe that was not known; nobody waits for it when there is one after it."""
+        """Round one of a new keyframe; with a successor queued it is only stored, as no manager awaits the answer."""
         run.stamps_ns.append(keyframe.stamp_ns)
         run.repeated = -1
         if has_successor:
@@ -206,7 +207,7 @@ class WorkOrder:
         return [run.backend.expand(keyframe)]
 
     def _followed(self, run: _Run, commit: Commit) -> list[Answer]:
-        """The answer to a commit; none to one that contradicts itself, which is counted, or to a stale one."""
+        """The answer to a commit; none to an invalid one, which is counted, or to a stale one."""
         run.repeated = -1
         fault = fault_of_commit(commit, run.stamps_ns[commit.keyframe])
         if fault:

@@ -1,4 +1,4 @@
-"""Services of the hypothesis manager answer from the newest belief, or say in one line why not."""
+"""Helpers for the hypothesis manager's services, which answer from the newest belief or with a fault text."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +12,7 @@ Handler = Callable[[Any, Any], Any]
 
 
 def answering(fill: Callable[[Any, Any], None]) -> Handler:
-    """A handler of requests that ``fill`` answers; the response's ``fault`` says what InputError does."""
+    """Service handler that calls ``fill``; an InputError's text goes into the response's field ``fault``."""
 
     def answer(request: Any, response: Any) -> Any:
         try:
@@ -25,14 +25,14 @@ def answering(fill: Callable[[Any, Any], None]) -> Handler:
 
 
 def newest(belief: HybridBelief | None) -> HybridBelief:
-    """The belief that is asked. Raises InputError before the first one."""
+    """The given belief. Raises InputError if it is None, before the first one."""
     if belief is None:
         raise InputError("there is no belief yet; ask after the first keyframe")
     return belief
 
 
 def row_of(belief: HybridBelief, object_id: int) -> int:
-    """Row of an object in a belief. Raises InputError."""
+    """Row of an object in a belief. Raises InputError for an unknown id."""
     rows = np.flatnonzero(belief.object_ids == object_id)
     if not len(rows):
         known = ", ".join(map(str, belief.object_ids.tolist())) or "none"

@@ -1,8 +1,8 @@
 """The process behind ``~/explain``: ``python -m semantic_slam.ros.services.explain_process PARENT FILE LENGTH OBJECT``.
 
-A run is inferred again in it, at a low priority, while the manager goes on with the run. FILE is the descriptor of the
-keyframes that were kept, LENGTH how much of it; the newest belief comes on standard input, the answer goes out on
-standard output, a fault in one line on standard error. It ends with the process PARENT.
+It repeats the run's inference at low priority, while the manager continues the run. FILE is the file descriptor of the
+kept keyframes, LENGTH the number of bytes to read; the newest belief is read from standard input, the answer is written
+to standard output, an error as one line to standard error. It ends when the process PARENT ends.
 """
 
 import os
@@ -22,21 +22,21 @@ from semantic_slam.pipeline.journal.kept_run import read_kept
 from semantic_slam.ros.launching.processes import end_with
 
 NICENESS = 10
-"""Keyframes come first."""
+"""Niceness of the process: the nodes have priority."""
 
 
 def explained(descriptor: int, length: int, belief: bytes, object_id: int) -> list[str]:
-    """What ``semantic_slam explain`` prints of an object of the newest belief. Raises InputError."""
+    """Lines that ``semantic_slam explain`` prints for an object of the newest belief. Raises InputError."""
     run, keyframes = read_kept(descriptor, length)
     newest = decode(belief, topics.TYPES[topics.BELIEF])
     measurements = {keyframe.stamp_ns: keyframe.measurements for keyframe in keyframes}
-    odometry = Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 7)))  # nobody asks for it
+    odometry = Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 7)))  # not used by an explanation
     record = Record(run, (newest,), odometry, measurements, None)
     return lines_of(explanation_of(record, replay(record, keyframes, [object_id]), object_id))
 
 
 def command() -> None:
-    """Read, infer, print; raises InputError."""
+    """Read the arguments and the belief, infer, print; raises InputError."""
     parent, descriptor, length, object_id = map(int, sys.argv[1:])
     end_with(parent)
     os.nice(NICENESS)

@@ -1,6 +1,6 @@
-"""Service ``~/explain`` of the hypothesis manager: a run is inferred again, in a process of its own.
+"""Service ``~/explain`` of the hypothesis manager, which repeats the run's inference in a separate process.
 
-Questions are answered one after the other; the executor, which hands messages to the worker, waits for none of them.
+Requests are answered one after the other on a background thread, so that the executor is not blocked.
 """
 
 import os
@@ -20,7 +20,7 @@ from semantic_slam.ros.services.in_background import InBackground
 
 
 class ExplainService:
-    """Answers for the newest belief that it was told of."""
+    """Answers requests for the newest belief set by :meth:`tell`."""
 
     def __init__(self, node: Node) -> None:
         self._told: tuple[HybridBelief, KeptRun] | None = None
@@ -29,15 +29,15 @@ class ExplainService:
         self._service = self._background.create_service(Explain, "~/explain", answering(self._answer))
 
     def begin(self) -> None:
-        """Another run begins."""
+        """Start another run: forget the belief."""
         self._told = None
 
     def tell(self, kept: KeptRun, belief: HybridBelief) -> None:
-        """The run, and the belief after the newest of its keyframes."""
+        """Set the run and the belief after its newest keyframe."""
         self._told = belief, kept
 
     def close(self) -> None:
-        """Give up what is being asked."""
+        """Cancel pending requests and kill the running process."""
         self._background.close()
         if self._process is not None:
             self._process.kill()
@@ -58,7 +58,7 @@ class ExplainService:
         return told
 
     def _explained(self, belief: HybridBelief, kept: KeptRun, object_id: int) -> str:
-        """What another process says of an object. Raises InputError."""
+        """Explanation of an object, computed by a separate process. Raises InputError."""
         numbers = os.getpid(), kept.descriptor, kept.length, object_id
         try:
             with subprocess.Popen(

@@ -1,4 +1,4 @@
-"""Services whose answers take long: the executor, which hands messages to the worker, waits for none of them."""
+"""Runs long service requests on a background thread, so that the executor is not blocked."""
 
 from concurrent.futures import Future as Answering
 from concurrent.futures import ThreadPoolExecutor
@@ -12,32 +12,32 @@ from semantic_slam.ros.services.answering import Handler
 
 
 class InBackground:
-    """A thread on which questions are answered, one after the other."""
+    """A thread that answers service requests one after the other."""
 
     def __init__(self, node: Node, name: str) -> None:
         self._node = node
         self._queue = ThreadPoolExecutor(1, name)
 
     def create_service(self, kind: type, name: str, handler: Handler) -> Any:
-        """A service that ``handler`` answers on the thread; its response has a field ``fault``."""
+        """Create a service that ``handler`` answers on the thread; its response type needs a field ``fault``."""
 
         async def answer(request: Any, response: Any) -> Any:
             told = Future(executor=self._node.executor)
-            told.add_done_callback(lambda _: None)  # a task, with which the executor wakes up
+            told.add_done_callback(lambda _: None)  # scheduled as a task, which wakes the executor
             answering = self._queue.submit(handler, request, response)
             answering.add_done_callback(lambda done: _tell(done, told, response))
             return await told
 
-        group = ReentrantCallbackGroup()  # that of all others would wait for the answer
+        group = ReentrantCallbackGroup()  # the default group would block until the answer is there
         return self._node.create_service(kind, name, answer, callback_group=group)
 
     def close(self) -> None:
-        """Give up what nobody has begun to answer."""
+        """Cancel the requests that are still queued."""
         self._queue.shutdown(wait=False, cancel_futures=True)
 
 
 def _tell(done: "Answering[Any]", told: Future, response: Any) -> None:
-    """Pass on what was answered, or raised, which ends the node."""
+    """Pass the result to the awaiting service callback; an exception there ends the node."""
     if done.cancelled():
         response.fault = "the node ends"
         told.set_result(response)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class LookalikeService:
-    """Answers from the newest belief that it was told of; a network that looks at a picture takes its time."""
+    """Answers from the attribute ``belief``, the newest one; runs in the background because the network is slow."""
 
     def __init__(self, background: InBackground, settings: SemanticModelConfiguration) -> None:
         self.belief: HybridBelief | None = None
@@ -26,7 +26,7 @@ class LookalikeService:
 
     @property
     def _questions(self) -> "LookalikeQuery":
-        """Made with the first question: a manager that is not asked does not load the network's library."""
+        """The query, created with the first request, so that the network's library is not loaded without need."""
         from semantic_slam.pipeline.lookalike_query import LookalikeQuery
 
         if self._query is None:

@@ -17,15 +17,15 @@ LEAVE = "overwrite: true"
 
 
 class MapService:
-    """Writes the map of the newest belief that it was told of, while keyframes go on.
+    """Writes the map of the attribute ``belief``, the newest one, while the run continues.
 
-    Each object by itself: what objects have in common is with the backends, and ``semantic_slam map save`` finds it in
-    a recorded belief bag.
+    Only each object's marginal is saved: correlations between objects are known to the backends alone, and
+    ``semantic_slam map save`` obtains them from a recorded belief bag.
     """
 
     def __init__(self, node: Node, run: Callable[[], RunConfiguration]) -> None:
         self.belief: HybridBelief | None = None
-        self._run = run  # of the beliefs
+        self._run = run  # returns the configuration of the run that the belief belongs to
         self._service = node.create_service(SaveMap, "~/save_map", answering(self._save))
 
     def _save(self, request: Any, response: Any) -> None:

@@ -18,11 +18,11 @@ from semantic_slam.ros.services.answering import answering, newest, row_of
 
 
 class ObjectServices:
-    """Answers from the newest belief that it was told of."""
+    """Answers from the attribute ``belief``, the newest one."""
 
     def __init__(self, node: Node) -> None:
         self.belief: HybridBelief | None = None
-        self.map_prior: MapPrior | None = None  # of the run that the belief is of
+        self.map_prior: MapPrior | None = None  # of the run that the belief belongs to
         self._services = [
             node.create_service(FindObjects, "~/find_objects", answering(self._find)),
             node.create_service(GetObject, "~/get_object", answering(self._get)),

@@ -1,7 +1,8 @@
 """Services ``~/reset``, ``~/pause`` and ``~/load_map`` of the hypothesis manager.
 
-They answer at once, a map once it is read and checked. What they ask for is done by the worker, after all that was
-received before: a handler that waited for it would keep from it the answers of backends that the worker waits for.
+They answer at once; ``~/load_map`` after the map was read and checked. The worker executes the request after all
+messages received before. A handler that waited for that would deadlock: it would block the executor, which receives the
+backend answers that the worker waits for.
 """
 
 from collections.abc import Callable
@@ -18,23 +19,23 @@ from semantic_slam.ros.services.in_background import InBackground
 
 
 class Sessions(Protocol):
-    """What the services ask of a manager; all but the check on its worker's thread."""
+    """Interface of the manager that the services use; all but ``check`` are called on its worker thread."""
 
     def reset(self) -> None:
-        """End the run; another one begins at keyframe 0."""
+        """End the run and start another one at keyframe 0."""
 
     def pause(self, paused: bool) -> None:
-        """Make no keyframes, or make them again."""
+        """Stop or resume making keyframes."""
 
     def check(self, prior: MapPrior) -> None:
-        """Raises InputError where no run can be on this map."""
+        """Check that a run can start on this map. Raises InputError."""
 
     def load(self, prior: MapPrior) -> None:
-        """End the run; another one begins on this map."""
+        """End the run and start another one on this map."""
 
 
 class SessionServices:
-    """The three services; ``read`` reads the map of a file."""
+    """The three session services; ``read`` reads a map file."""
 
     def __init__(
         self, node: PipelineNode, background: InBackground, sessions: Sessions, read: Callable[[Path], MapPrior]

@@ -1,8 +1,8 @@
-"""Quality of service, decided once.
+"""QoS profiles of all topics.
 
-RELIABLE with KEEP_ALL on both ends loses nothing: a writer waits for its slowest reader. KEEP_LAST on either end
-loses messages as soon as a reader is slow, whatever the reliability. A lossless replay also keeps its small messages
-for readers that appear late (TRANSIENT_LOCAL, the newest 5000), so that no node has to be started before another.
+RELIABLE with KEEP_ALL on both ends loses no message: a writer blocks until its slowest reader has room. KEEP_LAST on
+either end loses messages when a reader is slow, whatever the reliability. In a lossless replay small messages are also
+kept for late-joining readers (TRANSIENT_LOCAL, the newest 5000), so that nodes may be started in any order.
 """
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -14,12 +14,12 @@ PICTURES = frozenset({topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topic
 
 
 def everything() -> QoSProfile:
-    """Reliable quality of service that keeps all: nothing is lost once both ends know each other."""
+    """RELIABLE and KEEP_ALL, volatile: nothing is lost once the endpoints are matched."""
     return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL)
 
 
 def everything_from_the_start() -> QoSProfile:
-    """Reliable quality of service that keeps all, and a late or restarted reader receives what was published before."""
+    """RELIABLE, KEEP_ALL and TRANSIENT_LOCAL: late or restarted readers receive earlier messages, too."""
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
         history=HistoryPolicy.KEEP_ALL,
@@ -28,7 +28,7 @@ def everything_from_the_start() -> QoSProfile:
 
 
 def latched() -> QoSProfile:
-    """Quality of service that gives every late reader the one last message."""
+    """Latched topic: RELIABLE, TRANSIENT_LOCAL and KEEP_LAST 1, so that late readers get the last message."""
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
         history=HistoryPolicy.KEEP_LAST,
@@ -38,22 +38,22 @@ def latched() -> QoSProfile:
 
 
 def latched_by_any() -> QoSProfile:
-    """Reader of :func:`latched` topics: of two publishers, one of which is not meant, none displaces the other."""
+    """For readers of :func:`latched` topics: KEEP_ALL, so that a second publisher's message does not displace one."""
     return everything_from_the_start()
 
 
 def newest() -> QoSProfile:
-    """Quality of service where only the newest message matters, as with /clock."""
+    """RELIABLE and KEEP_LAST 1, volatile: only the newest message matters, as with /clock."""
     return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1)
 
 
 def replayed(topic: str) -> QoSProfile:
-    """What the player offers; pictures are too large to be kept for late readers."""
+    """QoS of the player's publishers; images are too large to be kept for late readers."""
     return everything() if topic in PICTURES else everything_from_the_start()
 
 
 def sensor_input(topic: str, lossless: bool) -> QoSProfile:
-    """An input: lossless from our player, or as a driver publishes it (matches BEST_EFFORT and RELIABLE writers)."""
+    """QoS of an input subscription: lossless from our player, else BEST_EFFORT, which matches any driver."""
     if topic in topics.LATCHED:
         return everything_from_the_start()
     if lossless:
@@ -62,5 +62,5 @@ def sensor_input(topic: str, lossless: bool) -> QoSProfile:
 
 
 def result(lossless: bool) -> QoSProfile:
-    """An output of ours; live, no ever-growing history is kept."""
+    """QoS of our outputs: with history in a lossless replay; none in live operation, where it would grow."""
     return everything_from_the_start() if lossless else everything()

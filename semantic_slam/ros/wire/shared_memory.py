@@ -1,7 +1,7 @@
-"""What processes that were killed leave of Fast DDS in shared memory, and nobody else removes.
+"""Removes Fast DDS files in shared memory that killed processes have left behind.
 
-One that dies in the midst of making a port leaves it half made: whoever opens that port afterwards waits for ever, in
-a call that nothing interrupts. Segments are half a megabyte of memory each.
+A process killed while it creates a port leaves the port incomplete: any process that opens it later blocks forever, in
+a call that cannot be interrupted. Orphaned segments take half a megabyte of memory each.
 """
 
 import fcntl
@@ -12,18 +12,18 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-FOLDER = Path("/dev/shm")  # where POSIX has shared memory on Linux; nothing is written there
+FOLDER = Path("/dev/shm")  # POSIX shared memory on Linux; files are only removed there
 PORT = re.compile(r"fastrtps_port\d+")
 LOCK = re.compile(r"fastrtps_[0-9a-f]{16}_el")
-"""Held locked by the process that has the segment of the name before ``_el``, while it lives."""
+"""Lock file that a living process holds for its segment, whose name is that before ``_el``."""
 MADE = (2).to_bytes(4, "little")
-"""How Boost.Interprocess begins a segment that is ready."""
+"""First bytes of a fully initialised Boost.Interprocess segment."""
 SETTLED_S = 2.0
-"""To make a port or a lock takes microseconds."""
+"""Age after which a port or a lock is certainly complete; creating one takes microseconds."""
 
 
 def remove_remains(folder: Path = FOLDER) -> None:
-    """Remove what no process has that is alive; call it before rclpy makes a node. Takes ``SETTLED_S`` at most."""
+    """Remove own files that no living process uses; call it before creating a node. Takes ``SETTLED_S`` at most."""
     if not folder.is_dir():
         return
     mine = [entry.name for entry in os.scandir(folder) if _is_mine(entry)]
@@ -36,7 +36,7 @@ def remove_remains(folder: Path = FOLDER) -> None:
 
 
 def _settled(folder: Path, names: list[str]) -> Iterator[str]:
-    """Ports that are half made yet once they are so old that nobody makes them any more."""
+    """The ports that are still incomplete at an age of ``SETTLED_S``."""
     for name in names:
         time.sleep(max(0.0, min(SETTLED_S - _age_s(folder / name), SETTLED_S)))
         if _is_half_made(folder / name):
@@ -58,7 +58,7 @@ def _is_half_made(port: Path) -> bool:
 
 
 def _is_free(lock: Path) -> bool:
-    """Whether nobody holds a lock."""
+    """Whether no process holds a lock."""
     try:
         with lock.open("rb") as content:
             fcntl.flock(content, fcntl.LOCK_EX | fcntl.LOCK_NB)

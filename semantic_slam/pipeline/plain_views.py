@@ -11,8 +11,8 @@ from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages.standard import PoseEstimate, header_message, pose_message
 from semantic_slam.messages.typestore import message_class
-from semantic_slam.ros.publishing.frames import MAP
 
+MAP = "map"
 SPHERE, TEXT, ADD, DELETE = 2, 9, 0, 2
 OPACITY, LEAST_SHARE = 0.7, 0.1
 SIGMAS = 2.0
