@@ -1,8 +1,8 @@
-"""Replays a bag through the whole chain.
+"""Launch file that replays a bag through all nodes.
 
     ros2 launch semantic_slam demo.launch.py bag:=bags/aliased_room record:=out/belief
 
-The nodes and their parameters are those of ``make demo``: semantic_slam/ros/launching/node_set.py.
+The nodes and their parameters are those of ``make demo``, from semantic_slam/ros/launching/node_set.py.
 """
 
 import signal
@@ -23,7 +23,7 @@ from semantic_slam.ros.wire.transport import is_installed
 
 
 class Nodes:
-    """The nodes of one launch, and what becomes of it when one of them ends."""
+    """Launch actions of the nodes, with restarts by a :class:`Supervisor` when one of them ends."""
 
     def __init__(self, specs, last, namespace):
         self._supervisor = Supervisor(specs, last)
@@ -31,7 +31,7 @@ class Nodes:
         self._actions = {}
 
     def action(self, spec):
-        """The process of one node."""
+        """Launch action of one node."""
         self._actions[spec.name] = Node(
             package="semantic_slam",
             executable=spec.executable,
@@ -60,7 +60,7 @@ class Nodes:
         return on_exit
 
     def _is_up(self, name):
-        """Whether a node can be killed; one that waits to be started again cannot, and need not."""
+        """Whether a node is running; if not, it is already due for a restart, and the supervisor is told."""
         details = self._actions[name].process_details
         if details is None:
             self._supervisor.is_down(name)
@@ -72,7 +72,7 @@ class Nodes:
 
 
 def start_nodes(context):
-    """Actions of all nodes, once the arguments' values are known."""
+    """Actions of all nodes, made once the values of the launch arguments are known."""
     names = ("bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart", "namespace")
     bag, config, backends, rate, record, overwrite, journal, resume, autostart, namespace = (
         LaunchConfiguration(name).perform(context) for name in names
@@ -89,7 +89,7 @@ def start_nodes(context):
         resume=resume.lower() == "true",
         autostart=autostart.lower() == "true",
     )
-    # The last of the chain to be done ends the launch.
+    # The node that finishes last ends the launch.
     nodes = Nodes(specs, "bag_recorder" if record else "bag_player", namespace)
     return [nodes.action(spec) for spec in specs]
 

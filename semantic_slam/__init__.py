@@ -1,16 +1,16 @@
 """Object-level semantic SLAM with a hybrid belief over poses, classes and data association.
 
-What a Python session needs is here, and is imported when it is asked for: an :class:`Engine` of a
-:class:`Configuration` and a :class:`MapPrior` turns a :class:`Keyframe` of every :class:`Detection` into a
-:class:`HybridBelief`; :func:`run_bag` does it for a whole bag.
+The public Python API, imported lazily: an :class:`Engine`, built from a :class:`Configuration` and a
+:class:`MapPrior`, turns each :class:`Keyframe` with its :class:`Detection` list into a :class:`HybridBelief`;
+:func:`run_bag` does so for a whole bag.
 """
 
 import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-# Matrices here are small and many: OpenBLAS's threads cost ten times what they gain, and more beside other processes.
-# It reads this when numpy is first imported.
+# The matrices here are small and many: OpenBLAS threads cost ten times what they gain, more beside other processes.
+# OpenBLAS reads this when numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A file of some kilobytes may claim gigabytes, in any format; OpenCV reads this when cv2 is first imported.
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "100000000")
@@ -75,12 +75,12 @@ _ORIGIN = {
 
 
 def __getattr__(name: str) -> Any:
-    """Names that cost an import only where they are asked for."""
+    """Import public names lazily, on first access."""
     if name not in _ORIGIN:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_ORIGIN[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    """What a session may ask for, imported or not."""
+    """Public names, imported or not."""
     return sorted({*globals(), *__all__})

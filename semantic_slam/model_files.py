@@ -1,4 +1,4 @@
-"""Files of models: arrays and a JSON description in one safetensors file; nothing in it is executed."""
+"""Model files: arrays and a JSON description in one safetensors file; loading executes no code from it."""
 
 import json
 from collections.abc import Mapping
@@ -19,21 +19,21 @@ Arrays = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, kw_only=True)
 class ModelFormat:
-    """What files of one kind of models hold, and how a user gets one."""
+    """File format of one kind of model, and the remedy that tells a user how to get such a file."""
 
     kind: str
     schema_version: int
     remedy: str  # "make one with ..."
-    older: tuple[int, ...] = ()  # schemas that are read, too; the description says which one it is
+    older: tuple[int, ...] = ()  # older schema versions that can still be read; the description names the version
 
     def write(self, path: Path, arrays: Mapping[str, NDArray[Any]], description: Mapping[str, Any]) -> None:
-        """Write contiguous arrays with what is said of them."""
+        """Write contiguous arrays with their description."""
         told = {"schema_version": self.schema_version, "kind": self.kind, **description}
         path.parent.mkdir(parents=True, exist_ok=True)
         save_file(dict(arrays), str(path), metadata={METADATA_KEY: json.dumps(told, sort_keys=True)})
 
     def read(self, path: Path) -> tuple[Arrays, dict[str, Any]]:
-        """Arrays and description. Raises InputError naming the file, what is wrong and the remedy."""
+        """Arrays and description of a file. Raises InputError naming the file, the fault and the remedy."""
         try:
             with safe_open(str(path), framework="np") as file:
                 arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118

@@ -1,4 +1,4 @@
-"""A file without a name: what a process keeps on disk and nobody is to find; gone with it, however it ends."""
+"""Unnamed temporary file: private disk storage of a process, freed when the process ends, however it ends."""
 
 import os
 from functools import cached_property
@@ -6,14 +6,14 @@ from tempfile import TemporaryFile
 
 
 class NamelessFile:
-    """Bytes that are appended on one thread, and may be read on another, or by another process, up to ``length``."""
+    """Append-only bytes: one thread appends; other threads and processes may read up to ``length``."""
 
     def __init__(self) -> None:
-        self.length = 0  # bytes of what was appended whole
+        self.length = 0  # bytes that were appended completely
 
     @cached_property
     def descriptor(self) -> int:
-        """Descriptor of the file, which is there once somebody asks. Raises OSError."""
+        """File descriptor; the file is created on first access. Raises OSError."""
         with TemporaryFile(buffering=0) as file:
             return os.dup(file.fileno())
 
@@ -22,7 +22,7 @@ class NamelessFile:
             os.close(self.descriptor)
 
     def append(self, data: bytes) -> None:
-        """Append all of it, or none that counts. Raises OSError, as on a disk that takes no more."""
+        """Append all of ``data``; a partial write is not counted in ``length``. Raises OSError, as on a full disk."""
         left, at = memoryview(data), self.length
         while left:
             written = os.pwrite(self.descriptor, left, at)
@@ -30,12 +30,12 @@ class NamelessFile:
         self.length = at
 
     def read(self, size: int, at: int) -> bytes:
-        """So many bytes from ``at`` on, fewer where the file ends before."""
+        """Read ``size`` bytes from offset ``at``, fewer where the file ends earlier."""
         return read(self.descriptor, size, at)
 
 
 def read(descriptor: int, size: int, at: int) -> bytes:
-    """So many bytes of an open file from ``at`` on, fewer where it ends before. Raises OSError."""
+    """Read ``size`` bytes of an open file from offset ``at``, fewer where it ends earlier. Raises OSError."""
     data = b""
     while len(data) < size:
         part = os.pread(descriptor, size - len(data), at + len(data))

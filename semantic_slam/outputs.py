@@ -1,8 +1,9 @@
-"""Outputs: nothing of the user's is replaced or removed unasked, and what is there goes only when the new one is whole.
+"""Safe outputs: user files are replaced only with permission, and only once the new output is complete.
 
-A command claims its output before it works. What exists already needs leave (``--overwrite``), unless it lies below
-``out/``, where this project keeps its own; an input of the same command is never an output. With leave, too, a bag is
-replaced only where its ``metadata.yaml`` says that this software wrote it.
+A command claims its output path before it starts to work. Replacing an existing output needs permission
+(``--overwrite``), unless it lies below ``out/``, this project's own output folder; an input of the same command is
+never accepted as output. Even with permission, a bag is replaced only where its ``metadata.yaml`` says that this
+software wrote it.
 """
 
 import argparse
@@ -25,17 +26,17 @@ UNFINISHED = ".unfinished_"
 BAG_SUFFIXES = frozenset({".mcap", ".db3", ".db3-shm", ".db3-wal"})
 BAG_FILES = frozenset({"metadata.yaml", "objects.json"})
 WRITER_KEY, WRITER = "written_by", "semantic_slam"
-"""What ``custom_data`` of our bags says, so that they are told from a user's recordings."""
+"""Entry in the ``custom_data`` of bags written here, which tells them from a user's recordings."""
 REPORT_FILES = ("report.json", "report.html")
 
 
 def add_overwrite(parser: argparse.ArgumentParser) -> None:
-    """The flag of every command that has an output."""
+    """Add the ``--overwrite`` flag, which every command with an output has."""
     parser.add_argument(LEAVE, action="store_true", help="replace what is there; below out/ that needs no flag")
 
 
 def check_output(out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE) -> None:
-    """Raises InputError where ``out`` is an input, or exists without leave; ``leave`` is how the user would give it."""
+    """Raise InputError where ``out`` is an input, or exists without permission; ``leave`` names the permission flag."""
     _check_inputs(out, inputs)
     if _has_content(out) and not overwrite and not is_ours(out):
         raise InputError(f"{out}: exists already; give {leave} to replace it, or name another output")
@@ -45,10 +46,10 @@ def check_output(out: Path, inputs: Iterable[Path | None] = (), overwrite: bool 
 def claimed(
     out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE
 ) -> Iterator[Path]:
-    """Where to write ``out``, a file or a folder that is replaced as a whole. Raises InputError.
+    """Context with the path to write ``out`` to, a file or folder replaced as a whole. Raises InputError.
 
-    Where nothing is yet, that is ``out`` itself. Else it is a place beside, which takes the old one's at the end of the
-    context; after a fault the old one stays.
+    Where nothing exists yet, that is ``out`` itself. Otherwise it is a staging path beside it, which replaces the old
+    output at the end of the context; after an exception the old one stays.
     """
     check_output(out, inputs, overwrite, leave)
     if not out.exists():
@@ -64,7 +65,7 @@ def claimed(
 def claimed_file(
     out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE
 ) -> Iterator[Path]:
-    """:func:`claimed` for a file: a folder is refused even with leave, and so is a pipe or a device."""
+    """:func:`claimed` for a file: a folder, a pipe or a device is refused even with permission."""
     if out.exists() and not out.is_file():
         raise InputError(f"{out}: is a {'folder' if out.is_dir() else 'pipe or a device'}; name a file")
     with claimed(out, inputs, overwrite, leave) as staged:
@@ -73,7 +74,7 @@ def claimed_file(
 
 @contextmanager
 def claimed_again(out: Path, place: Path) -> Iterator[Path]:
-    """Where a killed process has begun ``out``: there, or in one of :func:`staged_places`, swapped at the end."""
+    """Resume an ``out`` that a killed process began: at ``out``, or in a :func:`staged_places`, swapped at the end."""
     yield place
     if place != out:
         _swap(place, out.resolve())
@@ -81,7 +82,7 @@ def claimed_again(out: Path, place: Path) -> Iterator[Path]:
 
 
 def staged_places(out: Path) -> list[Path]:
-    """Where killed processes have begun to replace ``out``, the newest first."""
+    """Staging paths of killed processes that began to replace ``out``, the newest first."""
     real = out.resolve()
     folders = sorted(real.parent.glob(f"{real.name}{UNFINISHED}*"), key=lambda folder: folder.stat().st_mtime)
     return [folder / real.name for folder in reversed(folders)]
@@ -91,7 +92,7 @@ def staged_places(out: Path) -> list[Path]:
 def claimed_bag(
     out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, leave: str = LEAVE
 ) -> Iterator[Path]:
-    """:func:`claimed` for a bag folder: what is no bag, or another's recording, is refused even with leave."""
+    """:func:`claimed` for a bag folder: anything but a bag written here is refused even with permission."""
     check_bag_output(out, inputs, overwrite, leave)
     with claimed(out, inputs, overwrite, leave) as staged:
         yield staged
@@ -108,7 +109,7 @@ def check_bag_output(out: Path, inputs: Iterable[Path | None], overwrite: bool, 
 
 @contextmanager
 def claimed_report(out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False) -> Iterator[Path]:
-    """:func:`claimed_folder` for a report: the map and the bag of no report are refused even with leave."""
+    """:func:`claimed_folder` for a report: a map or bag that belongs to no report is refused even with permission."""
     _check_inputs(out, given := list(inputs))
     if overwrite and out.is_dir() and not is_ours(out):
         _check_report_folder(out)
@@ -117,7 +118,7 @@ def claimed_report(out: Path, inputs: Iterable[Path | None] = (), overwrite: boo
 
 
 def _check_report_folder(out: Path) -> None:
-    """Raises InputError where a report would replace what no report wrote: a bag's map, or another's recording."""
+    """Raise InputError where a report would replace files that no report wrote: a bag's map, or a recording."""
     names = {item.name for item in out.iterdir()}
     bags = sorted(name for name in names if name == "metadata.yaml" or Path(name).suffix in BAG_SUFFIXES)
     if bags:
@@ -133,9 +134,10 @@ def _check_report_folder(out: Path) -> None:
 def claimed_folder(
     out: Path, inputs: Iterable[Path | None] = (), overwrite: bool = False, names: Sequence[str] | None = None
 ) -> Iterator[Path]:
-    """Where to write the files of the folder ``out``; with leave they replace those of their names, others stay.
+    """Context with the folder to write the files of ``out`` to; they replace files of equal names, others stay.
 
-    ``names`` are those that will be written, where others in the folder are no reason to ask; None: any are.
+    ``names`` are the files that will be written: only these need permission where they exist. None: any existing file
+    needs it.
     """
     _check_inputs(out, inputs)
     if out.exists() and not out.is_dir():
@@ -146,7 +148,7 @@ def claimed_folder(
         with _anew(out):
             yield out
         return
-    with _beside(out / out.resolve().name) as staged:  # inside: the folder above may not be ours to write to
+    with _beside(out / out.resolve().name) as staged:  # staged inside ``out``: its parent folder may not be writable
         staged.mkdir()
         yield staged
         for item in sorted(staged.iterdir()):
@@ -155,7 +157,7 @@ def claimed_folder(
 
 @contextmanager
 def claimed_folder_again(out: Path) -> Iterator[Path]:
-    """Where a killed process has begun to write the files of ``out``: there, or in a folder inside."""
+    """Resume the files of folder ``out`` that a killed process began: in ``out``, or in a staging folder inside it."""
     place = next(iter(staged_places(out / out.resolve().name)), out)
     yield place
     if place != out:
@@ -176,7 +178,7 @@ def claimed_files(
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file that is there whole or not at all. Raises OSError."""
+    """Write a text file atomically: complete or not at all. Raises OSError."""
     beside = path.with_name(f".{path.name}.unfinished")
     try:
         beside.write_text(text, encoding="utf-8")
@@ -186,13 +188,13 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def is_ours(path: Path) -> bool:
-    """Whether a path really lies below the folder ``out`` of where the command runs, or of this checkout."""
+    """Whether the resolved path lies below the ``out`` folder of the working directory or of this checkout."""
     ours = [base.resolve() / OUR_FOLDER for base in (Path.cwd(), CHECKOUT)]
     return any(folder in path.resolve().parents for folder in ours)
 
 
 def check_is_bag(path: Path) -> None:
-    """Raises InputError where something is at ``path`` that is no bag folder, or that holds more than a bag."""
+    """Raise InputError where ``path`` exists but is no bag folder, or holds more than a bag."""
     if not path.exists():
         return
     if not path.is_dir():
@@ -204,8 +206,8 @@ def check_is_bag(path: Path) -> None:
 
 
 def _check_written_here(bag: Path) -> None:
-    """Raises InputError where a bag folder's metadata do not say that this software wrote it."""
-    import yaml  # not before the arguments are understood
+    """Raise InputError where the bag's metadata do not say that this software wrote it."""
+    import yaml  # slow import, deferred until the arguments are parsed
 
     try:
         metadata = yaml.safe_load((bag / "metadata.yaml").read_text(encoding="utf-8"))
@@ -232,13 +234,13 @@ def _check_inputs(out: Path, inputs: Iterable[Path | None]) -> None:
 
 
 def _has_content(path: Path) -> bool:
-    """Whether anything would be lost: a file, or a folder that is not empty."""
+    """Whether replacing ``path`` would lose anything: it is a file, or a folder that is not empty."""
     return any(path.iterdir()) if path.is_dir() else path.exists()
 
 
 @contextmanager
 def _anew(out: Path) -> Iterator[None]:
-    """Bad input leaves nothing where nothing was, so that the corrected command needs no leave."""
+    """Context that removes a new ``out`` after an InputError, so that the corrected command needs no permission."""
     try:
         yield
     except InputError:
@@ -251,9 +253,9 @@ def _anew(out: Path) -> Iterator[None]:
 
 @contextmanager
 def _beside(out: Path) -> Iterator[Path]:
-    """A new place of the same name in a folder beside ``out``, on its file system; the folder goes at the end.
+    """Context with a staging path of equal name in a temporary folder beside ``out``, on the same file system.
 
-    It stays when the process is killed, or abandons it.
+    The folder is removed at the end, but stays when the process is killed or abandons it.
     """
     real = out.resolve()
     try:
@@ -266,21 +268,21 @@ def _beside(out: Path) -> Iterator[Path]:
     except GeneratorExit:
         raise
     except BaseException:
-        if not any(folder.glob(f"*{OLD}")):  # an old one that could not be put back stays
+        if not any(folder.glob(f"*{OLD}")):  # keep an old output that could not be moved back
             shutil.rmtree(folder)
         raise
     shutil.rmtree(folder)
 
 
 def _put(new: Path, place: Path) -> None:
-    """Move one thing of a folder to its place, unless the same is there already; links are no outputs."""
+    """Move one entry of a folder to its final place, unless an identical file is there; symbolic links are skipped."""
     if new.is_symlink() or (new.is_file() and place.is_file() and filecmp.cmp(new, place, shallow=False)):
         return
     _swap(new, place)
 
 
 def _swap(new: Path, place: Path) -> None:
-    """Rename ``new`` to ``place``; what was there goes into the folder of ``new``, which is removed later."""
+    """Rename ``new`` to ``place``; a previous ``place`` moves into the folder of ``new``, which is removed later."""
     old = new.with_name(new.name + OLD)
     if not (place.is_dir() or new.is_dir()):
         os.replace(new, place)

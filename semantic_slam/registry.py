@@ -1,6 +1,6 @@
-"""Registries: what a configuration may name, in this package or in a foreign one that announces it by an entry point.
+"""Plug-in registries: names a configuration may use, from this package or from entry points of other packages.
 
-An entry is written ``module:attribute`` and imported when it is asked for. A foreign package adds one in its metadata,
+An entry is written ``module:attribute`` and imported on demand. Another package adds one in its metadata,
 for example ``[project.entry-points."semantic_slam.associations"]`` with ``nearest = "my_package.nearest:Nearest"``.
 """
 
@@ -15,10 +15,10 @@ from semantic_slam.errors import InputError
 
 @dataclass(frozen=True)
 class Registry:
-    """Names of one kind of part, and where each is to be found."""
+    """Names of one kind of plug-in, and where each implementation is found."""
 
-    what: str  # as an error calls it
-    group: str  # of entry points of foreign packages
+    what: str  # name of the kind, in error messages
+    group: str  # entry-point group for other packages
     own: tuple[tuple[str, str], ...]  # name, module:attribute
 
     @property
@@ -27,11 +27,11 @@ class Registry:
         return tuple(dict(self.own))
 
     def names(self) -> tuple[str, ...]:
-        """Every name that may be used, those of this package first."""
+        """All available names, those of this package first."""
         return (*self.own_names, *(name for name in _foreign(self.group) if name not in self.own_names))
 
     def load(self, name: str) -> Any:
-        """The part of that name. Raises InputError when there is none, or when it cannot be imported."""
+        """Import the plug-in of that name. Raises InputError when there is none, or when the import fails."""
         own = dict(self.own)
         found = EntryPoint(name, own[name], self.group) if name in own else _foreign(self.group).get(name)
         if found is None:
@@ -40,7 +40,7 @@ class Registry:
             return found.load()
         try:
             return found.load()
-        except Exception as fault:  # whatever a foreign package stumbles over while it is imported
+        except Exception as fault:  # importing another package may raise anything
             raise InputError(
                 f"{self.what} '{name}': {found.value} does not load ({fault!r}); mend the package that announces it"
             ) from fault
@@ -99,7 +99,7 @@ SPATIAL_OBSERVATIONS = Registry(
         points="semantic_slam.inference.world.spatial_sensing:points",
     ),
 )
-"""Values of ``observation`` with ``state_space: spatial``: builders likewise."""
+"""Values of ``observation`` with ``state_space: spatial``: builders as inference/world/sensing.py describes them."""
 
 SEMANTICS = Registry(
     "semantics",

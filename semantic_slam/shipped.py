@@ -8,6 +8,6 @@ DEFAULT_CONFIGURATION = CONFIGURATIONS / "default.yaml"
 
 
 def configuration_file(name: str) -> Path:
-    """File that ``name`` says: its path, or the name of a configuration that is shipped, such as ``open_world``."""
+    """Configuration file for ``name``: a path, or the name of a shipped configuration such as ``open_world``."""
     path, shipped = Path(name), CONFIGURATIONS / f"{name}.yaml"
     return shipped if shipped.is_file() and not path.is_file() else path

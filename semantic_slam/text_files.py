@@ -1,4 +1,4 @@
-"""Texts, YAML and JSON of files that others wrote: whatever is wrong with one is a line, and costs no more."""
+"""Safe reading of foreign text, YAML and JSON: any fault is a one-line error, and cost is bounded."""
 
 import json
 from pathlib import Path
@@ -9,11 +9,11 @@ import yaml
 from semantic_slam.errors import InputError
 
 LONGEST = 64 << 20
-"""Bytes; no configuration, label file or map of ours comes near."""
+"""Size limit in bytes, far above any configuration, label file or map written here."""
 
 
 def read_text(path: Path, remedy: str) -> str:
-    """The text of a file in UTF-8; raises InputError that ends in ``remedy``."""
+    """Text of a UTF-8 file. Raises InputError, whose message ends in ``remedy``."""
     try:
         if path.stat().st_size > LONGEST:
             raise InputError(f"{path}: larger than {LONGEST >> 20} MiB; {remedy}")
@@ -25,7 +25,7 @@ def read_text(path: Path, remedy: str) -> str:
 
 
 def parse_yaml(text: str, origin: str, remedy: str) -> Any:
-    """What a YAML text holds. Raises InputError, for aliases, too: a few of them make a document of any size."""
+    """Parse YAML. Raises InputError, also for aliases: a few of them can expand to a document of any size."""
     try:
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.SafeLoader)):
             raise InputError(f"{origin}: YAML aliases (*name) are not read; write the values out")
@@ -36,7 +36,7 @@ def parse_yaml(text: str, origin: str, remedy: str) -> Any:
 
 
 def parse_json(text: str) -> Any:
-    """What a JSON text holds; raises ValueError, for nesting that nobody writes, too."""
+    """Parse JSON. Raises ValueError, also for excessive nesting."""
     try:
         return json.loads(text)
     except RecursionError:

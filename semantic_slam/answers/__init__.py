@@ -1,1 +1,1 @@
-"""Questions to a map: which of its objects is meant, with what probability."""
+"""Queries to a map: which of its objects match, with calibrated probabilities."""

@@ -1,6 +1,6 @@
-"""What the objects of a map look like: the vectors of their views, as the best history has them.
+"""Appearance of a map's objects: the embedding vectors of their views, associated by the best history.
 
-Vectors are compared in all their components, whatever the run has reduced them to, and whatever its class models are.
+Vectors are compared in full dimension, whatever the run reduced them to and whatever its class models are.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,12 +23,12 @@ from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRe
 from semantic_slam.viewpoint.embeddings.vectors import reduced
 
 LEAST_RANGE_M = 0.05
-"""Nearer views count as from there."""
+"""Lower bound of view distances [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SeenView:
-    """A vector of one object, and from where it was seen."""
+    """Embedding vector of one view of an object, with its viewpoint."""
 
     object_id: int
     vector: Array  # (F,)
@@ -38,7 +38,7 @@ class SeenView:
 
 @dataclass(frozen=True, kw_only=True)
 class Appearances:
-    """The looks of a map's objects beside the background of all vectors; F components."""
+    """Appearance records of a map's objects and the background of all vectors; F components."""
 
     model: EmbeddingModel
     seen: SeenVectors  # all
@@ -46,7 +46,7 @@ class Appearances:
 
     @classmethod
     def of(cls, views: Sequence[SeenView], others: Array, settings: SemanticModelConfiguration) -> "Appearances":
-        """From views in the order in which they were seen, and (D, F) vectors of no object. Raises InputError."""
+        """Build from views in temporal order, and (D, F) vectors of no object. Raises InputError."""
         sizes = {len(view.vector) for view in views}
         if len(sizes) != 1:
             raise InputError(
@@ -74,17 +74,17 @@ class Appearances:
 
     @property
     def background(self) -> EmbeddingBackground:
-        """What vectors are like, whatever they show."""
+        """Background distribution of vectors of arbitrary objects."""
         return self.seen.background
 
     @cached_property
     def usual(self) -> Array:
-        """(R,) log probabilities of the settings of any object."""
+        """(R,) log prior of an object's settings."""
         told = [own.told_settings for _, own in sorted(self.records.items())]
         return self.model.usual(np.sum(told, axis=0))
 
     def vector(self, given: Array) -> Array:
-        """(F,) of length one. Raises InputError where it is none of this map's network."""
+        """(F,) unit vector. Raises InputError where ``given`` cannot come from this map's network."""
         size = len(self.background.centre)
         if np.shape(given) != (size,):
             raise InputError(
@@ -101,7 +101,7 @@ def appearances_of(
     measurements: Mapping[int, SemanticMeasurements],
     settings: SemanticModelConfiguration,
 ) -> Appearances:
-    """From all beliefs of a run, and the measurements by their stamps, of a robot in the plane. Raises InputError."""
+    """Build from a run's beliefs and measurements (by stamp), for a planar robot. Raises InputError."""
     views, others = seen_views(beliefs, measurements)
     size = len(views[0].vector) if views else 0
     alike = [vector for vector in others if len(vector) == size]
@@ -111,7 +111,7 @@ def appearances_of(
 def seen_views(
     beliefs: Sequence[HybridBelief], measurements: Mapping[int, SemanticMeasurements]
 ) -> tuple[list[SeenView], list[Array]]:
-    """Views of objects in the order of the drive, by the best history, and vectors of no object."""
+    """Views of objects in temporal order, associated by the best history, and vectors of no object."""
     last = beliefs[-1]
     places = {
         int(number): planar_from_pose_vector(pose)

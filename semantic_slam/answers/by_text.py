@@ -1,11 +1,11 @@
-"""Which objects is a text about, by its vector? With a calibrated probability, for cosines of texts mean nothing.
+"""Text queries by embedding: calibrated probabilities that objects match a name, instead of raw cosines.
 
-Vectors of texts and of pictures lie apart, so that texts are compared with each other first: what a name means is the
-direction from the mean of all named texts. Along that direction the objects' mean directions spread as those of all
-vectors do, or about a shift: that of objects of that name, a share rho of the spread between objects. How large rho is
-nobody knows; it is inferred from all objects and names at once, by the evidence that each object has one of the names,
-or none. A name is compared along its own direction with the background alone, which is exact for features of its own
-against a common reference (Baggenstoss 2003).
+Text and image embeddings occupy different regions (modality gap), so texts are first compared with each other: a name
+is represented by the direction from the mean of all named texts to its own. Along that direction, the mean vectors of
+objects are distributed like all vectors, or, for objects of that name, around a shift; the shift is a share rho of the
+spread between objects. The unknown rho is inferred from all objects and names jointly, from the evidence that each
+object has one of the names or none. A name is compared along its own direction with the background alone, which is
+exact for class-specific features with a common reference (Baggenstoss 2003).
 """
 
 from collections.abc import Mapping
@@ -19,20 +19,20 @@ from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.viewpoint.embeddings.vectors import reduced
 
 SHARES = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85])
-"""rho, as likely before anything was seen."""
+"""Values of rho, equally likely a priori."""
 LEAST_TEXTS = 3
 MEDIAN_OF_SQUARES = 0.4549
 """Median of the square of a standard normal variable."""
 PRIOR_PLACES = 30.0
-"""Places that count for objects to spread as all vectors do."""
+"""Pseudo-count of the prior that objects are spread like all vectors."""
 
 
 def meant_by(
     name: str, text_vectors: Mapping[str, Array], object_ids: Index, existence: Array, looks: Appearances, mapped: float
 ) -> Array:
-    """(O,) probabilities that O objects are what ``name`` means, rather than another name or none of them.
+    """(O,) probabilities that each of O objects matches ``name``, rather than another name or none.
 
-    An object has one of the names with the probability ``mapped``, each alike. Raises InputError.
+    An object has one of the names with prior probability ``mapped``, uniform over the names. Raises InputError.
     """
     names = sorted(text_vectors)
     axes = _directions([text_vectors[own] for own in names], looks)
@@ -48,7 +48,7 @@ def meant_by(
 
 
 def _directions(texts: list[Array], looks: Appearances) -> Array:
-    """(N, F) unit vectors from the mean of the texts to each. Raises InputError."""
+    """(N, F) unit vectors from the mean of the text vectors to each. Raises InputError."""
     if len(texts) < LEAST_TEXTS:
         raise InputError(
             f"there are {len(texts)} named text vectors; give {LEAST_TEXTS} at least, of other things too, for what a"
@@ -62,7 +62,7 @@ def _directions(texts: list[Array], looks: Appearances) -> Array:
 
 
 def _log_ratios(axes: Array, object_ids: Index, looks: Appearances) -> Array:
-    """(S, O, N) log densities of the objects' places along each direction if they have that name, to those if none."""
+    """(S, O, N) log density ratios of the objects' projections on each name's direction: that name against none."""
     background = looks.background
     found = np.zeros((len(SHARES), len(object_ids), len(axes)))
     rows = [row for row, number in enumerate(object_ids.tolist()) if number in looks.records]
@@ -79,9 +79,9 @@ def _log_ratios(axes: Array, object_ids: Index, looks: Appearances) -> Array:
 
 
 def _unmeant(places: Array, along: Array) -> Array:
-    """(N,) variances of (O, N) places of objects that have other names, from those of all vectors ``along``.
+    """(N,) variances of the (O, N) projections of objects with other names, from those of all vectors ``along``.
 
-    Most objects do not have a name, so that the median tells the scale, whatever the others do.
+    Most objects do not have a given name, so the median is a robust estimate of the scale.
     """
     median = float(np.median(places**2 / along)) / MEDIAN_OF_SQUARES
     return np.asarray(along * (places.size * median + PRIOR_PLACES) / (places.size + PRIOR_PLACES))

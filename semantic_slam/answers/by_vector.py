@@ -1,4 +1,4 @@
-"""Which object does a picture show, by its vector of appearance? From where it was taken is unknown."""
+"""Image queries by embedding: which object an image shows, its viewpoint being unknown."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from semantic_slam.viewpoint.embeddings.model import NUM_SECTORS, REMEMBERED_RAD
 def shown_by(vector: Array, object_ids: Index, existence: Array, looks: Appearances, mapped: float) -> Array:
     """(O + 1,) probabilities that an (F,) vector shows each of O objects, and last none of them; they sum to 1.
 
-    What it shows is on the map with the probability ``mapped``, and then any object as much as it exists; or it looks
-    like the false alarm that an object is. Of what is not on the map, and of objects without vectors, the background is
-    the density. Raises InputError for a vector of another kind.
+    The shown object is on the map with prior probability ``mapped``, and then any object in proportion to its existence
+    probability; an object may also be a false alarm with that appearance. For objects not on the map, and objects
+    without vectors, the background is the density. Raises InputError for a vector of another network.
     """
     unit, nothing = looks.vector(vector), np.zeros(1)
     log_ratios = [
@@ -29,9 +29,9 @@ def shown_by(vector: Array, object_ids: Index, existence: Array, looks: Appearan
 
 
 def _log_ratio(unit: Array, record: EmbeddingRecord, looks: Appearances) -> float:
-    """Log density of a view of an object relative to the background, all directions of view being alike."""
+    """Log density of a view of an object relative to the background, averaged over viewing directions."""
     directions: Array = REMEMBERED_RAD * np.arange(NUM_SECTORS, dtype=np.float64)
-    log_ranges = record.usual_log_ranges(directions)  # nobody knows from how far
+    log_ranges = record.usual_log_ranges(directions)  # the distance is unknown
     ratios = record.log_ratios(unit, looks.background, directions, log_ranges)  # (R, M)
     average = finite_log_sum_exp(ratios) - np.log(NUM_SECTORS)
     return looks.model.evidence(record, average, looks.usual)

@@ -1,4 +1,4 @@
-"""``find_objects``: the objects of a map that are probably what is looked for. Commands and services all ask here."""
+"""``find_objects``: objects of a map that match a query; used by all commands and services."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from semantic_slam.inference.belief import HybridBelief
 
 @dataclass(frozen=True, kw_only=True)
 class FoundObject:
-    """An object, and how probably it exists, is what is looked for, and lies in the region that is asked for."""
+    """An object with the probability that it exists, matches the query and lies in the region."""
 
     object_id: int
     name: str
@@ -27,17 +27,17 @@ class FoundObject:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """Objects with the probability asked for at least, the likeliest first."""
+    """Query result: objects with at least the requested probability, most likely first."""
 
     objects: tuple[FoundObject, ...]
-    unknown: float  # that none of the objects, in the region, is what is looked for, or what the picture shows
+    unknown: float  # probability that no object in the region matches
 
 
 def find_objects(belief: HybridBelief, question: Question, looks: Appearances | None = None) -> Found:
-    """What is looked for among the objects of a belief; vectors need the ``looks`` of these. Raises InputError.
+    """Find matching objects in a belief; vector queries need their appearances ``looks``. Raises InputError.
 
-    A vector shows one thing: the probabilities of the objects sum to 1 - unknown. A name may be that of many: then
-    unknown is the probability that there is none, and 1 - unknown that there is one at all.
+    A vector shows one object: the probabilities of the objects sum to 1 - unknown. A name may match many: then unknown
+    is the probability that none matches, and 1 - unknown that at least one does.
     """
     existence = np.clip(np.nan_to_num(belief.existence), 0.0, 1.0)
     probabilities = _probabilities(belief, question, looks, existence) * inside(belief, question.region)
@@ -62,7 +62,7 @@ def find_objects(belief: HybridBelief, question: Question, looks: Appearances | 
 
 
 def _probabilities(belief: HybridBelief, question: Question, looks: Appearances | None, existence: Array) -> Array:
-    """(O,) that objects exist and are meant."""
+    """(O,) probabilities that objects exist and match."""
     ids: Index = belief.object_ids.astype(np.intp)
     if question.vector is not None or question.text_vectors:
         if looks is None:
@@ -75,7 +75,7 @@ def _probabilities(belief: HybridBelief, question: Question, looks: Appearances 
 
 
 def _of_class(belief: HybridBelief, name: str) -> Array:
-    """(O,) probabilities of a class. Raises InputError for one that the belief does not know."""
+    """(O,) probabilities of a class. Raises InputError for a class unknown to the belief."""
     if name not in belief.class_names:
         known = ", ".join(belief.class_names) or "none: its class models name no classes"
         raise InputError(

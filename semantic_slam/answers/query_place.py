@@ -1,4 +1,4 @@
-"""``query_place``: what is at a place, and what should be there and is not. Commands and services all ask here."""
+"""``query_place``: objects at a place, and objects missing from it; used by all commands and services."""
 
 from dataclasses import dataclass
 
@@ -13,13 +13,13 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedObject:
-    """An object, and how probably it stands in the region that is asked for, or has left it."""
+    """An object with the probabilities that it is in the queried region, or has left it."""
 
     object_id: int
     name: str
     here: float  # probability that it exists and stands there now
     gone: float  # probability that it stood there, and is missing or stands elsewhere now
-    pose: Array  # (7,) in map; of what the belief no longer has: where the map had it
+    pose: Array  # (7,) in the map frame; from the prior map where the belief no longer has the object
     covariance: Array  # (6, 6) along the axes of map
 
 
@@ -29,10 +29,10 @@ def query_place(
     least_probability: float = 0.0,
     map_prior: MapPrior | None = None,
 ) -> tuple[PlacedObject, ...]:
-    """Objects that are here, or gone from here, with that probability at least; those likeliest here come first.
+    """Objects in the region, or gone from it, with at least the given probability; likeliest present first.
 
-    ``region`` None: everywhere. With the run's ``map_prior`` it is known where objects stood that were moved, and that
-    those are gone of which the belief has nothing left. Raises InputError.
+    ``region`` None: everywhere. The run's ``map_prior`` gives the former positions of moved objects, and objects that
+    the belief no longer contains. Raises InputError.
     """
     check_limits(region, least_probability)
     known = {own.object_id: own for own in map_prior.objects} if map_prior is not None else {}
@@ -58,9 +58,9 @@ def query_place(
 
 
 def _left(belief: HybridBelief, existence: Array, known: dict[int, ObjectPrior]) -> Array:
-    """(O,) that objects stood where the belief has them, and are there no more.
+    """(O,) probabilities that objects were at their believed place and are gone.
 
-    A run that does not ask what leaves says it of objects of the map, by how much it has come to doubt them.
+    A run that does not estimate disappearance gives them for map objects, by the decrease of their existence.
     """
     numbers = belief.object_ids.tolist()
     before = np.array([known[number].existence if number in known else 0.0 for number in numbers])
@@ -71,7 +71,7 @@ def _left(belief: HybridBelief, existence: Array, known: dict[int, ObjectPrior])
 def _moved_away(
     belief: HybridBelief, existence: Array, known: dict[int, ObjectPrior], inside_now: Array, region: Region | None
 ) -> Array:
-    """(O,) that objects of the map stood in the region, and were moved out of it."""
+    """(O,) probabilities that map objects were in the region and were moved out of it."""
     moved = np.zeros(len(existence))
     for row, number in enumerate(belief.object_ids.tolist()):
         if number in known and belief.moved[row] > 0.0:
@@ -80,7 +80,7 @@ def _moved_away(
 
 
 def _no_longer_held(own: ObjectPrior, region: Region | None) -> PlacedObject:
-    """An object of the map of which no hypothesis has anything left."""
+    """Result for a map object that no hypothesis contains any more."""
     gone = own.existence * _stood(own, region)
     return PlacedObject(
         object_id=own.object_id, name=own.name, here=0.0, gone=gone, pose=own.pose, covariance=own.covariance
@@ -88,5 +88,5 @@ def _no_longer_held(own: ObjectPrior, region: Region | None) -> PlacedObject:
 
 
 def _stood(own: ObjectPrior, region: Region | None) -> float:
-    """Probability that the map has it in the region."""
+    """Probability that the object was in the region according to the map."""
     return float(within(own.pose[None], own.covariance[None], region)[0])

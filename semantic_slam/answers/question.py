@@ -1,4 +1,4 @@
-"""What is looked for on a map."""
+"""Queries for objects on a map."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,23 +10,23 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 
 MAPPED = 0.5
-"""Probability that what is looked for is on the map at all, where nobody knows better."""
+"""Default prior probability that the queried object is on the map at all."""
 LONGEST_NAME = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """A thing by its class, by a vector of a picture of it, or by a name among named vectors of texts.
+    """Query by class, by an image's embedding vector, or by a name among named text vectors.
 
-    Raises InputError for a question that asks for nothing, or for numbers that it cannot have.
+    Raises InputError for an empty query or invalid numbers.
     """
 
     name: str = ""
-    vector: Array | None = None  # (F,) of a picture, by the network that the detections' embeddings are of
-    text_vectors: Mapping[str, Array] = field(default_factory=dict)  # name -> (F,), by its text encoder
+    vector: Array | None = None  # (F,) image embedding, of the network that gave the detections' embeddings
+    text_vectors: Mapping[str, Array] = field(default_factory=dict)  # name -> (F,), from its text encoder
     region: Region | None = None
     least_probability: float = 0.0
-    mapped: float = MAPPED  # probability that it is on the map at all, for vectors
+    mapped: float = MAPPED  # prior probability that it is on the map, for vectors
 
     def __post_init__(self) -> None:
         if not self.name and self.vector is None:
@@ -44,7 +44,7 @@ class Question:
 
 
 def check_limits(region: Region | None, least_probability: float) -> None:
-    """Raises InputError for a region that is none, and for a number that is no probability."""
+    """Raise InputError for an invalid region, or a number that is not a probability."""
     if not 0.0 <= least_probability <= 1.0:
         raise InputError("the least probability must lie between 0 and 1; correct it")
     if region is None:

@@ -1,4 +1,4 @@
-"""Which objects lie in a region of the map, as far as their places are known."""
+"""Probabilities that objects lie in a region of the map."""
 
 import numpy as np
 
@@ -6,19 +6,19 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 
 Region = tuple[float, float, float, float]
-"""x_min y_min x_max y_max in map, metres."""
+"""Rectangle x_min y_min x_max y_max in the map frame, metres."""
 
 
 def inside(belief: HybridBelief, region: Region | None) -> Array:
-    """(O,) probabilities that the objects of a belief lie in the region; None: all of the map."""
+    """(O,) probabilities that the objects of a belief lie in the region; None: the whole map."""
     return within(belief.object_poses, belief.object_covariances, region)
 
 
 def within(poses: Array, covariances: Array, region: Region | None) -> Array:
-    """(O,) probabilities that things lie in the region, from their (O, 7) poses and (O, 6, 6) covariances."""
+    """(O,) probabilities that objects lie in the region, from (O, 7) poses and (O, 6, 6) covariances."""
     if region is None:
         return np.ones(len(poses))
-    from scipy.stats import multivariate_normal  # half a second, which nodes would pay that are asked of no region
+    from scipy.stats import multivariate_normal  # deferred: the import takes 0.5 s and is only needed for a region
 
     lower, upper = np.array(region[:2]), np.array(region[2:])
     found = np.zeros(len(poses))

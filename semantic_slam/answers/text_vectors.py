@@ -1,4 +1,4 @@
-"""Named vectors of texts, as a user's text encoder wrote them: .npz, .safetensors or .json; a file is data alone."""
+"""Named text vectors written by a user's text encoder: .npz, .safetensors or .json; data only."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ REMEDY = "write name -> vector as .npz (numpy.savez), .safetensors or .json"
 
 
 def read_text_vectors(path: Path) -> dict[str, Array]:
-    """Name -> (F,) vector. Raises InputError."""
+    """Read the vectors of a file, name -> (F,). Raises InputError."""
     readers = {".npz": _npz, ".safetensors": _safetensors, ".json": _json}
     if path.suffix not in readers:
         raise InputError(f"{path}: a file of named vectors ends in {', '.join(readers)}; {REMEDY}")
@@ -35,7 +35,7 @@ def read_text_vectors(path: Path) -> dict[str, Array]:
 
 
 def read_vector(path: Path) -> Array:
-    """The one (F,) vector of a file: .npy, .json (a list), or one of named vectors. Raises InputError."""
+    """Read a single (F,) vector: .npy, .json (a list), or a file with one named vector. Raises InputError."""
     if path.suffix == ".npy":
         try:
             return np.asarray(np.load(path, allow_pickle=False), dtype=np.float64).squeeze()

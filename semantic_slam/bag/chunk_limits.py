@@ -1,4 +1,4 @@
-"""What the chunks of a mcap claim to hold, before anything is decompressed: 40 kB may claim gigabytes."""
+"""Checks of the sizes claimed by mcap chunks, before decompression: 40 kB may claim gigabytes."""
 
 import struct
 from contextlib import suppress
@@ -13,13 +13,13 @@ MAGIC_SIZE = 8
 RECORD_HEADER = struct.Struct("<BQ")
 CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the compression's name
 LARGEST_CHUNK = 256 << 20
-"""Bytes; recorders close a chunk at a few megabytes, or with one message that is larger."""
+"""Largest chunk in bytes; recorders close a chunk at a few megabytes, or after one larger message."""
 FRAME_HEADER = 18
-"""Bytes in which a zstd frame tells its content's size."""
+"""Bytes of a zstd frame header, which contains the content size."""
 
 
 def check_chunks(path: Path) -> None:
-    """Raises InputError where a chunk of the mcap at ``path`` is larger than any that a recorder writes."""
+    """Raise InputError where a chunk of the mcap at ``path`` claims more than any recorder writes."""
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(MAGIC_SIZE)
@@ -36,11 +36,11 @@ def check_chunks(path: Path) -> None:
 
 
 def _claimed(begin: bytes) -> int:
-    """Bytes that a chunk claims to give, by its own header and by that of its zstd frame, whichever is more."""
+    """Uncompressed size claimed by a chunk: the larger of its own header's and its zstd frame's value."""
     if len(begin) < CHUNK_HEADER.size:
         return 0
     _, _, told, _, name_length = CHUNK_HEADER.unpack_from(begin)
     data = begin[CHUNK_HEADER.size + name_length + 8 :][:FRAME_HEADER]
-    with suppress(zstandard.ZstdError):  # no zstd, or none that can be read
+    with suppress(zstandard.ZstdError):  # not zstd, or unreadable
         told = max(told, zstandard.frame_content_size(data))
     return int(told)

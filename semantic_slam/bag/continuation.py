@@ -1,4 +1,4 @@
-"""A bag whose recorder was killed is gone on with: its messages, as far as they are whole, begin the new one."""
+"""Continuation of a bag whose recorder was killed: its complete messages are copied to the start of the new bag."""
 
 import os
 import shutil
@@ -14,7 +14,7 @@ METADATA = "metadata.yaml"
 
 
 def unfinished_bag(path: Path) -> Path | None:
-    """Where a killed recorder of ``path`` left its bag: there, or beside an old one; None where none did."""
+    """Location of a killed recorder's unfinished bag: ``path`` or a staging place beside it; None: there is none."""
     for place in (path, *staged_places(path)):
         if (place.is_dir() and not (place / METADATA).exists()) or _earlier(place):
             return place
@@ -22,7 +22,7 @@ def unfinished_bag(path: Path) -> Path | None:
 
 
 class Continuation:
-    """What earlier recorders left of the bag at ``place``; it is moved out of the way, and kept until :meth:`done`."""
+    """Unfinished bags of earlier recorders at ``place``, moved aside and kept until :meth:`done`."""
 
     def __init__(self, place: Path) -> None:
         if place.exists():
@@ -30,18 +30,18 @@ class Continuation:
         self._folders = _earlier(place)
 
     def messages(self) -> Iterator[tuple[RawMessage, str]]:
-        """Each whole message with its type's definition; what was taken over before a second death comes twice."""
+        """Every complete message with its type definition; messages copied before a second kill come twice."""
         for folder in self._folders:
             for path in storage_files(folder):
                 try:
                     stream = McapStream(path)
-                except InputError:  # killed before its first byte
+                except InputError:  # killed before the first byte was written
                     continue
                 for message in stream.messages(None):
                     yield message, stream.definitions[message.type_name]
 
     def done(self) -> None:
-        """Everything is in the new bag."""
+        """Delete the old parts: everything is in the new bag."""
         for folder in self._folders:
             shutil.rmtree(folder)
 

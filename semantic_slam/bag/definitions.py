@@ -1,4 +1,4 @@
-"""Message types as a bag defines them: those that only the bag knows, and ours as an older version recorded them."""
+"""Message definitions embedded in bags: foreign types, and older definitions of our own types."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,9 +10,9 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages.typestore import PACKAGE, typestore
 
 IDL_MARK = "=" * 80 + "\nIDL: "
-"""How rosbag2 begins a definition in IDL; any other text is in the form of ``.msg`` files."""
+"""Start of an IDL definition in rosbag2; any other text has the form of ``.msg`` files."""
 FORMER_NAMES = {f"{PACKAGE}/msg/Components": {"descriptor_variances": "descriptor_covariances"}}
-"""Fields that older versions called otherwise, by type: their name then -> their name now."""
+"""Renamed fields by type: old name -> current name."""
 
 
 def is_ours(type_name: str) -> bool:
@@ -21,10 +21,10 @@ def is_ours(type_name: str) -> bool:
 
 
 def extended_typestore(definitions: Mapping[str, str]) -> Typestore:
-    """Our types and those of ``definitions`` (type name -> text, with the texts of nested types behind separators).
+    """Typestore of our types and those of ``definitions`` (type name -> text with nested types after separators).
 
-    A type that we know keeps our definition. Raises InputError where a text is no definition, or defines one of our
-    own types with a field that this version does not know.
+    Known types keep our definition. Raises InputError where a text is not a definition, or defines one of our own types
+    with a field that is unknown to this version.
     """
     store = Typestore()
     store.fielddefs.update(typestore().fielddefs)
@@ -43,9 +43,9 @@ def register(store: Typestore, type_name: str, text: str) -> None:
 
 
 def older_typestore(type_name: str, text: str) -> Typestore | None:
-    """A store in which one of our types, and the nested ones, are as ``text`` defines them; None: as we define them.
+    """Typestore with one of our types, and its nested ones, as defined by ``text``; None where identical to ours.
 
-    Raises InputError where that definition has a field that ours lacks, or has with another type.
+    Raises InputError where that definition has a field that ours lacks, or has with a different type.
     """
     recorded = {name: fields for name, fields in _parsed(type_name, text).items() if is_ours(name)}
     ours = typestore().fielddefs
@@ -61,7 +61,7 @@ def older_typestore(type_name: str, text: str) -> Typestore | None:
 
 
 def _check_known(type_name: str, recorded: Any) -> None:
-    """Raises InputError when a field of a recorded definition is not one of ours, under its name now."""
+    """Raise InputError when a recorded field is unknown to our definition, after renaming."""
     ours = dict(typestore().fielddefs[type_name][1]) if type_name in typestore().fielddefs else {}
     former = FORMER_NAMES.get(type_name, {})
     for name, kind in recorded:
@@ -75,6 +75,6 @@ def _check_known(type_name: str, recorded: Any) -> None:
 def _parsed(type_name: str, text: str) -> dict[str, Any]:
     try:
         return dict(get_types_from_idl(text) if text.startswith(IDL_MARK) else get_types_from_msg(text, type_name))
-    except Exception as fault:  # the parser's own errors are not of one family
+    except Exception as fault:  # the parser's exceptions have no common base class
         name, reason = (" ".join(str(told).split())[:200] for told in (type_name, fault))
         raise InputError(f"{name}: its embedded definition is not readable ({reason}); record it anew") from None

@@ -1,6 +1,7 @@
-"""Read an mcap from its beginning up to where it is damaged: no index, no footer, not even a whole last chunk needed.
+"""Sequential reading of a damaged mcap up to the damage; needs no index, footer or complete last chunk.
 
-Records are opcode (1 byte), length (8 bytes), content. A chunk's content is decompressed as far as its bytes reach.
+A record is an opcode (1 byte), a length (8 bytes) and the content. A truncated chunk is decompressed as far as
+possible.
 """
 
 import struct
@@ -26,7 +27,7 @@ PIECE = 1 << 16
 
 
 class RawMessage(NamedTuple):
-    """One message as it lies in a bag."""
+    """One serialised message of a bag."""
 
     topic: str  # absolute name
     type_name: str
@@ -38,7 +39,7 @@ class McapStream:
     """The readable beginning of a damaged mcap file."""
 
     def __init__(self, path: Path) -> None:
-        """Reads the file once to know its topics; raises InputError when it is no mcap at all."""
+        """Scan the file for its topics. Raises InputError when it is not an mcap."""
         self.path = path
         self.topics: dict[str, str] = {}
         self.definitions: dict[str, str] = {}
@@ -48,7 +49,7 @@ class McapStream:
         self.counts = Counter(message.topic for message in self.messages(None))
 
     def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]:
-        """Every whole message before the damage, in the order of the file; ``topics``: absolute names, None for all."""
+        """Every complete message before the damage, in file order; ``topics``: absolute names, None for all."""
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         with self.path.open("rb") as file:
@@ -64,7 +65,7 @@ class McapStream:
     def _read(
         self, opcode: int, content: bytes, schemas: dict[int, Schema], channels: dict[int, Channel]
     ) -> RawMessage | None:
-        """The message of a record; None for a schema or a channel, which are remembered."""
+        """Message of a record; None for a schema or channel record, which is stored."""
         stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(stream)
@@ -83,7 +84,7 @@ class McapStream:
 
 
 def breaks_off_cleanly(path: Path) -> bool:
-    """Whether a mcap lacks its end and nothing else, as a killed recorder leaves it: every record there is whole."""
+    """Whether an mcap only lacks its end, as after a killed recorder, with every existing record complete."""
     with path.open("rb") as file:
         file.seek(len(MAGIC))
         while len(header := file.read(RECORD_HEADER.size)) == RECORD_HEADER.size:
@@ -97,7 +98,7 @@ def breaks_off_cleanly(path: Path) -> bool:
 
 
 def _unzipped(data: bytes, most: int) -> bytes:
-    """What zstd data give before they end or break, and at most ``most`` bytes of it."""
+    """Decompressed zstd data up to their end or damage, at most ``most`` bytes."""
     pieces: list[bytes] = []
     with zstandard.ZstdDecompressor().stream_reader(data, read_across_frames=False) as reader:
         left = most
@@ -114,7 +115,7 @@ def _unzipped(data: bytes, most: int) -> bytes:
 
 
 def _is_whole(chunk: bytes) -> bool:
-    """Whether a chunk gives as many bytes as it says."""
+    """Whether a chunk decompresses to as many bytes as it claims."""
     if len(chunk) < CHUNK_HEADER.size:
         return False
     _, _, size, _, _ = CHUNK_HEADER.unpack_from(chunk)
@@ -122,7 +123,7 @@ def _is_whole(chunk: bytes) -> bool:
 
 
 def _flat_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
-    """Whole schema, channel and message records, those inside chunks included."""
+    """Complete schema, channel and message records, including those inside chunks."""
     for opcode, content, whole in _records(file, size):
         if opcode == Opcode.CHUNK:
             inner = _decompressed(content)
@@ -140,7 +141,7 @@ def _wanted(opcode: int) -> bool:
 
 
 def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
-    """Opcode, content and whether the content is whole; ends at the data's end or at a record cut inside its header."""
+    """Opcode, content and completeness of records; ends at the end of data or at a truncated record header."""
     while len(header := file.read(RECORD_HEADER.size)) == RECORD_HEADER.size:
         opcode, length = RECORD_HEADER.unpack(header)
         if opcode == Opcode.DATA_END:
@@ -150,12 +151,12 @@ def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
 
 
 def _decompressed(chunk: bytes) -> bytes:
-    """Records of a chunk, of a cut chunk those that its bytes still give."""
+    """Decompressed records of a chunk; of a truncated chunk as many as possible."""
     if len(chunk) < CHUNK_HEADER.size:
         return b""
     name_end = CHUNK_HEADER.size + CHUNK_HEADER.unpack_from(chunk)[-1]
     compression = chunk[CHUNK_HEADER.size : name_end].decode("ascii", "replace")
-    data = chunk[name_end + 8 :]  # behind the length of the compressed data
+    data = chunk[name_end + 8 :]  # after the length of the compressed data
     most = min(CHUNK_HEADER.unpack_from(chunk)[2], LARGEST_CHUNK)
     try:
         if compression == "zstd":

@@ -1,6 +1,6 @@
-"""Topic names as bags hold them."""
+"""Normalisation of topic names in bags."""
 
 
 def absolute(topic: str) -> str:
-    """The topic's name from the root of the graph: ``odom`` and ``/odom`` are both ``/odom``."""
+    """Absolute topic name: ``odom`` and ``/odom`` both become ``/odom``."""
     return "/" + topic.lstrip("/")

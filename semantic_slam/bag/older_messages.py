@@ -1,6 +1,6 @@
-"""Messages of our own types that an older version recorded, as this version defines them.
+"""Migration of messages of our own types recorded by an older version to the current definition.
 
-A field that the older definition lacks takes the value that says "not given": NaN, an empty array, text or message.
+A field missing in the older definition gets the value for "not given": NaN, or an empty array, string or message.
 """
 
 from typing import Any
@@ -14,12 +14,12 @@ from semantic_slam.messages.typestore import message_class, serialize, typestore
 
 
 def current_bytes(cdr: bytes, type_name: str, recorded: Typestore) -> bytes:
-    """CDR bytes by our definition, of a message by that of ``recorded``."""
+    """Re-encode a message from the definition in ``recorded`` to our definition."""
     return serialize(_current(recorded.deserialize_cdr(cdr, type_name), type_name))
 
 
 def _current(message: Any, type_name: str) -> Any:
-    """The message in our class, with nested ones of ours in theirs."""
+    """Convert a message, and nested messages of ours, to our current classes."""
     former = {now: then for then, now in FORMER_NAMES.get(type_name, {}).items()}
     values = {}
     for name, kind in typestore().fielddefs[type_name][1]:
@@ -34,7 +34,7 @@ def _of_our_class(value: Any, kind: Any) -> Any:
 
 
 def not_given(kind: Any) -> Any:
-    """What stands for a field of this kind that a message does not have."""
+    """Value that represents "not given" for a field of this kind."""
     node, detail = kind
     if node == Nodetype.BASE:
         return _no_value(detail[0])

@@ -1,4 +1,4 @@
-"""Read bags: rosbag2 folders and bare storage files, mcap or sqlite3, compressed or not, damaged or whole."""
+"""Reading of bags: rosbag2 folders and single storage files, mcap or sqlite3, compressed, damaged or intact."""
 
 import hashlib
 import sys
@@ -25,15 +25,15 @@ from semantic_slam.messages.typestore import typestore
 
 REMEDY = "give a rosbag2 folder, a .mcap or a .db3"
 _announced: set[str] = set()
-"""What this process has said of unfinished bags, which it may open many times."""
+"""Notices about unfinished bags already printed by this process, which may open a bag many times."""
 
 
 class TruncatedBagError(InputError):
-    """The bag is damaged; every message before the damage has been given."""
+    """Raised at the damage of a bag, after every message before it has been returned."""
 
 
 class Source(Protocol):
-    """One readable part of a bag."""
+    """Interface of one readable part of a bag."""
 
     topics: dict[str, str]
     definitions: dict[str, str]
@@ -43,10 +43,10 @@ class Source(Protocol):
 
 
 class IndexedSource:
-    """A whole folder or storage file, read through its index in the order of log time."""
+    """An intact folder or storage file, read through its index in log-time order."""
 
     def __init__(self, reader: Reader) -> None:
-        """``reader`` is open."""
+        """``reader`` must be open."""
         self._reader = reader
         self.counts: Counter[str] = Counter()
         for item in reader.connections:
@@ -62,27 +62,27 @@ class IndexedSource:
 
 
 class BagReader:
-    """A context that reads one bag. Topic names are absolute (``/odom``), whatever the bag holds."""
+    """Context manager that reads one bag. Topic names are absolute (``/odom``), however the bag spells them."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError when there is nothing at ``path``."""
+        """Raise InputError when ``path`` does not exist."""
         self.path = Path(path)
         if not self.path.exists():
             raise InputError(f"{self.path}: no such bag; {REMEDY}")
-        self.damage = ""  # why not all of the bag can be read
-        self.unfinished = ""  # that its recorder was killed; all that it wrote can be read
+        self.damage = ""  # why the bag cannot be read completely
+        self.unfinished = ""  # set when the recorder was killed but all written data can be read
         self._stack = ExitStack()
         self._sources: list[Source] = []
-        self._older: dict[str, Typestore | None] = {}  # by type name; None: recorded by our definition
+        self._older: dict[str, Typestore | None] = {}  # by type name; None: recorded with our definition
 
     def __enter__(self) -> Self:
-        """Raises InputError when nothing of the bag can be read, or when it would take more memory than a bag may."""
+        """Open the bag. Raises InputError when nothing can be read, or when it would take too much memory."""
         for path in storage_files(self.path):
             if path.suffix == ".mcap":
                 check_chunks(path)
         try:
             self._sources = [self._indexed(self.path)]
-        except Exception as fault:  # the readers' own errors are of many families
+        except Exception as fault:  # the readers' exceptions have no common base class
             self._open_parts(_one_line(fault))
         return self
 
@@ -108,13 +108,13 @@ class BagReader:
 
     @property
     def definitions(self) -> dict[str, str]:
-        """Text of the embedded definition by type name."""
+        """Embedded definition texts by type name."""
         return {name: text for source in self._sources for name, text in source.definitions.items()}
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Messages of these topics (relative or absolute names), or all; raises TruncatedBagError at the damage.
 
-        Those of our own types that an older version recorded are given by this version's definition.
+        Messages of our own types recorded by an older version are converted to the current definition.
         """
         names = None if topics is None else {absolute(topic) for topic in topics}
         given = 0
@@ -123,7 +123,7 @@ class BagReader:
             while True:
                 try:
                     message = next(iterator, None)
-                except Exception as fault:  # damage that the index did not show
+                except Exception as fault:  # damage not visible in the index
                     raise self._truncated(_one_line(fault), given) from None
                 if message is None:
                     break
@@ -133,24 +133,24 @@ class BagReader:
             raise self._truncated(self.damage, given)
 
     def check_definitions(self) -> None:
-        """Raises InputError when a type of ours was recorded with a definition that this version cannot read."""
+        """Raise InputError when one of our types was recorded with a definition that this version cannot read."""
         _ = self._store
 
     def decode(self, cdr: bytes, type_name: str) -> Any:
-        """Message from bytes of :meth:`messages`, by our definition or the one in the bag; raises InputError."""
+        """Decode bytes from :meth:`messages` by our definition or the bag's own. Raises InputError."""
         self.check_definitions()
-        store = typestore() if type_name in typestore().types else self._store  # ours has its decoders compiled already
+        store = typestore() if type_name in typestore().types else self._store  # its decoders are compiled already
         if type_name not in store.types:
             raise InputError(f"{self.path}: type {type_name} is unknown and not embedded in the bag; record it as mcap")
         try:
             return store.deserialize_cdr(cdr, type_name)
-        except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
+        except Exception as fault:  # any decoder error means that the bytes are invalid
             raise InputError(
                 f"{self.path}: a message of type {type_name} does not decode ({_one_line(fault)}); record the bag again"
             ) from None
 
     def sha256(self) -> str:
-        """Hex digest of the storage files, one after the other."""
+        """SHA-256 hex digest over the concatenated storage files."""
         digest = hashlib.sha256()
         for path in storage_files(self.path):
             with path.open("rb") as file:
@@ -159,14 +159,14 @@ class BagReader:
         return digest.hexdigest()
 
     def _by_our_definition(self, message: RawMessage) -> RawMessage:
-        """The message itself, or what an older definition recorded as ours has it; raises InputError where none can."""
+        """The message, converted where it was recorded with an older definition. Raises InputError where that fails."""
         older = self._older_typestore(message.type_name) if is_ours(message.type_name) else None
         if older is None:
             return message
         try:
             return message._replace(cdr=current_bytes(message.cdr, message.type_name, older))
         except SerdeError:
-            return message  # its bytes are at fault, which those tell who decode them
+            return message  # invalid bytes are reported when they are decoded
 
     def _older_typestore(self, type_name: str) -> Typestore | None:
         if type_name not in self._older:
@@ -182,7 +182,7 @@ class BagReader:
         return IndexedSource(self._stack.enter_context(Reader(path)))
 
     def _open_parts(self, reason: str) -> None:
-        """Storage file by storage file, the damaged mcaps up to their damage, the unfinished ones to their end."""
+        """Open the storage files one by one: damaged mcaps up to the damage, unfinished ones to their end."""
         if _compression(self.path):
             raise InputError(f"{self.path}: a compressed bag that cannot be read ({reason}); record it again")
         was_closed = self.path.is_dir() and (self.path / "metadata.yaml").exists()
@@ -228,7 +228,7 @@ def storage_files(path: Path) -> list[Path]:
 
 
 def _compression(folder: Path) -> str:
-    """How the files or messages of a bag folder are compressed, "" when they are not (or by the storage alone)."""
+    """rosbag2 compression mode of a bag folder; "" when none (or only inside the storage)."""
     try:
         information = yaml.safe_load((folder / "metadata.yaml").read_text(encoding="utf-8"))
         mode = str(information["rosbag2_bagfile_information"].get("compression_mode", "")).lower()

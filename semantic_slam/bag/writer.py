@@ -1,4 +1,4 @@
-"""Write rosbag2 folders: mcap, chunks compressed with zstd, the definitions of all types embedded."""
+"""Writing of rosbag2 folders: mcap with zstd-compressed chunks and embedded type definitions."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -28,7 +28,7 @@ from semantic_slam.messages.typestore import serialize
 from semantic_slam.outputs import WRITER, WRITER_KEY, check_is_bag
 
 UNLIMITED = QosTime(9223372036, 854775807)
-"""What ROS 2 writes for a deadline, lifespan or lease that does not exist."""
+"""ROS 2's value for an unlimited deadline, lifespan or lease."""
 
 LATCHED_QOS = Qos(
     QosHistory.KEEP_LAST,
@@ -42,18 +42,18 @@ LATCHED_QOS = Qos(
     False,
 )
 WRITTEN_AT_ONCE = 4 << 20
-"""Bytes that reach the disk in one piece: a chunk and its index, so that a killed process leaves no part of one."""
+"""Size of the write buffer in bytes: a chunk with its index is written at once, so a kill leaves no partial chunk."""
 _LATCHED = frozenset(absolute(topic) for topic in LATCHED)
 
 
 class BagWriter:
-    """A context that writes one bag folder; it is closed properly after a fault, too, and keeps what came before.
+    """Context manager that writes one bag folder; closed properly after an exception, too, keeping what was written.
 
-    Topic names become absolute, as recorders write them: ``odom`` is stored as ``/odom``.
+    Topic names are made absolute, as by recorders: ``odom`` is stored as ``/odom``.
     """
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError where something is at ``path`` or where it cannot be written; nothing is replaced."""
+        """Create the bag. Raises InputError where ``path`` exists or cannot be written; nothing is replaced."""
         self.path = Path(path)
         with _faults_of(self.path):
             _make_room(self.path)
@@ -83,7 +83,7 @@ class BagWriter:
         self.write_raw(topic, message.__msgtype__, serialize(message), stamp_ns)
 
     def write_raw(self, topic: str, type_name: str, cdr: bytes, stamp_ns: int, definition: str = "") -> None:
-        """Write CDR bytes; a type that we do not know needs its ``definition``, with nested ones behind it."""
+        """Write CDR bytes; an unknown type needs its ``definition``, followed by those of nested types."""
         name = absolute(topic)
         connection = self._connections.get(name)
         if connection is None:
@@ -94,7 +94,7 @@ class BagWriter:
             self._writer.write(connection, int(stamp_ns), cdr)
 
     def flush(self) -> None:
-        """Hand what was written to the operating system: it outlives this process, killed or not."""
+        """Flush to the operating system, so that the data survive a kill of this process."""
         storage = self._storage()
         with _faults_of(self.path):
             if storage.chunk.bio.tell():
@@ -127,7 +127,7 @@ def _faults_of(path: Path) -> Iterator[None]:
 
 
 def _make_room(path: Path) -> None:
-    """Remove an empty folder at ``path``; anything else there is an InputError."""
+    """Remove an empty folder at ``path``. Raises InputError where anything else exists there."""
     check_is_bag(path)
     if path.exists():
         if any(path.iterdir()):

@@ -1,1 +1,1 @@
-"""A robot's noise from the evidence of a whole drive: no truth is needed, and none is used."""
+"""Calibration of noise parameters by maximising the evidence of a drive; needs and uses no ground truth."""

@@ -1,4 +1,4 @@
-"""From a bag and a configuration to the configuration under which the bag is likeliest."""
+"""Calibration: the configuration under which a bag has the highest evidence."""
 
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -23,7 +23,7 @@ from semantic_slam.pipeline.input_topics import find_topics
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What was found, and from what."""
+    """Result of a calibration, with its inputs."""
 
     drive: Drive
     before: Configuration
@@ -37,12 +37,12 @@ class Calibration:
 
     @property
     def gain(self) -> float:
-        """Nats by which the drive has become likelier."""
+        """Gain of log evidence of the drive, in nats."""
         return self.last.log_evidence - self.first.log_evidence
 
 
 class Runs:
-    """Runs of one drive under several configurations at a time, their beliefs in the folder ``scratch``."""
+    """Runs one drive under several configurations in parallel; beliefs go to the folder ``scratch``."""
 
     def __init__(self, drive: Drive, scratch: Path, jobs: int, progress: tqdm) -> None:
         self._drive, self._scratch, self._progress = drive, scratch, progress
@@ -50,7 +50,7 @@ class Runs:
         self._pool = ProcessPoolExecutor(jobs, get_context("spawn")) if jobs > 1 else None
 
     def weigh(self, configurations: Sequence[Configuration]) -> list[Weighed]:
-        """The outcome of each; the order in which they end does not count."""
+        """Outcome of each configuration, in the given order."""
         folders = [self._scratch / f"belief_{next(self._numbers)}" for _ in configurations]
         if self._pool is None:
             return [self._counted(weigh(self._drive, *own)) for own in zip(configurations, folders, strict=True)]
@@ -60,7 +60,7 @@ class Runs:
         return [self._counted(future.result()) for future in running]
 
     def close(self) -> None:
-        """End the processes; what still waits is not begun."""
+        """Shut down the worker processes; pending runs are cancelled."""
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
@@ -70,9 +70,9 @@ class Runs:
 
 
 def calibrate(drive: Drive, configuration: Configuration, scratch: Path, jobs: int = 1) -> Calibration:
-    """Search for the configuration; beliefs of the runs go to the folder ``scratch``. Raises InputError.
+    """Search for the best configuration; beliefs of the runs go to the folder ``scratch``. Raises InputError.
 
-    The first run is under ``configuration`` as it is. What the bag tells of the truth is not used.
+    The first run uses ``configuration`` unchanged. Ground truth in the bag is not used.
     """
     with tqdm(unit="run", desc="runs") as progress:
         runs = Runs(drive, scratch, jobs, progress)
@@ -101,7 +101,7 @@ def calibrate(drive: Drive, configuration: Configuration, scratch: Path, jobs: i
 
 
 def _places_are_told(bag: Path, record: Record) -> bool:
-    """Whether detections come with covariances of their places, so that the configuration's do not count."""
+    """Whether detections carry position covariances, which override the configured noise."""
     with BagReader(bag) as reader:
         if find_topics(bag, reader.topics).has_images:
             return False

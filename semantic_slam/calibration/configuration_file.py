@@ -1,4 +1,4 @@
-"""A calibrated configuration as a file: what differs from the defaults, and what calibration changed, with why."""
+"""Calibrated configuration file: values that differ from the defaults, with comments on calibrated ones."""
 
 import math
 from collections.abc import Mapping
@@ -20,18 +20,18 @@ HEADER = """\
 
 
 def configuration_text(found: Calibration, base: str) -> str:
-    """Text of ``calibrated.yaml``; ``base`` is what the configuration to begin with is called."""
+    """Text of ``calibrated.yaml``; ``base`` is the name of the initial configuration."""
     header = HEADER.format(
         bag=found.drive.bag.name, keyframes=found.first.num_keyframes, gain=f"{found.gain:+.1f}", base=base
     )
     values = differing(to_dict(found.after), to_dict(Configuration()))
-    for name in found.changes:  # one that was changed to its default is named all the same
+    for name in found.changes:  # also list parameters that were changed to their default
         _put(values, name, to_dict(found.after))
     return header + "\n".join(_lines(values, found.changes, "", 2 * INDENT)) + "\n"
 
 
 def differing(values: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """What is not as in ``defaults``, section by section."""
+    """Values that differ from ``defaults``, section by section."""
     found: dict[str, Any] = {}
     for name, value in values.items():
         own = differing(value, defaults[name]) if isinstance(value, dict) else value
@@ -58,7 +58,7 @@ def _lines(values: Mapping[str, Any], changes: Mapping[str, Change], prefix: str
 
 
 def text_of(value: Any) -> str:
-    """A value as YAML has it, on one line."""
+    """YAML form of a value on one line."""
     plain = list(value) if isinstance(value, tuple) else value
     return str(yaml.safe_dump([plain], default_flow_style=True, width=math.inf)).strip()[1:-1]
 

@@ -1,4 +1,4 @@
-"""``calibration.html``: what was tried, what came of it, and what was inferred."""
+"""Report page ``calibration.html``: candidates tried, their outcomes, and inferred values."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ class ChangeRow:
 
 
 def render_page(found: Calibration, base: str) -> str:
-    """Text of the page; ``base`` is what the configuration to begin with is called."""
+    """Text of the page; ``base`` is the name of the initial configuration."""
     return (
         environment()
         .get_template("calibration.html")
@@ -68,7 +68,7 @@ def _row(trial: Trial) -> TrialRow:
 
 
 def gain_chart(found: Calibration) -> Chart:
-    """Where in the drive the evidence has risen."""
+    """Chart of the evidence gained over the drive."""
     before, after = (
         np.array([belief.log_evidence for belief in record.beliefs])
         for record in (found.record_before, found.record_after)

@@ -1,4 +1,4 @@
-"""What a run has inferred, as what the next one expects before its drive."""
+"""Posterior noise estimates of a run as priors for the next run."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.inference.models.odometry_bias import CLOCK, NAMES
 
 WIDENED = 0.5
-"""Share of the prior's standard deviation that is left to a bias at least: another drive is another day."""
+"""Lower bound of a bias's new standard deviation, as a share of the prior's: biases vary between drives."""
 PROBABILITY, HALF_RANGE = "open_world.detection_probability", "open_world.detection_half_range_m"
 CLUTTER = "open_world.clutter_per_frame"
 REGION = ("min_range_m", "max_range_m", "field_of_view_rad", "direction_rad")
@@ -19,7 +19,7 @@ Noise = Mapping[str, tuple[float, float]]
 
 
 def refinements(configuration: Configuration, noise: Noise) -> dict[str, dict[str, Any]]:
-    """Name -> new values of parameters, from what a run under ``configuration`` has inferred of the noise."""
+    """Name -> new parameter values, from the noise estimates of a run under ``configuration``."""
     found = {
         "biases of odometry": _biases(configuration, noise, NAMES[:CLOCK]),
         "clock of odometry": _biases(configuration, noise, NAMES[CLOCK:]),
@@ -32,7 +32,7 @@ def refinements(configuration: Configuration, noise: Noise) -> dict[str, dict[st
 
 
 def _biases(configuration: Configuration, noise: Noise, names: Sequence[str]) -> dict[str, Any]:
-    """Each as it was at the end, and as well known."""
+    """New prior of each bias: its final estimate and uncertainty."""
     changes: dict[str, Any] = {}
     for name in names:
         if name in noise:
@@ -43,7 +43,7 @@ def _biases(configuration: Configuration, noise: Noise, names: Sequence[str]) ->
 
 
 def _detection_probability(noise: Noise) -> dict[str, Any]:
-    """Three about the mean, their odds a factor of two apart."""
+    """Three values around the mean, with odds a factor of two apart."""
     if PROBABILITY not in noise:
         return {}
     mean = noise[PROBABILITY][0]
@@ -52,7 +52,7 @@ def _detection_probability(noise: Noise) -> dict[str, Any]:
 
 
 def _half_range(noise: Noise) -> dict[str, Any]:
-    """Three about the mean, a factor of the square root of two apart."""
+    """Three values around the mean, a factor of sqrt(2) apart."""
     if HALF_RANGE not in noise:
         return {}
     values = noise[HALF_RANGE][0] * np.sqrt([0.5, 1.0, 2.0])
@@ -60,7 +60,7 @@ def _half_range(noise: Noise) -> dict[str, Any]:
 
 
 def _clutter(noise: Noise) -> dict[str, Any]:
-    """Three about the mean, a factor of three apart."""
+    """Three values around the mean, a factor of three apart."""
     if CLUTTER not in noise:
         return {}
     return {"open_world.clutters_per_frame": [rounded(noise[CLUTTER][0] * factor) for factor in (1.0 / 3.0, 1.0, 3.0)]}

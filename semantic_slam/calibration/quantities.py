@@ -1,4 +1,4 @@
-"""What hypotheses do not estimate themselves, and the steps by which it is searched for: factors of two."""
+"""Quantities to calibrate that hypotheses do not estimate, searched in steps by factors of two."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,21 +19,21 @@ CLUTTER = {
     "enumerated": "closed_world.clutter_per_frame",
     "given": "closed_world.wrong_identity_share",
 }
-"""Association strategy -> what it knows of detections that are of no object."""
+"""Association strategy -> its parameters for clutter detections."""
 DIGITS = 4
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Parameters that are moved together: each is multiplied by 2 to the power of the number of steps."""
+    """Parameters changed together: each is multiplied by 2 to the power of the number of steps."""
 
     name: str
-    parameters: tuple[str, ...]  # as the configuration names them
-    power: int = 1  # of the factor; 2 for what multiplies variances
-    of_the_rest: bool = False  # what a share leaves is multiplied, not the share
+    parameters: tuple[str, ...]  # dotted configuration names
+    power: int = 1  # exponent of the factor; 2 for factors on variances
+    of_the_rest: bool = False  # multiply 1 - value instead of the value
 
     def stepped(self, configuration: Configuration, steps: int) -> dict[str, Any]:
-        """Values of the parameters so many steps from those of ``configuration``; those that are zero stay out."""
+        """Parameter values ``steps`` steps from ``configuration``; parameters that are zero are left out."""
         factor = 2.0 ** (steps * self.power)
         found = {name: value_of(configuration, name) for name in self.parameters}
         return {name: self._times(value, factor) for name, value in found.items() if value}
@@ -45,7 +45,7 @@ class Quantity:
 
 
 def quantities(configuration: Configuration, *, places_are_told: bool) -> tuple[Quantity, ...]:
-    """What is searched for under a configuration, in this order; ``places_are_told`` with covariances of their own."""
+    """Quantities to search, in order; ``places_are_told``: detections carry position covariances of their own."""
     found = [Quantity("noise of odometry", tuple(f"odometry.{name}" for name in ODOMETRY))]
     if places_are_told:
         found.append(Quantity("noise of detections", ("perception.noise_factors",), power=2))
@@ -67,7 +67,7 @@ def value_of(configuration: Configuration, name: str) -> Any:
 
 
 def with_values(configuration: Configuration, changes: Mapping[str, Any]) -> Configuration:
-    """The configuration with other values by dotted names. Raises InputError for one beyond its limits."""
+    """Configuration with values changed by dotted name. Raises InputError for one beyond its limits."""
     values = to_dict(configuration)
     for name, value in changes.items():
         *sections, last = name.split(".")
@@ -79,5 +79,5 @@ def with_values(configuration: Configuration, changes: Mapping[str, Any]) -> Con
 
 
 def rounded(value: float) -> float:
-    """To the digits that a file gets: what is weighed is what is written."""
+    """Round to the digits written to the file, so that the evaluated value is the written one."""
     return float(f"{value:.{DIGITS}g}")

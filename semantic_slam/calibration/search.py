@@ -1,4 +1,4 @@
-"""The search for the configuration under which a drive is likeliest: coordinate steps, by factors of two."""
+"""Coordinate search for the configuration with the highest evidence, in steps by factors of two."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,22 +13,22 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 
 LEAST_GAIN = 5.0
-"""Nats by which a candidate must be better to be preferred: twenty to one, after eight that were tried."""
+"""Smallest gain [nats] at which a candidate is preferred: odds of 20:1 after correcting for eight trials."""
 ROUNDS = 4
-"""Times at most that another quantity is moved."""
+"""Largest number of quantities stepped, one after the other."""
 MOST_STEPS = 5
-"""Factors of two away from where the search begins."""
+"""Largest number of steps (factors of two) from the start of the search."""
 
 Weigh = Callable[[Sequence[Configuration]], list[Weighed]]
-"""Runs the drive under each of some configurations."""
+"""Function that runs the drive under each of several configurations."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One candidate, against the best one before it."""
+    """One candidate, compared with the best one before it."""
 
     quantity: str
-    values: Mapping[str, Any]  # dotted name -> value, of what differs from that one
+    values: Mapping[str, Any]  # dotted name -> value, where it differs from the best
     log_evidence: float
     gain: float  # nats
     is_kept: bool = False
@@ -37,7 +37,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Change:
-    """One parameter that calibration has changed."""
+    """One parameter changed by calibration."""
 
     before: Any
     after: Any
@@ -47,7 +47,7 @@ class Change:
 
 @dataclass
 class Search:
-    """Moves from ``best``, the configuration to begin with, whose run gave ``outcome``, to better ones."""
+    """Search state: ``best`` configuration so far, with its ``outcome``; starts from the initial configuration."""
 
     weigh: Weigh
     best: Configuration
@@ -57,10 +57,10 @@ class Search:
 
     def __post_init__(self) -> None:
         self._start, self._first = self.best, self.outcome
-        self._known: dict[Configuration | str, Weighed] = {self.best: self.outcome}  # or why it cannot be had
+        self._known: dict[Configuration | str, Weighed] = {self.best: self.outcome}  # a string says why it is invalid
 
     def climb(self, quantities: Sequence[Quantity]) -> None:
-        """Steps of one quantity as long as they raise the evidence, then of another: each time the steepest."""
+        """Coordinate ascent: step the steepest quantity as long as the evidence rises, then choose the next."""
         steps = {item.name: 0 for item in quantities}
         for _ in range(ROUNDS):
             ways = [(own, way) for own in quantities for way in (1, -1) if abs(steps[own.name] + way) <= MOST_STEPS]
@@ -75,12 +75,12 @@ class Search:
                 steps[item.name] += way
 
     def refine(self) -> None:
-        """Take over what the best run has inferred, where that raises the evidence."""
+        """Adopt noise values inferred by the best run, where that raises the evidence."""
         for name in refinements(self.best, self.outcome.noise):
             self._best_of([(name, refinements(self.best, self.outcome.noise)[name])])
 
     def _best_of(self, changes: Sequence[tuple[str, Mapping[str, Any]]]) -> int | None:
-        """Which of some changes of quantities is best, and is kept; None: none is better enough."""
+        """Index of the best of several changes, which is kept; None where none gains enough."""
         candidates = [self._changed(values) for _, values in changes]
         is_new = [item not in self._known for item in candidates]
         self._weigh(candidates)
@@ -106,13 +106,13 @@ class Search:
         return found
 
     def _forget_all_but_best(self, outcomes: Sequence[Weighed]) -> None:
-        """Remove the beliefs of those that lost; those of the first run are kept, too."""
+        """Delete the beliefs of all runs but the best and the first."""
         for outcome in outcomes:
             if outcome.belief_bag not in (self._first.belief_bag, self.outcome.belief_bag):
                 forget(outcome)
 
     def _changed(self, values: Mapping[str, Any]) -> Configuration | str:
-        """The best configuration with other values, or why it cannot have them."""
+        """Best configuration with changed values, or the reason why they are invalid."""
         try:
             return with_values(self.best, values)
         except InputError as fault:

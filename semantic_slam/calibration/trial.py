@@ -1,4 +1,4 @@
-"""One run of the bag under one configuration, and what its belief says of it."""
+"""One calibration run of the bag under one configuration, and its evidence."""
 
 import io
 import shutil
@@ -19,7 +19,7 @@ from semantic_slam.pipeline.offline import run_bag
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """The bag, and how much of it is run."""
+    """The bag, and the part of it that is run."""
 
     bag: Path
     map_prior: MapPrior | None = None
@@ -28,18 +28,18 @@ class Drive:
 
 @dataclass(frozen=True)
 class Weighed:
-    """What a run makes of a drive."""
+    """Outcome of a run over a drive."""
 
-    log_evidence: float  # nats, of the whole drive; -inf: it cannot be compared
+    log_evidence: float  # nats, of the whole drive; -inf: not comparable
     belief_bag: Path
     num_keyframes: int = 0
     num_detections: int = 0
-    noise: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # at its end: name -> mean, sigma
+    noise: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # final estimates: name -> mean, sigma
     fault: str = ""  # why it cannot be compared
     damage: str = ""  # why the bag was not read to its end
 
     def beside(self, first: "Weighed") -> "Weighed":
-        """This outcome, or that it cannot be compared, where it is not of the keyframes and detections of ``first``."""
+        """This outcome; not comparable where its numbers of keyframes or detections differ from those of ``first``."""
         size = self.num_keyframes, self.num_detections
         if self.fault or size == (first.num_keyframes, first.num_detections):
             return self
@@ -47,7 +47,7 @@ class Weighed:
 
 
 def weigh(drive: Drive, configuration: Configuration, belief_bag: Path) -> Weighed:
-    """Run the drive, silently, into ``belief_bag``. A run that comes to no end weighs nothing, and says why."""
+    """Run the drive silently into ``belief_bag``. A failed run has evidence -inf and a ``fault``."""
     try:
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             summary = run_bag(drive.bag, belief_bag, configuration, drive.map_prior, drive.max_keyframes)
@@ -58,7 +58,7 @@ def weigh(drive: Drive, configuration: Configuration, belief_bag: Path) -> Weigh
 
 
 def weighed(record: Record, belief_bag: Path, damage: str = "") -> Weighed:
-    """The sum over the keyframes of log P(Z_k | Z_1:k-1), each as the belief of its time expected it."""
+    """Outcome of a recorded run: log evidence as the sum over keyframes of log P(Z_k | Z_1:k-1)."""
     last = record.beliefs[-1]
     noise = zip(last.noise_values.tolist(), last.noise_sigmas.tolist(), strict=True)
     return Weighed(
@@ -72,5 +72,5 @@ def weighed(record: Record, belief_bag: Path, damage: str = "") -> Weighed:
 
 
 def forget(outcome: Weighed) -> None:
-    """Remove the beliefs of a run that is not needed any more."""
+    """Delete the beliefs of a run that is no longer needed."""
     shutil.rmtree(outcome.belief_bag, ignore_errors=True)

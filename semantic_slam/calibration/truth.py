@@ -1,4 +1,4 @@
-"""How far off a calibration was, where the bag holds the truth: said afterwards, used for nothing."""
+"""Comparison of a calibration with ground truth, where the bag has it; for reporting only."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -20,12 +20,12 @@ from semantic_slam.inference.models.odometry_bias import NAMES, slopes
 from semantic_slam.messages.standard import NANOSECONDS
 
 LARGEST_OFFSET_S = 0.5
-"""Between the clocks of odometry and detections, either way, up to which the true one is looked for."""
+"""Largest clock offset [s] between odometry and detections, in either direction, that is searched."""
 
 
 @dataclass(frozen=True)
 class TrueBias:
-    """One error that odometry made all the way."""
+    """One systematic odometry error: true and inferred value."""
 
     name: str  # as the configuration names it
     true: float  # least squares against the true trajectory
@@ -34,22 +34,22 @@ class TrueBias:
 
     @property
     def off(self) -> float:
-        """Error in standard deviations."""
+        """Error of the inferred value in standard deviations."""
         return (self.inferred - self.true) / self.sigma
 
 
 @dataclass(frozen=True)
 class Figures:
-    """One run against the truth."""
+    """Error figures of one run against ground truth."""
 
     ate_aligned_m: float
-    nees: float  # 3 when honest
-    odometry_error: float  # RMS error of odometry without its biases, over what is stated; 1 when honest
+    nees: float  # 3 when consistent
+    odometry_error: float  # RMS odometry error after bias removal, relative to the stated one; 1 when consistent
 
 
 @dataclass(frozen=True)
 class TruthBeside:
-    """Before and after calibration, against the truth."""
+    """Figures before and after calibration, against ground truth."""
 
     before: Figures
     after: Figures
@@ -57,7 +57,7 @@ class TruthBeside:
 
 
 def truth_beside(found: Calibration) -> TruthBeside | None:
-    """None where the bag holds no true trajectory."""
+    """Compare with ground truth; None where the bag has no true trajectory."""
     truth = found.record_after.truth
     if truth is None or not len(truth.trajectory):
         return None
@@ -80,7 +80,7 @@ def truth_beside(found: Calibration) -> TruthBeside | None:
 
 @dataclass(frozen=True)
 class Motions:
-    """K motions between keyframes."""
+    """K odometry motions between keyframes, with the true ones."""
 
     odometry: Trajectory
     stamps_ns: NDArray[np.int64]  # (K, 2) of their beginnings and ends
@@ -88,7 +88,7 @@ class Motions:
 
     @classmethod
     def of(cls, record: Record, truth: GroundTruth) -> Self:
-        """The motions of a record for which odometry and the truth are known."""
+        """Motions of a record for which odometry and ground truth are known."""
         stamps = np.array([belief.stamp_ns for belief in record.beliefs], dtype=np.int64)
         pairs = np.stack([stamps[:-1], stamps[1:]], axis=1)
         known = np.isfinite(motions(truth.trajectory, pairs)).all(axis=1)
@@ -97,7 +97,7 @@ class Motions:
         return cls(record.odometry, pairs[known], motions(truth.trajectory, pairs[known]))
 
     def fitted(self, settings: OdometryConfiguration) -> tuple[Array, float]:
-        """(4,) biases by least squares, and the RMS of what they leave, over the errors' stated deviations."""
+        """(4,) least-squares biases, and the RMS residual relative to the stated standard deviations."""
         best = min(np.linspace(-1.0, 1.0, 21), key=lambda share: self._at(share * LARGEST_OFFSET_S, settings)[1])
         near = np.clip([best - 0.1, best + 0.1], -1.0, 1.0) * LARGEST_OFFSET_S
         offset = float(minimize_scalar(lambda t: self._at(t, settings)[1], bounds=near, method="bounded").x)
@@ -105,7 +105,7 @@ class Motions:
         return np.append(bias, offset), left
 
     def _at(self, offset_s: float, settings: OdometryConfiguration) -> tuple[Array, float]:
-        """(3,) biases besides that of a clock that is known, and the RMS that is left."""
+        """(3,) biases for a given clock offset, and the RMS residual."""
         controls = motions(self.odometry, shifted(self.stamps_ns, offset_s))
         stated = [odometry_covariance(float(np.hypot(x, y)), abs(float(yaw)), settings) for x, y, yaw in controls]
         deviations = np.sqrt(np.diagonal(stated, axis1=1, axis2=2))
@@ -126,5 +126,5 @@ def motions(path: Trajectory, stamps_ns: NDArray[np.int64]) -> Array:
 
 
 def shifted(stamps_ns: NDArray[np.int64], offset_s: float) -> NDArray[np.int64]:
-    """Instants, later by an offset."""
+    """Stamps shifted later by ``offset_s``."""
     return np.asarray(stamps_ns + round(offset_s * NANOSECONDS), dtype=np.int64)

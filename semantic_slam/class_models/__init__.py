@@ -1,1 +1,1 @@
-"""What a value of ``semantic_model.kind`` stands for, and what loads the models."""
+"""Kinds of class models (values of ``semantic_model.kind``) and their loaders."""

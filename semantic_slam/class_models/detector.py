@@ -1,4 +1,4 @@
-"""The configured model of a detector's labels: as any detector, or as fitted to runs of this one."""
+"""Loading of the configured label model: generic defaults, or fitted to runs of this detector."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,16 +16,17 @@ from semantic_slam.viewpoint.labels.vocabulary import with_vocabulary
 
 
 def load_label_model(settings: SemanticModelConfiguration, bag_sha256: str = "") -> LabelModel | None:
-    """The model of the detector's words, or None where these say nothing. Raises InputError.
+    """Load the label model, or None where labels are not used. Raises InputError.
 
-    ``bag_sha256`` is the digest of the bag that it is for: models that were fitted to it are used where they were not.
+    ``bag_sha256`` is the digest of the bag to run: if the models were fitted to it, variants fitted without it are used
+    (leave-one-out).
     """
     load = class_model_kind(settings).labels
     return load(settings, bag_sha256) if load is not None else None
 
 
 def fitted_labels(settings: SemanticModelConfiguration) -> FittedLabels | None:
-    """What the configured file holds, None where none is configured, or where labels say nothing. Raises InputError."""
+    """Content of the configured file; None where none is configured or labels are not used. Raises InputError."""
     is_fitted = bool(settings.path) and class_model_kind(settings).labels is not None
     return read_labels(Path(settings.path)) if is_fitted else None
 
@@ -33,7 +34,7 @@ def fitted_labels(settings: SemanticModelConfiguration) -> FittedLabels | None:
 def with_fitted_detection(
     world: OpenWorldConfiguration, settings: SemanticModelConfiguration, bag_sha256: str
 ) -> OpenWorldConfiguration:
-    """With how often the fitted detector detects, where ``world`` leaves nothing of it to be inferred.
+    """``world`` with the fitted detector's detection statistics, where the configuration has none to be inferred.
 
     Raises InputError.
     """
@@ -87,4 +88,4 @@ def _model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelModel:
 DETECTOR = ClassModelKind(
     labels=_model, semantics="detector_labels", carried="detector_labels", has_factors=False, repeats_errors=False
 )
-"""The detector's own labels and scores, without a network of ours."""
+"""Class models from the detector's own labels and scores, without a classification network."""

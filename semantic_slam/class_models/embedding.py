@@ -1,4 +1,4 @@
-"""The configured model of vectors of appearance: as any network's, or as runs with this one have shown."""
+"""Loading of the configured embedding model: generic defaults, or learned from runs of this network."""
 
 from pathlib import Path
 
@@ -10,9 +10,9 @@ from semantic_slam.viewpoint.embeddings.store import ANEW, read_embeddings
 
 
 def load_embedding_model(settings: SemanticModelConfiguration, bag_sha256: str = "") -> EmbeddingModel | None:
-    """The model of what objects look like, or None where vectors of appearance say nothing. Raises InputError.
+    """Load the embedding model, or None where embeddings are not used. Raises InputError.
 
-    ``bag_sha256`` is the digest of the bag that it is for: of one that it was fitted to, the others tell.
+    ``bag_sha256`` is the digest of the bag to run: if it was part of the fit, parameters learned from the others apply.
     """
     load = class_model_kind(settings).embeddings
     if load is None:
@@ -29,7 +29,7 @@ def _fitted(model: EmbeddingModel, settings: SemanticModelConfiguration, bag_sha
 
 
 def embedding_model(settings: SemanticModelConfiguration) -> EmbeddingModel:
-    """As the parameters have it, whatever the kind. Raises InputError."""
+    """Embedding model from the configuration parameters alone. Raises InputError."""
     for name, shares in (("spread_shares", settings.spread_shares), ("noise_shares", settings.noise_shares)):
         if not shares or not 0.0 < min(shares) <= max(shares) < 1.0:
             raise InputError(f"semantic_model.{name} must lie between 0 and 1, one at least; correct them")
@@ -51,4 +51,4 @@ EMBEDDING = ClassModelKind(
     has_factors=False,
     repeats_errors=False,
 )
-"""Vectors of appearance that detections carry, without classes."""
+"""Class models from embedding vectors in the detections, without classes."""

@@ -1,4 +1,4 @@
-"""Which file a run has its class models from: a name is not enough, another one may be put in its place."""
+"""Digest of the class-model file of a run, which identifies it even if another file takes its name."""
 
 import hashlib
 from dataclasses import replace
@@ -9,13 +9,13 @@ from semantic_slam.errors import InputError
 
 
 def noted(settings: SemanticModelConfiguration) -> SemanticModelConfiguration:
-    """With the digest of the named file. Raises InputError where another file is wanted."""
+    """Settings with the digest of the named file filled in. Raises InputError where a different digest is required."""
     check_digest(settings)
     return replace(settings, path_digest=_digest(settings.path))
 
 
 def check_digest(settings: SemanticModelConfiguration) -> None:
-    """Raises InputError where the named file is not the one that is wanted; readers name a missing one."""
+    """Raise InputError where the named file's digest is not the required one; a missing file is left to its reader."""
     found = _digest(settings.path)
     is_missing = bool(settings.path) and not found
     if settings.path_digest not in ("", found) and not is_missing:
@@ -27,7 +27,7 @@ def check_digest(settings: SemanticModelConfiguration) -> None:
 
 
 def _digest(path: str) -> str:
-    """The digest of a file's content; empty where none is named, or none is there."""
+    """Digest of a file's content; "" where no file is named or it does not exist."""
     if not path or not Path(path).is_file():
         return ""
     return hashlib.blake2b(Path(path).read_bytes(), digest_size=8).hexdigest()

@@ -1,4 +1,4 @@
-"""Kinds of class models: what a value of ``semantic_model.kind`` stands for, of this package or of a foreign one."""
+"""Definition of a kind of class models, the plug-in behind a value of ``semantic_model.kind``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,30 +19,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ClassModelKind:
-    """What loads the models, and which semantics (names in the registry ``SEMANTICS``) their views go with.
+    """Loaders of the models, and the semantics (names in the registry ``SEMANTICS``) that process their views.
 
-    A fitted viewpoint model needs ``viewpoint`` alone. The loaders take the group ``semantic_model`` of a configuration
-    and raise InputError.
+    A fitted viewpoint model only needs ``viewpoint``. Loaders take the configuration group ``semantic_model`` and raise
+    InputError.
     """
 
     viewpoint: "Callable[[SemanticModelConfiguration], ViewpointModel] | None" = None  # P(z | c, viewpoint)
     descriptors: "Callable[[SemanticModelConfiguration], DescriptorModel] | None" = None  # P(f | viewpoint, e) instead
     labels: "Callable[[SemanticModelConfiguration, str], LabelModel] | None" = (
-        None  # a detector's words instead; the text is the digest of the run's bag, "" where there is none
+        None  # a detector's labels instead; the string is the digest of the run's bag, or ""
     )
-    embeddings: "Callable[[SemanticModelConfiguration], EmbeddingModel] | None" = None  # vectors of appearance instead
+    embeddings: "Callable[[SemanticModelConfiguration], EmbeddingModel] | None" = None  # embedding vectors instead
     extractor: "Callable[[SemanticModelConfiguration], FeatureExtractor] | None" = None  # f, None: class probabilities
-    appearance: "Callable[[SemanticModelConfiguration], KnownAppearance | None] | None" = (
-        None  # of what it was fitted to
-    )
-    semantics: str = "independent_views"  # where a map, or a class that is enumerated, tells how objects are turned
-    carried: str | None = "class_tables"  # where nothing tells that; None: the models do not go with such associations
-    has_factors: bool = True  # views enter the graphs under classes that hypotheses enumerate
-    repeats_errors: bool = True  # view after view meets the same error, for which the likelihoods are tempered
+    appearance: "Callable[[SemanticModelConfiguration], KnownAppearance | None] | None" = None  # of the fitted objects
+    semantics: str = "independent_views"  # used where headings come from a map or an enumerated class
+    carried: str | None = "class_tables"  # used where headings are unknown; None: not supported there
+    has_factors: bool = True  # views become graph factors when hypotheses enumerate classes
+    repeats_errors: bool = True  # errors repeat between views, so likelihoods are tempered
 
     @property
     def sees_places_alone(self) -> bool:
-        """Whether nothing that a view shows depends on how its object is turned."""
+        """Whether views are independent of the object's heading."""
         return self.viewpoint is None and self.descriptors is None
 
 

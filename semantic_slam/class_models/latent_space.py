@@ -1,4 +1,4 @@
-"""The configured latent space: its model for inference, and the extractor of the features that it explains."""
+"""Loading of the configured latent space: its model for inference and its feature extractor."""
 
 from importlib import resources
 from pathlib import Path
@@ -16,19 +16,19 @@ SHIPPED_MODEL = "latent_model.safetensors"
 
 
 def load_latent_model(settings: SemanticModelConfiguration) -> DescriptorModel | None:
-    """The model, or None where objects have no descriptors. Raises InputError."""
+    """Load the latent model, or None where objects have no descriptors. Raises InputError."""
     load = class_model_kind(settings).descriptors
     return load(settings) if load is not None else None
 
 
 def load_extractor(settings: SemanticModelConfiguration) -> "FeatureExtractor | None":
-    """f_psi, or None where class probabilities are the feature. Raises InputError."""
+    """Load the feature extractor f_psi, or None where class probabilities are the feature. Raises InputError."""
     load = class_model_kind(settings).extractor
     return load(settings) if load is not None else None
 
 
 def latent_file(settings: SemanticModelConfiguration) -> Path:
-    """The file named, or the one that is installed with the package."""
+    """Path of the configured file, or of the one shipped with the package."""
     return Path(settings.path) if settings.path else Path(str(resources.files("semantic_slam.weights") / SHIPPED_MODEL))
 
 

@@ -1,4 +1,4 @@
-"""The configured class models."""
+"""Loading of the configured viewpoint models."""
 
 from importlib import resources
 from pathlib import Path
@@ -16,19 +16,19 @@ SHIPPED_MODELS = "viewpoint_models.safetensors"
 
 
 def load_model(settings: SemanticModelConfiguration) -> ViewpointModel | None:
-    """The models of Eq. 4.2, or None where there are no classes, or descriptors instead. Raises InputError."""
+    """Load the viewpoint models of Eq. 4.2, or None where there are none (or descriptors). Raises InputError."""
     load = class_model_kind(settings).viewpoint
     return load(settings) if load is not None else None
 
 
 def load_appearance(settings: SemanticModelConfiguration) -> KnownAppearance | None:
-    """What the fitted objects look like, or None where the models do not tell. Raises InputError."""
+    """Load the appearance of the fitted objects, or None where the models have none. Raises InputError."""
     load = class_model_kind(settings).appearance
     return load(settings) if load is not None else None
 
 
 def shipped_models() -> Path:
-    """The viewpoint models that are installed with the package."""
+    """Path of the viewpoint models shipped with the package."""
     return Path(str(resources.files("semantic_slam.weights") / SHIPPED_MODELS))
 
 

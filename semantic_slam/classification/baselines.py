@@ -1,4 +1,4 @@
-"""Methods of others, as the thesis compares with them (Sec. 3.4.1)."""
+"""Baseline classifiers from the literature, compared with in the thesis (Sec. 3.4.1)."""
 
 from dataclasses import replace
 from typing import Self
@@ -11,11 +11,11 @@ from semantic_slam.classification.processes import ClassProcesses
 from semantic_slam.geometry.arrays import Array
 
 SCORE_CLIP = 0.01
-"""Simple Bayes takes no score for less than this: one zero would rule a class out for ever."""
+"""Lower bound of scores in simple Bayes: a single zero would rule out a class permanently."""
 
 
 class ModelBasedClassifier(JointClassifier):
-    """Teacy et al.: likelihood of the mean scores under the joint process; blind to dropout's spread."""
+    """Teacy et al.: likelihood of the mean scores under the joint process; ignores the dropout spread."""
 
     def __init__(
         self, processes: ClassProcesses, log_prior: Array, num_tracks: int = 1, *, window: int | None = None
@@ -34,7 +34,7 @@ class ModelBasedClassifier(JointClassifier):
 
 
 class SimpleBayesClassifier(SequentialClassifier):
-    """Patten et al.: the mean scores themselves are the classes' likelihoods, independent between views."""
+    """Patten et al.: the mean scores are used as class likelihoods, independent between views."""
 
     def __init__(self, log_prior: Array, num_tracks: int = 1, *, clip: float = SCORE_CLIP) -> None:
         super().__init__(log_prior, num_tracks)

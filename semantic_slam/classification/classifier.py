@@ -1,4 +1,4 @@
-"""The one interface of all methods that fuse the views of a track into a class posterior."""
+"""Common interface of the methods that fuse the views of a track into a class posterior."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from semantic_slam.perception.uncertainty import sample_covariance
 
 @dataclass(frozen=True)
 class Scores:
-    """One semantic measurement: n dropout passes of F components, and the Gaussian that stands for them (Eq. 3.30)."""
+    """One semantic measurement: n dropout passes of F components, and their Gaussian approximation (Eq. 3.30)."""
 
     samples: Array  # (n, F)
     mean: Array  # (F,) mu_z
@@ -27,17 +27,17 @@ class Scores:
 
 @dataclass(frozen=True)
 class View:
-    """A measurement, and from where it was taken under each of P tracks."""
+    """A measurement with the camera location under each of P tracks."""
 
     locations_m: Array  # (P, 2) camera relative to the object, in the object's frame
     scores: Scores
 
 
 class SequentialClassifier(ABC):
-    """Class posterior of one object along each of P tracks, view by view; C classes, natural logarithms.
+    """Recursive class posterior of one object along each of P tracks; C classes, natural logarithms.
 
     ``log_posteriors``: (P, C), normalised over the classes of each track.
-    ``log_evidence``: (P,) log p(z_0:k | track), the method's own chain of predictions.
+    ``log_evidence``: (P,) log p(z_0:k | track), as the product of the method's own predictions.
     ``dropped``: views that have left the window.
     """
 
@@ -49,26 +49,26 @@ class SequentialClassifier(ABC):
 
     @property
     def num_tracks(self) -> int:
-        """P, the number of tracks."""
+        """Number of tracks P."""
         return len(self.log_evidence)
 
     @abstractmethod
     def update(self, view: View) -> Array:
-        """Take a view in; returns the (C,) log posterior, averaged evenly over the tracks (Eq. 3.20)."""
+        """Add a view; returns the (C,) log posterior, averaged evenly over the tracks (Eq. 3.20)."""
 
     @abstractmethod
     def empty(self, num_tracks: int) -> Self:
-        """A classifier of the same settings for ``num_tracks`` tracks, that has seen nothing."""
+        """New classifier with these settings for ``num_tracks`` tracks, without views."""
 
     def replace(self, rows: Index, other: Self, source: Index) -> None:
-        """Take tracks ``source`` of ``other`` (or of itself), which has seen the same, for those at ``rows``."""
+        """Replace the tracks at ``rows`` by tracks ``source`` of ``other`` (or of itself), which has the same views."""
         self.log_posteriors[rows] = other.log_posteriors[source]
         self.log_evidence[rows] = other.log_evidence[source]
 
     def _weigh(self, log_likelihoods: Array) -> Array:
-        """Bayes' rule for (P, n, C) likelihoods of n equally likely readings of one view (Eqs. 3.24-3.27).
+        """Bayes' rule for (P, n, C) likelihoods of n equally weighted samples of one view (Eqs. 3.24-3.27).
 
-        Normalised reading by reading, then averaged; returns what ``update`` returns.
+        Normalised sample by sample, then averaged; returns what ``update`` returns.
         """
         joint = self.log_posteriors[:, None, :] + log_likelihoods
         totals = log_sum_exp(joint, axis=-1)  # (P, n), -log eta of Eq. 3.26
@@ -79,7 +79,7 @@ class SequentialClassifier(ABC):
 
 
 def normalised(log_weights: Array) -> Array:
-    """(..., C) logs shifted so that they sum to one over the last axis."""
+    """(..., C) log weights normalised over the last axis."""
     return np.asarray(log_weights - log_sum_exp(log_weights, axis=-1, keepdims=True))
 
 

@@ -1,4 +1,4 @@
-"""Arrays and factors that grow by a view and lose their oldest one, without being made anew."""
+"""Growing arrays and matrices: append a view, drop the oldest, with amortised copying."""
 
 import numpy as np
 
@@ -20,11 +20,11 @@ class GrowingArray:
 
     @property
     def values(self) -> Array:
-        """The (*batch, k, *item) items that are there, as a view of the buffer."""
+        """The current (*batch, k, *item) items, as a view of the buffer."""
         return self._data[(slice(None),) * self._axis + (slice(self._start, self._end),)]
 
     def append(self, item: Array) -> None:
-        """Add one (*batch, *item)."""
+        """Append one (*batch, *item)."""
         if self._end == self._data.shape[self._axis]:
             self._reserve(2 * len(self) + FIRST_CAPACITY)
         self._end += 1

@@ -1,4 +1,4 @@
-"""Gaussians over sequences that grow block by block: predict the next block, then take it in, in O(n^2)."""
+"""Gaussians over sequences that grow block-wise: predict the next block, then append it, in O(n^2)."""
 
 from dataclasses import dataclass
 
@@ -8,15 +8,15 @@ from semantic_slam.classification.growing import GrowingArray, GrowingMatrix
 from semantic_slam.geometry.arrays import Array, Index
 
 RELATIVE_FLOOR = 1e-12
-"""Least conditional variance, as a share of the processes' greatest: below it a difference of doubles means nothing.
+"""Smallest conditional variance relative to the processes' largest; below it double precision is exhausted.
 
-One number for all classes, so that a view that all of them predict perfectly favours none.
+One value for all classes, so that a view that all of them predict perfectly favours none.
 """
 
 
 @dataclass(frozen=True)
 class NextBlock:
-    """The next b values of a sequence given its first n, about their mean; batch shape before all others."""
+    """Conditional Gaussian of the next b values given the first n; batch axes come first."""
 
     shift: Array  # (*batch, b) conditional mean minus mean
     root: Array  # (*batch, b, b) lower factor of the conditional covariance
@@ -24,21 +24,21 @@ class NextBlock:
 
 
 class GrowingGaussian:
-    """Batch of zero-mean Gaussians over n values of which the residuals are known, n growing in blocks.
+    """Batch of zero-mean Gaussians over n observed residuals, n growing in blocks.
 
-    Kept is a square root of the inverse covariance S^-1 = M^T M. A new block adds rows to it (a growing Cholesky
-    factor, inverted), and leaving the first value out is a Householder reflection that empties its column: both are
-    O(n^2), and nothing is ever made anew.
+    The state is a square root M of the inverse covariance, S^-1 = M^T M. A new block appends rows to it (the inverse of
+    a growing Cholesky factor); removing the first value is a Householder reflection that zeroes its column. Both cost
+    O(n^2); nothing is refactored.
     """
 
     def __init__(self, batch: tuple[int, ...], floor: float) -> None:
-        """``floor``: least conditional variance of a value."""
+        """``floor``: lower bound of conditional variances."""
         self._root = GrowingMatrix(batch)  # M
         self._whitened_residual = GrowingArray(batch, ())  # M (z - mean)
         self._floor = floor
 
     def predict(self, cross: Array, corner: Array) -> NextBlock:
-        """Gaussian of the next block, of covariance ``corner`` (*batch, b, b) and ``cross`` (*batch, n, b)."""
+        """Predict the next block from its covariance ``corner`` (*batch, b, b) and ``cross`` (*batch, n, b)."""
         whitened = self._root.values @ cross
         transposed = whitened.swapaxes(-1, -2)
         shift = (transposed @ self._whitened_residual.values[..., None])[..., 0]
@@ -46,7 +46,7 @@ class GrowingGaussian:
         return NextBlock(shift, root, self._root.values.swapaxes(-1, -2) @ whitened)
 
     def append(self, block: NextBlock, residual: Array) -> Array:
-        """Take in the block with (*batch, b) ``residual`` about its mean; returns its log density (*batch,) in nats."""
+        """Append the block with (*batch, b) ``residual`` about its mean; returns its log density (*batch,) in nats."""
         size = residual.shape[-1]
         inverse = np.linalg.inv(block.root)
         innovation = (inverse @ (residual - block.shift)[..., None])[..., 0]
@@ -60,7 +60,7 @@ class GrowingGaussian:
         return np.asarray(-0.5 * np.square(innovation).sum(axis=-1) - logdet - 0.5 * size * np.log(2.0 * np.pi))
 
     def drop_first(self) -> None:
-        """Leave the first value out, as if it had never been observed."""
+        """Remove the first value, as if it had never been observed."""
         root, residual = self._root.values, self._whitened_residual.values
         mirror = root[..., 0].copy()  # (*batch, n): reflected onto the first row, which is left out with the column
         mirror[..., 0] += np.copysign(np.linalg.norm(mirror, axis=-1), mirror[..., 0])
@@ -72,13 +72,13 @@ class GrowingGaussian:
         self._whitened_residual.drop_first()
 
     def replace(self, rows: Index, other: "GrowingGaussian", source: Index) -> None:
-        """Take entries ``source`` of ``other``, of the same length, for the ``rows`` of the first batch axis."""
+        """Replace ``rows`` of the first batch axis by entries ``source`` of ``other``, which has the same length."""
         self._root.values[rows] = other._root.values[source]
         self._whitened_residual.values[rows] = other._whitened_residual.values[source]
 
 
 def floored_cholesky(covariance: Array, floor: float) -> Array:
-    """(*batch, b, b) lower factors; a covariance that is singular to rounding gets no eigenvalue below ``floor``."""
+    """(*batch, b, b) lower Cholesky factors; eigenvalues of numerically singular matrices are raised to ``floor``."""
     if covariance.shape[-1] == 1:
         return np.sqrt(np.maximum(covariance, floor))
     try:

@@ -1,4 +1,4 @@
-"""What a class model sees of a viewpoint: maps from the camera's 2-D location relative to the object to GP inputs."""
+"""Input maps of class models: from the camera's 2-D location relative to the object to GP inputs."""
 
 from collections.abc import Callable
 
@@ -8,12 +8,12 @@ from semantic_slam.geometry.arrays import Array
 
 
 def location(relative_m: Array) -> Array:
-    """(..., 2) relative location as it is."""
+    """(..., 2) relative location [m], unchanged."""
     return relative_m
 
 
 def unit_circle(relative_m: Array) -> Array:
-    """(..., 2) location projected to the unit circle: the direction of view alone matters (Eq. 3.47)."""
+    """(..., 2) location projected to the unit circle: only the viewing direction matters (Eq. 3.47)."""
     azimuth = np.arctan2(relative_m[..., 1], relative_m[..., 0])
     return np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
 

@@ -1,4 +1,4 @@
-"""The coherent noisy process: log N(mu_z; mu_s, Sigma_s + Sigma_z) over all views, whatever their order."""
+"""Joint classifier (coherent noisy process): log N(mu_z; mu_s, Sigma_s + Sigma_z) over all views, order-independent."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from semantic_slam.geometry.arrays import Array
 
 
 class JointClassifier(WindowedClassifier):
-    """Every prefix of the track from one growing factor, by the chain rule: p(z_k | z_0:k-1, c).
+    """Joint likelihood by the chain rule p(z_k | z_0:k-1, c), from one growing factor for every prefix of the track.
 
     With a ``window`` of W views each view is predicted from the W before it.
     """
@@ -34,7 +34,7 @@ class JointClassifier(WindowedClassifier):
         return self._weigh(log_likelihoods[:, None, :])
 
     def _coupled(self, view: NextView, noise: Array) -> NextBlock:
-        """The F components of a view as one block: the process leaves them independent, Sigma_z does not."""
+        """Predict the F components of a view as one block: independent in the process, but coupled by Sigma_z."""
         tracks, classes, size, count = view.covariances.shape
         diagonal = np.arange(size)
         cross = np.zeros((tracks, classes, count, size, size))

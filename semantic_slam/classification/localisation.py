@@ -1,4 +1,4 @@
-"""Classification under an uncertain track, incrementally: samples of the track that live on between the views."""
+"""Incremental classification under an uncertain track, with track samples that persist between views."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -11,22 +11,22 @@ from semantic_slam.classification.track_posterior import TrackPosterior
 from semantic_slam.geometry.arrays import Array
 
 LEAST_MOVE = 0.01
-"""A move goes this share of the posterior's spread at least."""
+"""Smallest step of a move, as a share of the posterior's spread."""
 
 
 class SampledTracks(ABC):
     """A classifier run on P samples of the track, each with its own class history (Eqs. 3.20, 3.42).
 
-    The samples are extended view by view. Where a new posterior p' has another opinion of the earlier track than the
-    posterior p that it was drawn from, the sample's weight changes by p' / p (importance sampling; the ratio in
-    Sec. 3.3.4.2 is printed upside down). When the effective sample size falls below ``least_share`` of P, the samples
-    are renewed from the new posterior, for which the earlier views are gone through again.
+    The samples are extended view by view. Where a new posterior p' of the earlier track differs from the posterior p
+    that the sample was drawn from, the sample's weight is multiplied by p' / p (importance sampling; the ratio in
+    Sec. 3.3.4.2 is printed inverted). When the effective sample size falls below ``least_share`` of P, the samples are
+    redrawn from the new posterior, for which the earlier views are replayed.
     """
 
     classifier: SequentialClassifier  # for all P tracks
     log_weights: Array  # (P,) normalised
     tracks_m: Array  # (P, k, 2) locations relative to the object
-    _log_density: Array  # (P,) of the tracks under the posterior before
+    _log_density: Array  # (P,) of the tracks under the previous posterior
 
     def __init__(
         self,
@@ -36,15 +36,15 @@ class SampledTracks(ABC):
         *,
         least_share: float = 0.5,
     ) -> None:
-        """``classifier`` tells method and settings; it is not changed."""
-        self.replaced = 0  # tracks made anew so far
+        """``classifier`` provides the method and its settings; it is not modified."""
+        self.replaced = 0  # number of tracks redrawn so far
         self._generator, self._least_size = generator, least_share * num_tracks
         self._scores: list[Scores] = []
         self._start(classifier, num_tracks)
 
     @property
     def effective_size(self) -> float:
-        """Number of evenly weighted samples that would be as good."""
+        """Effective sample size of the weights."""
         return effective_size(self.log_weights)
 
     @property
@@ -77,14 +77,14 @@ class SampledTracks(ABC):
 
     @abstractmethod
     def _renew(self, posterior: TrackPosterior) -> None:
-        """Make the samples ones of the posterior, up to the view before its newest."""
+        """Resample the tracks from the posterior, up to the view before its newest."""
 
 
 class GeometricTracks(SampledTracks):
-    """Eq. 3.20 as the thesis has it: normalised posteriors, averaged over the geometric belief alone."""
+    """Eq. 3.20 as in the thesis: normalised posteriors, averaged over the geometric belief alone."""
 
     def _renew(self, posterior: TrackPosterior) -> None:
-        """Light samples give way to fresh tracks; the others stay, with their history."""
+        """Replace low-weight samples by fresh tracks; the others keep their history."""
         fresh, self.log_weights = rejection_control(self.log_weights, self._generator)
         tracks = posterior.sample(len(fresh), self._generator)[:, : self.tracks_m.shape[1]]
         self.classifier.replace(fresh, replayed(self.classifier, self._scores, tracks), np.arange(len(fresh)))
@@ -93,16 +93,16 @@ class GeometricTracks(SampledTracks):
 
 
 class EvidenceTracks(SampledTracks):
-    """Tracks count by how well they explain the scores, too: the posterior of track and class together.
+    """Joint posterior of track and class: tracks are also weighted by how well they explain the scores.
 
-    A particle filter whose particles carry class histories: light ones give way to copies of heavy ones.
-    ``log_evidence`` is log p(z_0:k) over track and class, without bias before the logarithm. With ``move`` the copies
-    are moved at once (resample-move: a Metropolis step to a track nearby, judged by the evidence, for which the views
-    are gone through again): needed where they would not part on their own, as with one offset for the whole track.
+    A particle filter whose particles carry class histories; light ones are replaced by copies of heavy ones.
+    ``log_evidence`` is log p(z_0:k) over track and class, unbiased before the logarithm. With ``move`` the copies are
+    moved immediately (resample-move: a Metropolis step to a nearby track, accepted by the evidence, for which the views
+    are replayed). This is needed where copies would not diverge on their own, as with one offset for the whole track.
     """
 
     log_evidence: float
-    moved = 0  # tracks that took another course so far
+    moved = 0  # number of accepted track moves so far
 
     def __init__(
         self,
@@ -147,7 +147,7 @@ class EvidenceTracks(SampledTracks):
         self.moved += len(taken)
 
     def _renew(self, posterior: TrackPosterior) -> None:
-        """All again: which of the tracks explain the scores is another question under another posterior."""
+        """Redraw all tracks and replay the views: which tracks explain the scores depends on the posterior."""
         self.replaced += len(self.log_weights)
         self._start(self.classifier, len(self.log_weights))
         for scores in self._scores:
@@ -155,10 +155,10 @@ class EvidenceTracks(SampledTracks):
 
 
 class EvidencePerClass:
-    """p(c | z_0:k) from p(z_0:k | c), each by tracks of its own, which explain the scores as that class would."""
+    """Class posterior p(c | z_0:k) from evidences p(z_0:k | c), each with its own tracks conditioned on the class."""
 
     def __init__(self, of_classes: Sequence[EvidenceTracks], log_prior: Array) -> None:
-        """``of_classes`` (C,): of classifiers that know one class each."""
+        """``of_classes`` (C,): sampled tracks whose classifiers know one class each."""
         self.of_classes = tuple(of_classes)
         self._log_prior = log_prior
 
@@ -175,7 +175,7 @@ class EvidencePerClass:
 
 
 def replayed(classifier: SequentialClassifier, scores: Sequence[Scores], tracks_m: Array) -> SequentialClassifier:
-    """A classifier of the same settings that has gone through the measurements along (P, k, 2) tracks."""
+    """New classifier with these settings, after replaying the measurements along (P, k, 2) tracks."""
     fresh = classifier.empty(len(tracks_m))
     for k, measurement in enumerate(scores):
         fresh.update(View(tracks_m[:, k], measurement))

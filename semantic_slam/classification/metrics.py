@@ -1,4 +1,4 @@
-"""How good class posteriors are, from their logarithms (Eqs. 3.44-3.46)."""
+"""Quality metrics of class posteriors, computed from their logarithms (Eqs. 3.44-3.46)."""
 
 import numpy as np
 

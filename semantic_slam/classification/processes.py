@@ -17,14 +17,14 @@ TestNoise = Literal["sigma_n", "none"]
 ViewNoise = Literal["independent", "kernel"]
 
 RELATIVE_LOSS = 1e-14
-"""Directions of the training data that change no covariance by more than this share of sigma^2 are left out."""
+"""Eigen-directions of the training data that change covariances by less than this share of sigma^2 are dropped."""
 
 
 @dataclass(frozen=True)
 class Marginals:
-    """One view of P tracks under C classes and F components: its own moments and what its correlations follow from."""
+    """One view of P tracks under C classes and F components: marginal moments and data for cross-covariances."""
 
-    scaled: Array  # (P, C, F, D) input in length scales of the kernel
+    scaled: Array  # (P, C, F, D) input scaled by the kernel's length scales
     whitened: Array  # (P, C, F, R) covariance with the training scores, whitened
     mean: Array  # (P, C, F), Eq. 3.15
     variance: Array  # (P, C, F), diagonal of Eq. 3.16 with the test noise
@@ -33,9 +33,9 @@ class Marginals:
 class ClassProcesses:
     """C classes x F components, each an independent Gaussian process given its training views.
 
-    ``test_noise``: "sigma_n" adds the noise of Eq. 3.8 to every view of the track, "none" is Eq. 3.13 as printed.
-    ``view_noise``: that noise is "independent" between views, or has the kernel's correlation ("kernel"), so that
-    a view from where one was before brings nothing new.
+    ``test_noise``: "sigma_n" adds the noise of Eq. 3.8 to every view of the track; "none" is Eq. 3.13 as printed.
+    ``view_noise``: that noise is "independent" between views, or correlated by the kernel ("kernel"), so that a
+    repeated viewpoint adds no information.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class ClassProcesses:
         return Marginals(scaled, whitened, mean, self._own_variance - np.einsum("pcfr,pcfr->pcf", whitened, whitened))
 
     def covariances(self, scaled: Array, whitened: Array, new: Marginals) -> Array:
-        """(P, C, F, k) of k earlier views, as (P, C, F, k, D) and (P, C, F, k, R), with a new one (Eq. 3.16)."""
+        """(P, C, F, k) covariances of a new view with k earlier (P, C, F, k, D) and (P, C, F, k, R) (Eq. 3.16)."""
         shared = _correlation(scaled, new.scaled[..., None, :])
         shared *= self._correlated_variance[..., None]
         shared -= (whitened @ new.whitened[..., None])[..., 0]
@@ -92,7 +92,7 @@ class ClassProcesses:
 
 @dataclass(frozen=True)
 class _Trained:
-    """One class's processes: whitening turns k(x, X_T) H k(X_T, x') into a product of short vectors."""
+    """Precomputed processes of one class; whitening turns k(x, X_T) H k(X_T, x') into a product of short vectors."""
 
     scaling: Array  # (F, D, D), x -> input in length scales
     inputs: Array  # (F, M, D), training inputs in length scales

@@ -1,4 +1,4 @@
-"""The thesis's recursion (Alg. 3.1) in covariance form: valid for a singular Sigma_z, O(k^2) per view."""
+"""Recursive classifier of the thesis (Alg. 3.1) in covariance form: valid for singular Sigma_z, O(k^2) per view."""
 
 from dataclasses import dataclass
 
@@ -30,10 +30,10 @@ class ScorePrediction:
 
 
 class RecursiveClassifier(WindowedClassifier):
-    """P(c | H_k) from P(c | H_k-1) and the samples of the newest view; earlier views enter by mu_z and Sigma_z.
+    """Updates P(c | H_k-1) to P(c | H_k) with the newest view's samples; earlier views enter by mu_z and Sigma_z.
 
-    With a ``window`` of W views the scores' correlation with older ones is neglected; what they said of the class
-    stays in the recursion.
+    With a ``window`` of W views, correlations with older scores are neglected; their evidence for the class stays in
+    the recursion.
     """
 
     def _begin(self) -> None:

@@ -1,4 +1,4 @@
-"""Weighted samples: how good they are, and what to put in the place of light ones."""
+"""Effective sample size and resampling of weighted samples."""
 
 import numpy as np
 
@@ -8,16 +8,16 @@ from semantic_slam.geometry.log_space import log_sum_exp
 
 
 def effective_size(log_weights: Array) -> float:
-    """Number of evenly weighted samples that are as good as (P,) ones with these normalised log weights."""
+    """Effective sample size of (P,) samples with these normalised log weights."""
     return float(np.exp(-log_sum_exp(2.0 * log_weights)))
 
 
 def rejection_control(log_weights: Array, generator: np.random.Generator) -> tuple[Index, Array]:
-    """Index of the samples to be replaced by fresh ones of the target, and then the log weights of all.
+    """Rejection control: indices of the samples to replace by fresh draws from the target, and all new log weights.
 
-    A sample is kept with a chance of its weight over the mean one, and then has no less than the mean weight: that
-    leaves the kept ones properly weighted. Kept and fresh ones are two estimates of the same average, and count by
-    their effective sizes.
+    A sample is kept with probability weight / mean weight, and its weight is then raised to at least the mean, which
+    keeps the survivors properly weighted. Kept and fresh samples are two estimates of one average and are weighted by
+    their effective sample sizes.
     """
     count = len(log_weights)
     weights = np.exp(log_weights) * count  # mean 1
@@ -32,7 +32,7 @@ def rejection_control(log_weights: Array, generator: np.random.Generator) -> tup
 
 
 def systematic_resampling(log_weights: Array, generator: np.random.Generator) -> tuple[Index, Index]:
-    """Samples to be lost, and for each the one to be copied in its place; all weigh the same afterwards."""
+    """Systematic resampling: indices to drop, and for each the index copied in its place; weights become even."""
     count = len(log_weights)
     edges = np.cumsum(np.exp(log_weights)) * count
     points = np.arange(count) + generator.random()

@@ -1,4 +1,4 @@
-"""The views of P tracks so far, and how the next one correlates with them."""
+"""View history of P tracks, and the covariances of a next view with it."""
 
 from dataclasses import dataclass
 
@@ -9,10 +9,10 @@ from semantic_slam.geometry.arrays import Array, Index
 
 @dataclass(frozen=True)
 class NextView:
-    """Moments of the scores at a new view, before any score of it is known (Eqs. 3.15-3.16)."""
+    """Predicted moments of the scores at a new view, before it is measured (Eqs. 3.15-3.16)."""
 
     marginals: Marginals
-    covariances: Array  # (P, C, F, k) with the k views before
+    covariances: Array  # (P, C, F, k) with the k earlier views
 
     @property
     def mean(self) -> Array:
@@ -38,21 +38,21 @@ class TrackViews:
         return len(self._scaled)
 
     def next(self, locations_m: Array) -> NextView:
-        """What a view from (P, 2) locations has in common with the views before."""
+        """Moments of a view from (P, 2) locations, and its covariances with the earlier views."""
         marginals = self.processes.marginals(locations_m)
         return NextView(marginals, self.processes.covariances(self._scaled.values, self._whitened.values, marginals))
 
     def append(self, view: NextView) -> None:
-        """Remember the view."""
+        """Append the view to the history."""
         self._scaled.append(view.marginals.scaled)
         self._whitened.append(view.marginals.whitened)
 
     def drop_first(self) -> None:
-        """Forget the oldest view."""
+        """Drop the oldest view."""
         self._scaled.drop_first()
         self._whitened.drop_first()
 
     def replace(self, rows: Index, other: "TrackViews", source: Index) -> None:
-        """Take tracks ``source`` of ``other``, with as many views, for those at ``rows``."""
+        """Replace the tracks at ``rows`` by tracks ``source`` of ``other``, which has as many views."""
         self._scaled.values[rows] = other._scaled.values[source]
         self._whitened.values[rows] = other._whitened.values[source]

@@ -1,4 +1,4 @@
-"""Where the camera was relative to the object, as a distribution over the whole track."""
+"""Posterior distributions over the camera track relative to the object."""
 
 from typing import Protocol
 
@@ -8,27 +8,27 @@ from scipy.linalg import solve_triangular
 from semantic_slam.geometry.arrays import Array
 
 RELATIVE_JITTER = 1e-9
-"""Share of the greatest variance that is added to all: tracks that share one offset have a singular covariance."""
+"""Jitter added to all variances, relative to the largest: tracks with one common offset are singular."""
 
 
 class TrackPosterior(Protocol):
-    """p(X_0:k, o | H_k) as locations of the camera relative to the object, K = k + 1 views."""
+    """Interface of p(X_0:k, o | H_k) as camera locations relative to the object, K = k + 1 views."""
 
     def sample(self, count: int, generator: np.random.Generator) -> Array:
         """(count, K, 2) tracks drawn from the posterior."""
 
     def extend(self, tracks: Array, generator: np.random.Generator) -> Array:
-        """(P, 2) locations of view k, drawn given the (P, k, 2) locations before it and all that is known."""
+        """(P, 2) locations of view k, sampled conditionally on the (P, k, 2) earlier locations."""
 
     def move(self, tracks: Array, share: Array, generator: np.random.Generator) -> Array:
-        """(P, k, 2) tracks nearby: samples of the posterior stay such; ``share`` (P,) is how far they go, 0..1."""
+        """(P, k, 2) nearby tracks by a posterior-preserving move; ``share`` (P,) is the step size, 0..1."""
 
     def log_density(self, tracks: Array) -> Array:
-        """(P,) of the first views of the track, (P, k, 2) with k <= K, up to a constant that is the same for a k."""
+        """(P,) log density of the first views, (P, k, 2) with k <= K, up to a constant per k."""
 
 
 class GaussianTrack:
-    """A Gaussian over all locations of a track, as SLAM's joint marginals give it."""
+    """Gaussian over all locations of a track, as given by SLAM's joint marginals."""
 
     def __init__(self, mean_m: Array, covariance: Array) -> None:
         """``mean_m`` (K, 2); ``covariance`` (2 K, 2 K), ordered x0 y0 x1 y1 ..., positive semi-definite."""
@@ -50,7 +50,7 @@ class GaussianTrack:
         return np.asarray(self._mean[newest] + shift + drawn @ self._factor[newest, newest].T)
 
     def move(self, tracks: Array, share: Array, generator: np.random.Generator) -> Array:
-        """(P, k, 2) tracks, mixed with fresh ones so that the covariance stays: reversible for this Gaussian."""
+        """(P, k, 2) tracks mixed with fresh samples such that the covariance is kept: reversible for this Gaussian."""
         count, size = len(tracks), 2 * tracks.shape[1]
         fresh = generator.standard_normal((count, size)) @ self._factor[:size, :size].T
         centred = tracks.reshape(count, size) - self._mean[:size]
@@ -58,7 +58,7 @@ class GaussianTrack:
         return np.asarray(self._mean[:size] + mixed).reshape(count, -1, 2)
 
     def log_density(self, tracks: Array) -> Array:
-        """(P,) of the first views, in nats but for the factor of 2 pi."""
+        """(P,) log density of the first views [nats], without the constant in 2 pi."""
         whitened = self._whitened(tracks)
         logdet = np.log(np.diagonal(self._factor)[: len(whitened)]).sum()
         return np.asarray(-0.5 * np.square(whitened).sum(axis=0) - logdet)

@@ -1,4 +1,4 @@
-"""What the recursion and the joint classifier have in common: the process of every class over the views of a track."""
+"""Common base of the recursive and the joint classifier: per-class processes over the views of a track."""
 
 from abc import abstractmethod
 from typing import Literal, Self
@@ -12,11 +12,11 @@ from semantic_slam.classification.track import TrackViews
 from semantic_slam.geometry.arrays import Array, Index
 
 Coupling = Literal["full", "per_component"]
-"""How Sigma_z couples the components of a score: by its full matrix, or by its diagonal alone."""
+"""Coupling of a score's components by Sigma_z: the full matrix, or only its diagonal."""
 
 
 class WindowedClassifier(SequentialClassifier):
-    """Scores of all views as one Gaussian for each class, or with a ``window`` of W views of the newest W."""
+    """Models the scores of all views, or of the newest W (``window``), as one Gaussian per class."""
 
     _scores: GrowingGaussian
 
@@ -38,7 +38,7 @@ class WindowedClassifier(SequentialClassifier):
         return type(self)(self._processes, self.log_prior, num_tracks, coupling=self._coupling, window=self._window)
 
     def of_class(self, class_index: int) -> Self:
-        """A classifier with these settings for one class alone: its evidence is p(z_0:k | track, class)."""
+        """Classifier with these settings for one class only: its evidence is p(z_0:k | track, class)."""
         processes = self._processes.only(class_index)
         return type(self)(processes, np.zeros(1), coupling=self._coupling, window=self._window)
 
@@ -55,8 +55,8 @@ class WindowedClassifier(SequentialClassifier):
 
     @abstractmethod
     def _begin(self) -> None:
-        """Make ``_scores``, and what else there is of views, of which there are none yet."""
+        """Initialise ``_scores`` and other per-view state, without views."""
 
     @abstractmethod
     def _drop_first(self) -> None:
-        """Forget the scores of the first view."""
+        """Drop the scores of the first view."""

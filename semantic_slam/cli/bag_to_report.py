@@ -1,4 +1,4 @@
-"""``bag_to_report BAG... --out DIR``: a report of an input bag, by running the pipeline on it, or of a belief bag."""
+"""``bag_to_report BAG... --out DIR``: report on an input bag, after running the pipeline on it, or on a belief bag."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from semantic_slam.configuration import Configuration
 
 MOST_COMPARED = 4
-"""Runs beside the main one: what the report's charts can tell apart."""
+"""Maximum number of compared runs besides the main one, which the report's charts can distinguish."""
 
 
 def parse(words: list[str] | None = None) -> Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Report, map and trajectory of a bag: the pipeline runs on a bag of sensor data (its beliefs go to"
         " DIR/belief); a bag that holds beliefs is reported as it is.",
@@ -72,7 +72,7 @@ def parse(words: list[str] | None = None) -> Namespace:
 
 
 def check_names(arguments: Namespace) -> None:
-    """Raises InputError when the compared runs are too many or would share a name."""
+    """Raises InputError if the compared runs are too many or share a name."""
     compared = arguments.compare or []
     if len(compared) > MOST_COMPARED:
         raise InputError(
@@ -85,12 +85,12 @@ def check_names(arguments: Namespace) -> None:
 
 
 def run_name(configuration: Path | None) -> str:
-    """What a run is called: as its configuration's file."""
+    """Name of a run: the stem of its configuration file."""
     return (configuration or DEFAULT_CONFIGURATION).stem
 
 
 def command() -> None:
-    """Parse, run, report; raises InputError, after the report where the bag is only damaged."""
+    """Parse, run, report; raises InputError, for a damaged bag after the report has been written."""
     arguments = parse()
     if len(arguments.bags) > 1:
         from semantic_slam.cli.many_reports import report_many
@@ -106,7 +106,7 @@ def command() -> None:
 
 
 def report(arguments: Namespace, out: Path) -> tuple[list[Path], InputError | None]:
-    """Write the report into the folder ``out``: its files, and what ended the input early. Raises InputError."""
+    """Write the report into ``out``; returns its files and the error that ended the input early. Raises InputError."""
     from semantic_slam.report.make import make_report
 
     if holds_beliefs(arguments.bag):
@@ -128,7 +128,7 @@ def report(arguments: Namespace, out: Path) -> tuple[list[Path], InputError | No
 
 
 def effective_configuration(path: Path | None, seed: int | None) -> "Configuration":
-    """The configuration of a run; raises InputError."""
+    """Configuration of a run, with the given seed; raises InputError."""
     from semantic_slam.configuration import from_dict, load_configuration, to_dict
 
     configuration = load_configuration(path or DEFAULT_CONFIGURATION)
@@ -136,7 +136,7 @@ def effective_configuration(path: Path | None, seed: int | None) -> "Configurati
 
 
 def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs: Path) -> InputError | None:
-    """The pipeline with one configuration, from the bag to ``beliefs``; returns what ended the input early.
+    """Run the pipeline with one configuration, writing ``beliefs``; returns the error that ended the input early.
 
     Raises InputError.
     """
@@ -154,7 +154,7 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
 
 
 def holds_beliefs(bag: Path) -> bool:
-    """Whether a bag is a recorded belief; raises InputError when it cannot be read."""
+    """Whether a bag is a belief bag; raises InputError if it cannot be read."""
     from semantic_slam.bag.reader import BagReader
     from semantic_slam.messages.topics import BELIEF
 
@@ -163,7 +163,7 @@ def holds_beliefs(bag: Path) -> bool:
 
 
 def damage_of(bag: Path) -> InputError | None:
-    """What is wrong with a damaged bag."""
+    """The error of a damaged bag; None if it can be read to its end."""
     from semantic_slam.bag.reader import BagReader
 
     try:
@@ -181,7 +181,7 @@ def print_files(files: list[Path]) -> None:
 
 
 def _announce_unused(arguments: Namespace) -> None:
-    """A recorded belief is not computed again, so what steers a run has no effect."""
+    """Print which options have no effect on a belief bag, whose beliefs are not recomputed."""
     for name in ("config", "seed", "max_keyframes", "map_prior", "compare"):
         if getattr(arguments, name) is not None:
             print(

@@ -1,4 +1,4 @@
-"""``semantic_slam calibrate BAG --out DIR``: the configuration under which a bag is likeliest."""
+"""``semantic_slam calibrate BAG --out DIR``: find the configuration that maximises the evidence of a bag."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -12,7 +12,7 @@ CONFIGURATION, PAGE = "calibrated.yaml", "calibration.html"
 
 
 def parse(words: list[str] | None = None) -> Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Run a bag again and again to find the noise under which its detections are likeliest: of odometry,"
         " of detections, what of it repeats, and clutter, a factor of two at a time; then what the best run has"
@@ -43,7 +43,7 @@ def parse(words: list[str] | None = None) -> Namespace:
 
 
 def command() -> None:
-    """Parse, calibrate, write; raises InputError, after the files where the bag is only damaged."""
+    """Parse, calibrate, write; raises InputError, for a damaged bag after the files have been written."""
     arguments = parse()
     inputs = [arguments.bag, arguments.config, arguments.map_prior]
     with claimed_folder(arguments.out, inputs, arguments.overwrite) as out:
@@ -55,7 +55,7 @@ def command() -> None:
 
 
 def write(arguments: Namespace, out: Path) -> str:
-    """Calibrate, and write both files into the folder ``out``; what ended the input early. Raises InputError."""
+    """Calibrate and write both files into ``out``; returns what ended the input early. Raises InputError."""
     from tempfile import TemporaryDirectory
 
     from semantic_slam.calibration.calibrate import calibrate

@@ -1,4 +1,4 @@
-"""``semantic_slam COMMAND …``: all commands under one name; ``bag_to_report`` and its like are aliases of them."""
+"""``semantic_slam COMMAND …``: dispatches to all commands; ``bag_to_report`` and the like are aliases of them."""
 
 import sys
 from argparse import Namespace
@@ -12,7 +12,7 @@ from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 
 @dataclass(frozen=True)
 class Command:
-    """One command: ``module:function`` without arguments, imported only when it is called."""
+    """One command: ``module:function``, a function without arguments, imported only when it is called."""
 
     target: str
     summary: str
@@ -20,7 +20,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Group:
-    """Commands behind one more word."""
+    """Group of subcommands."""
 
     commands: "Mapping[str, Command | Group]"
     summary: str
@@ -66,7 +66,7 @@ COMMANDS = Group(
 
 
 def parse(group: Group, words: list[str]) -> Namespace:
-    """The command that the first of ``words`` names; what follows is for the command itself. Raises InputError."""
+    """Parse the first of ``words``, the command's name; the others are for the command itself. Raises InputError."""
     description = f"{group.summary}. {program()} COMMAND --help tells what each COMMAND takes."
     parser = CommandParser(description=description[0].upper() + description[1:])
     parser.add_argument("-V", "--version", action="version", version=f"semantic_slam {semantic_slam.__version__}")
@@ -77,7 +77,7 @@ def parse(group: Group, words: list[str]) -> Namespace:
 
 
 def run(group: Group, words: list[str]) -> None:
-    """Call the command that ``words`` name as if it were a program of its own. Raises InputError."""
+    """Call the command named by ``words``, with ``sys.argv`` set as for a separate program. Raises InputError."""
     name = parse(group, words).command
     chosen = group.commands[name]
     sys.argv = [f"{program()} {name}", *words[1:]]

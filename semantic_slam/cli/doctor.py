@@ -1,4 +1,4 @@
-"""``semantic_slam doctor [BAG]``: what would keep a bag, or the running system, from giving a right map."""
+"""``semantic_slam doctor [BAG]``: finds problems of a bag, or of the running system, that would spoil the map."""
 
 import json
 import sys
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 ROS_ARGUMENTS = "--ros-args"
 ON_ROS = "semantic_slam.ros.observers.examination"
-"""By name, as nodes are: what is on ROS imports this folder."""
+"""Module imported by name, like the nodes, since ROS modules import this package in turn."""
 
 
 def parse(words: list[str] | None = None) -> Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Look for what would keep a bag from giving a right map, or, without BAG, the running system: one"
         " line for each thing that is wrong, with numbers and a remedy. Exit code 0: nothing, or warnings alone; 2: an"
@@ -60,7 +60,7 @@ def parse(words: list[str] | None = None) -> Namespace:
 
 
 def command() -> None:
-    """Parse, examine, print; raises InputError where anything is an error."""
+    """Parse, examine, print; raises InputError if any finding is an error."""
     arguments = parse()
     with redirect_stdout(sys.stderr):
         findings = of_bag(arguments) if arguments.bag else of_running_system(arguments)
@@ -74,7 +74,7 @@ def command() -> None:
 
 
 def of_bag(arguments: Namespace) -> "list[Finding]":
-    """What is wrong with a bag. Raises InputError where it is none."""
+    """Findings on a bag. Raises InputError if there is no such bag."""
     from semantic_slam.bag.reader import REMEDY
     from semantic_slam.configuration import load_configuration
     from semantic_slam.doctor.bag_summary import summarise_bag
@@ -99,17 +99,17 @@ def of_bag(arguments: Namespace) -> "list[Finding]":
 
 
 def _usual(bag: Path, *, has_map: bool) -> Path:
-    """The configuration that a report takes."""
+    """Configuration file that ``semantic_slam report`` would use."""
     from semantic_slam.pipeline.default_configuration import configuration_for
 
     try:
         return configuration_for(bag, has_map=has_map)
     except InputError:
-        return DEFAULT_CONFIGURATION  # what is wrong with the bag, the examination tells
+        return DEFAULT_CONFIGURATION  # the examination reports the problem of the bag
 
 
 def of_running_system(arguments: Namespace) -> "list[Finding]":
-    """What is wrong with the nodes and topics that are there. Raises InputError without ROS."""
+    """Findings on the running nodes and topics. Raises InputError without ROS."""
     need_ros()
     examine = import_module(ON_ROS).examine_running_system
     found: list[Finding] = examine(arguments.config, arguments.map_prior, arguments.seconds, arguments.ros)
@@ -117,12 +117,12 @@ def of_running_system(arguments: Namespace) -> "list[Finding]":
 
 
 def as_text(findings: "list[Finding]") -> str:
-    """A line a finding."""
+    """One line per finding."""
     return "\n".join(finding.line for finding in findings) or "nothing wrong"
 
 
 def as_json(subject: str, findings: "list[Finding]") -> str:
-    """An object with what was examined and a list of findings."""
+    """JSON object with the subject examined and the list of findings."""
     rows = [
         {"severity": each.severity.name.lower(), "check": each.check, "what": each.what, "remedy": each.remedy}
         for each in findings

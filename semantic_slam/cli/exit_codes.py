@@ -1,4 +1,4 @@
-"""The one place where errors become exit codes: 0 done, 2 bad input or usage, 1 a fault of ours, 130 interrupted."""
+"""Maps errors to exit codes: 0 success, 2 bad input or usage, 1 internal error, 130 interrupted."""
 
 import argparse
 import errno
@@ -11,17 +11,17 @@ from typing import Any, NoReturn
 from semantic_slam.errors import InputError
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""What a disk says that takes no more."""
+"""Error numbers of a full disk, an exceeded quota or a file-size limit."""
 DONE, FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 def program() -> str:
-    """What the user has called: ``semantic_slam report``, or its alias ``bag_to_report``."""
+    """Name of the program as called: ``semantic_slam report``, or its alias ``bag_to_report``."""
     return Path(sys.argv[0]).name.removesuffix(".py")
 
 
 class CommandParser(argparse.ArgumentParser):
-    """An argument parser whose complaints are bad input like any other: one line, exit code 2."""
+    """Argument parser that reports usage errors as InputError: one line, exit code 2."""
 
     def __init__(self, prog: str | None = None, **options: Any) -> None:
         super().__init__(prog or program(), **options)
@@ -32,7 +32,7 @@ class CommandParser(argparse.ArgumentParser):
 
 
 def exit_code(command: Callable[[], None]) -> int:
-    """Run ``command``; bad input gives one line on stderr, a fault of ours its traceback."""
+    """Run ``command`` and return its exit code; bad input prints one line to stderr, internal errors a traceback."""
     try:
         command()
     except InputError as error:
@@ -55,7 +55,7 @@ def exit_code(command: Callable[[], None]) -> int:
 
 
 def _is_of_an_interrupt(fault: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind a fault: in the midst of an import it becomes another exception."""
+    """Whether an exception was caused by Ctrl-C, which during an import turns into another exception."""
     while fault is not None:
         if isinstance(fault, KeyboardInterrupt):
             return True
@@ -64,5 +64,5 @@ def _is_of_an_interrupt(fault: BaseException | None) -> bool:
 
 
 def run_main(command: Callable[[], None]) -> None:
-    """What every ``main()`` does: run ``command`` (parsing included) and leave the process with its exit code."""
+    """Body of every ``main()``: run ``command``, including parsing, and exit with its exit code."""
     sys.exit(exit_code(command))

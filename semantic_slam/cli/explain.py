@@ -1,4 +1,4 @@
-"""``explain REPORT_OR_BELIEF_BAG --object ID``: why a map believes what it does of one object."""
+"""``explain REPORT_OR_BELIEF_BAG --object ID``: explain the evidence behind a map's belief about one object."""
 
 import json
 from argparse import Namespace
@@ -10,7 +10,7 @@ from semantic_slam.errors import InputError
 
 
 def parse(words: list[str] | None = None) -> Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Why a map believes what it does of one object: which views said what of its class, in nats, which"
         " other objects they might have been of, and how these alternatives ended. The run's inference is done again"
@@ -35,7 +35,7 @@ def parse(words: list[str] | None = None) -> Namespace:
 
 
 def command() -> None:
-    """Parse, infer, print; raises InputError."""
+    """Parse, repeat the inference, print; raises InputError."""
     arguments = parse()
     from semantic_slam.answers.explain.as_json import as_json
     from semantic_slam.answers.explain.explanation import explain

@@ -1,4 +1,4 @@
-"""``semantic_slam find BELIEF``: objects of a map by class, vector, text, picture or place."""
+"""``semantic_slam find BELIEF``: find objects of a map by class, vector, text, image or place."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def parse(words: list[str] | None = None) -> Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="The objects of a map that are what is looked for, each with its probability: of a class that the"
         " map knows, of a vector of appearance where detections carried such vectors, of a name among vectors of texts,"
@@ -48,7 +48,7 @@ def parse(words: list[str] | None = None) -> Namespace:
 
 
 def command() -> None:
-    """Parse, ask, print; raises InputError."""
+    """Parse, query, print; raises InputError."""
     arguments = parse()
     asked = [name for name in ("crop", "name", "vector", "place") if getattr(arguments, name)]
     if len(asked) != 1:
@@ -96,7 +96,7 @@ def _region(arguments: Namespace) -> "Region | None":
 
 
 def table(found: "Found") -> list[str]:
-    """A line for each object, the likeliest first, and one for none of them."""
+    """Table with a row per object, the likeliest first, and one for none of them."""
     lines = [f"{'probability':>11}  {'object':>6}  {'x [m]':>8}  {'y [m]':>8}  name"]
     for item in found.objects:
         x, y = item.pose[:2]

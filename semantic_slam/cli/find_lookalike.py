@@ -1,4 +1,4 @@
-"""``find_lookalike BELIEF CROP``: which mapped object looks like a crop."""
+"""``find_lookalike BELIEF CROP``: find the mapped object that looks like an image crop."""
 
 from argparse import Namespace
 from dataclasses import replace
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from semantic_slam.inference.lookalike import Lookalikes
 
 BELIEF_FOLDER = "belief"
-"""Where a report keeps its belief bag."""
+"""Subfolder of a report with its belief bag."""
 
 
 def parse(words: list[str] | None = None) -> Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Rank the objects of a map by how probably a crop shows them, from whatever direction. The map is"
         " the last belief of a run with semantic_model.kind: latent.",
@@ -30,7 +30,7 @@ def parse(words: list[str] | None = None) -> Namespace:
 
 
 def add_view(parser: CommandParser) -> None:
-    """What is known of the picture."""
+    """Add the flags that describe the image: box and elevation."""
     parser.add_argument(
         "--box", type=float, nargs=4, metavar=("X0", "Y0", "X1", "Y1"), help="pixels of the object (default: all)"
     )
@@ -40,12 +40,12 @@ def add_view(parser: CommandParser) -> None:
 
 
 def command() -> None:
-    """Parse, ask, print; raises InputError."""
+    """Parse, query, print; raises InputError."""
     ask(parse())
 
 
 def ask(arguments: Namespace, region: "Region | None" = None, least_probability: float = 0.0) -> None:
-    """Print what the picture shows, among objects in the region that are probable enough; raises InputError."""
+    """Rank and print objects by similarity to the crop, filtered by region and probability; raises InputError."""
     import numpy as np
 
     from semantic_slam.answers.region import inside
@@ -70,13 +70,13 @@ def ask(arguments: Namespace, region: "Region | None" = None, least_probability:
 
 
 def belief_bag(path: Path) -> Path:
-    """The belief bag that ``path`` is, or that a report's folder holds."""
+    """Path of the belief bag: that in a report's folder, or ``path`` itself."""
     inside = path / BELIEF_FOLDER
     return inside if inside.is_dir() else path
 
 
 def table(belief: "HybridBelief", found: "Lookalikes", least_probability: float = 0.0) -> list[str]:
-    """A line for each object, the likeliest first, and one for none of them."""
+    """Table with a row per object, the likeliest first, and one for none of them."""
     import numpy as np
 
     lines = [f"{'probability':>11}  {'object':>6}  {'seen from':>9}  name"]

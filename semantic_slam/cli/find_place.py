@@ -1,4 +1,4 @@
-"""``semantic_slam find BELIEF --place``: what is at a place, and what should be there and is not."""
+"""``semantic_slam find BELIEF --place``: list the objects in a region, and the expected ones missing there."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def ask(belief: Path, region: "Region | None", least_probability: float) -> None:
-    """Print the objects that are there, or are gone from there; raises InputError."""
+    """Print the objects in the region, and those gone from it; raises InputError."""
     from semantic_slam.answers.query_place import query_place
     from semantic_slam.evaluation.belief_bag import read_record
     from semantic_slam.inference.world.map_prior import parse_map_prior
@@ -26,7 +26,7 @@ def ask(belief: Path, region: "Region | None", least_probability: float) -> None
 
 
 def table(belief: "HybridBelief", placed: "Sequence[PlacedObject]") -> list[str]:
-    """A line for each object, those likeliest here first."""
+    """Table with a row per object, those likeliest to be here first."""
     classes = {own.object_id: own.likeliest_class for own in belief.objects}
     lines = [f"{'here':>8}  {'gone':>8}  {'object':>6}  {'x [m]':>8}  {'y [m]':>8}  name"]
     for item in placed:

@@ -1,6 +1,7 @@
-"""``semantic_slam fit --from-run DIR... --out FILE``: what a detector calls things, or how looks change by direction.
+"""``semantic_slam fit --from-run DIR... --out FILE``: fit models of a detector's labels or of its embeddings.
 
-From runs of the user's own.
+They are learnt from the user's own runs: which labels the detector gives to objects, or how embeddings depend on the
+viewing direction.
 """
 
 import argparse
@@ -11,11 +12,11 @@ from semantic_slam.errors import InputError
 from semantic_slam.outputs import claimed_files
 
 OF_PICTURES = ("weights", "classes", "pattern", "mask_pattern")
-"""Options of other sources, which a run has no use for."""
+"""Options of the other sources, which are refused with ``--from-run``."""
 
 
 def learn_labels(arguments: argparse.Namespace) -> None:
-    """Learn, write the models and the report beside them, and say in short what they are. Raises InputError."""
+    """Learn the models, write them with a report beside them, and print a summary. Raises InputError."""
     for name in OF_PICTURES:
         if getattr(arguments, name, None):
             raise InputError(f"--{name.replace('_', '-')}: is not for --from-run; leave it out")

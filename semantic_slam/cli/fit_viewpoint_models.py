@@ -1,4 +1,7 @@
-"""``fit_viewpoint_models {--turntables DIR | --avd SCENE | --bag BAG | --from-run DIR…} --out FILE``: class models."""
+"""``fit_viewpoint_models SOURCE --out FILE``: fit class models over the viewing direction.
+
+SOURCE is one of ``--turntables DIR``, ``--avd SCENE``, ``--bag BAG`` and ``--from-run DIR…``.
+"""
 
 import argparse
 import json
@@ -16,7 +19,7 @@ from semantic_slam.outputs import add_overwrite, claimed_files
 
 
 def parse() -> argparse.Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Fit class models over the direction of view: a Gaussian process per class and feature of a"
         " classifier of ours (--turntables, --avd, --bag), or what a detector of yours confuses (--from-run). The"
@@ -68,7 +71,7 @@ def parse() -> argparse.Namespace:
 
 
 def command() -> None:
-    """Parse, then fit to outputs that are whole or not there."""
+    """Parse and fit; output files are either complete or not written. Raises InputError."""
     arguments = parse()
     if arguments.from_run:
         learn_labels(arguments)
@@ -94,7 +97,7 @@ def command() -> None:
 
 
 def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page: Path) -> list[str]:
-    """Measure, fit and save; the report goes beside the model as JSON and in short into the lines returned."""
+    """Measure, fit and save model, JSON report and page; returns the lines of a short report."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.networks.weights import load_network
@@ -132,7 +135,7 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
 
 
 def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, Any], dict[str, int]]:
-    """Samples of each class by name from whichever source was given, and what was left out."""
+    """Samples by class name from the given source, and the counts of what was left out, by reason."""
     if arguments.turntables:
         from semantic_slam.perception.networks.weights import load_network
         from semantic_slam.training.turntables import with_classes

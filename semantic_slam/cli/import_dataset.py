@@ -1,4 +1,4 @@
-"""``import_dataset FORMAT [SRC] --out BAG``: data sets and users' bags as input bags."""
+"""``import_dataset FORMAT [SRC] --out BAG``: convert data sets and users' bags into input bags."""
 
 import argparse
 import importlib
@@ -32,12 +32,13 @@ FORMATS = {
 }
 """Name -> (module with ``add_arguments(parser)`` and ``run(arguments, bag)``, description).
 
-``bag`` is where to write, which may lie beside ``--out``; ``run`` returns why a source ended early, if it did.
+``bag`` is the path to write to, which may be a temporary one beside ``--out``; ``run`` returns the error that ended the
+source early, or None.
 """
 
 
 def parse(words: list[str]) -> tuple[ModuleType, argparse.Namespace]:
-    """The module of the format that ``words`` name, and its arguments; raises InputError on bad usage."""
+    """Module of the format named in ``words``, and the parsed arguments; raises InputError on bad usage."""
     parser = CommandParser(description="Write a data set as an input bag.")
     formats = parser.add_subparsers(dest="format", required=True, metavar="{" + ",".join(FORMATS) + "}")
     module = None

@@ -1,4 +1,4 @@
-"""Commands of the laboratory, a package of its own that announces them as entry points: studies, benchmarks, rooms."""
+"""Commands of the separate package semantic_slam_lab, found by their entry points: studies, benchmarks, rooms."""
 
 from collections.abc import Callable
 from importlib.metadata import entry_points
@@ -7,26 +7,26 @@ from semantic_slam.cli.exit_codes import program, run_main
 from semantic_slam.errors import InputError
 
 GROUP = "semantic_slam.commands"
-"""Entry points of this group are commands without arguments that leave the process with an exit code."""
+"""Entry point group of commands: functions without arguments that exit the process with an exit code."""
 
 
 def study() -> None:
-    """``semantic_slam study``, ``run_study``."""
+    """Command ``semantic_slam study``, alias ``run_study``."""
     run_main(lambda: announced("study")())
 
 
 def bench() -> None:
-    """``semantic_slam bench``, ``bench``."""
+    """Command ``semantic_slam bench``, alias ``bench``."""
     run_main(lambda: announced("bench")())
 
 
 def scene() -> None:
-    """``semantic_slam scene``, ``make_scene``."""
+    """Command ``semantic_slam scene``, alias ``make_scene``."""
     run_main(lambda: announced("scene")())
 
 
 def announced(name: str) -> Callable[[], None]:
-    """The command that an installed package announces under ``name``; raises InputError where none does."""
+    """The command that an installed package provides under ``name``; raises InputError if none does."""
     for found in entry_points(group=GROUP, name=name):
         command: Callable[[], None] = found.load()
         return command

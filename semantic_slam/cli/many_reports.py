@@ -1,6 +1,6 @@
-"""Reports of many bags, each in a process of its own, and a page that sets them side by side.
+"""Reports of many bags, each in a separate process, and a page that compares them.
 
-One bag's fault ends no other's run: not bad input, not a crash, not a machine that has no memory left.
+The failure of one bag, by bad input, a crash or lack of memory, does not affect the others.
 """
 
 import os
@@ -26,13 +26,13 @@ class Ended:
     """How a bag's process ended."""
 
     code: int
-    words: str  # what it wrote to stderr
+    words: str  # its stderr
 
 
 def report_many(arguments: Namespace) -> list[Path]:
-    """A report for each of ``arguments.bags`` in a folder of its name, and their summary; returns the files of that.
+    """Write a report for each of ``arguments.bags``, in a folder named after it, and a summary; returns its files.
 
-    Raises InputError, for bags that went wrong after all others are done.
+    Raises InputError; for bags that failed, after all others are done.
     """
     from semantic_slam.report.summary import summary_files, summary_row
 
@@ -58,9 +58,9 @@ def report_many(arguments: Namespace) -> list[Path]:
 
 
 def names_of(bags: Sequence[Path]) -> dict[str, Path]:
-    """Bags by the names of their reports' folders: their own, with that of the folder above where two have one.
+    """Bags by the name of their report folder: the bag's name, prefixed by its parent folder if it is not unique.
 
-    Raises InputError where that does not tell them apart.
+    Raises InputError if the names are still not unique.
     """
     short = [_own_name(bag.resolve()) for bag in bags]
     often = Counter(short)
@@ -75,7 +75,7 @@ def names_of(bags: Sequence[Path]) -> dict[str, Path]:
 
 
 def _version(folder: Path) -> int | None:
-    """When the report in a folder was written: a run that fails leaves an older one. None where there is none."""
+    """Modification time [ns] of the report in a folder, to detect whether a run wrote it; None if there is none."""
     report = folder / "report.json"
     return report.stat().st_mtime_ns if report.is_file() else None
 
@@ -85,7 +85,7 @@ def _own_name(bag: Path) -> str:
 
 
 def _words(arguments: Namespace, bag: Path, out: Path) -> list[str]:
-    """The command for one bag."""
+    """Command line arguments for one bag."""
     words = [str(bag.resolve()), "--out", str(out.resolve())]
     for flag in ("config", "seed", "max_keyframes", "map_prior"):
         value = getattr(arguments, flag)
@@ -107,19 +107,19 @@ def _run_all(commands: Mapping[str, list[str]], jobs: int, scheduler: str | None
 
 
 def _ended(future: Future[Ended]) -> Ended:
-    """How a bag ended; a cluster may have lost it."""
+    """How a bag's process ended; an exception means that the cluster lost it."""
     fault = future.exception()
     return future.result() if fault is None else Ended(FAULT, f"the cluster lost it ({fault!r})")
 
 
 @contextmanager
 def _executor(jobs: int, scheduler: str | None) -> Iterator[Executor]:
-    """Threads, each of which waits for a process; or the cluster at the address ``scheduler``. Raises InputError."""
+    """Executor: threads that each wait for a process, or the Dask cluster at ``scheduler``. Raises InputError."""
     if scheduler is None:
         with ThreadPoolExecutor(jobs) as threads:
             try:
                 yield threads
-            except BaseException:  # Ctrl-C: what has not begun does not
+            except BaseException:  # Ctrl-C: cancel the bags that have not started
                 threads.shutdown(wait=False, cancel_futures=True)
                 raise
         return
@@ -137,7 +137,7 @@ def _report_one(words: list[str], threads: str) -> Ended:
 
 
 def _fault(ended: Ended) -> str:
-    """The last line that a process wrote before it failed; "" where it did not."""
+    """Error text of a failed process: its signal, or its last line on stderr; "" if it succeeded."""
     if ended.code == DONE:
         return ""
     lines = [line.strip() for line in ended.words.splitlines() if line.strip()]

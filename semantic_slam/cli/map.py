@@ -1,4 +1,4 @@
-"""``semantic_slam map {save,show,diff,merge}``: maps that outlive their run."""
+"""``semantic_slam map {save,show,diff,merge}``: commands on saved maps."""
 
 import json
 from argparse import Namespace
@@ -12,22 +12,22 @@ MAP_HELP = "FILE.map, or objects.json"
 
 
 def save() -> None:
-    """``map save``."""
+    """Command ``semantic_slam map save``."""
     run_main(_save)
 
 
 def show() -> None:
-    """``map show``."""
+    """Command ``semantic_slam map show``."""
     run_main(_show)
 
 
 def diff() -> None:
-    """``map diff``."""
+    """Command ``semantic_slam map diff``."""
     run_main(_diff)
 
 
 def merge() -> None:
-    """``map merge``."""
+    """Command ``semantic_slam map merge``."""
     run_main(_merge)
 
 

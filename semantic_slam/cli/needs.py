@@ -1,4 +1,4 @@
-"""What some commands need besides the package's own dependencies, said before any work is done."""
+"""Checks, before any work is done, for optional dependencies that some commands need."""
 
 from importlib.util import find_spec
 
@@ -6,16 +6,16 @@ from semantic_slam.cli.exit_codes import program
 from semantic_slam.errors import InputError
 
 TRAINING = ("matplotlib", "sklearn")
-"""Modules of the extra ``train``."""
+"""Modules installed by the extra ``train``."""
 
 
 def need_training() -> None:
-    """Raises InputError where the extra ``train`` is not installed."""
+    """Raises InputError if the extra ``train`` is not installed."""
     _need(TRAINING, "install the extra [train] from a checkout: pip install '.[train]'")
 
 
 def need_ros() -> None:
-    """Raises InputError where no ROS 2 is sourced."""
+    """Raises InputError if no ROS 2 is sourced."""
     _need(("rclpy",), "source ROS 2 (env.sh of a checkout does), or use semantic_slam report, which needs none")
 
 

@@ -1,4 +1,4 @@
-"""The executables of the nodes, which say in one line where no ROS is sourced."""
+"""Entry points of the node executables; without a sourced ROS they print one line."""
 
 import os
 import signal
@@ -30,9 +30,9 @@ def backend_node() -> None:
 
 
 def start(name: str) -> None:
-    """Run the node of the module ``name``, whose own ``main`` leaves the process with its exit code."""
-    # A node that is ended has done what it was asked, though it has not begun yet: until it is being made there is
-    # nothing to put in order, and an exception in the midst of an import turns into others.
+    """Run the node of the module ``name``, whose own ``main`` exits with its exit code."""
+    # An interrupt before the node is constructed ends the process at once and successfully: there is nothing to clean
+    # up yet, and a KeyboardInterrupt during an import turns into other exceptions.
     signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
     refused = exit_code(need_ros)
     if refused:

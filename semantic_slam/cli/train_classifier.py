@@ -1,4 +1,4 @@
-"""``train_classifier --turntables DIR --out FILE``: the compact network, from turntable views of the objects."""
+"""``train_classifier --turntables DIR --out FILE``: train the compact network on turntable views of the objects."""
 
 import argparse
 import dataclasses
@@ -13,7 +13,7 @@ from semantic_slam.outputs import add_overwrite, check_output, claimed_file
 
 
 def parse() -> argparse.Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Train the compact network on turntable views (BigBIRD's format, or photographs)."
     )
@@ -42,7 +42,7 @@ def parse() -> argparse.Namespace:
 
 
 def command() -> None:
-    """Parse, train, save and say how well the network does around the objects. Raises InputError."""
+    """Parse, train, save, and print the network's accuracy by azimuth. Raises InputError."""
     arguments = parse()
     chosen = _chosen(arguments)
     check_photographs(arguments, [arguments.turntables])
@@ -69,7 +69,7 @@ def command() -> None:
 
 
 def _chosen(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Fields of the training configuration that the command line sets; raises InputError for impossible ones."""
+    """Fields of the training configuration set on the command line; raises InputError for invalid ones."""
     limit = arguments.max_azimuth_deg
     fields = {
         "epochs": arguments.epochs,

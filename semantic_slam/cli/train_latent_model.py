@@ -1,4 +1,4 @@
-"""``train_latent_model --turntables DIR... --out FILE``: a latent model of chapter 5 from turntable views."""
+"""``train_latent_model --turntables DIR... --out FILE``: train a latent model (chapter 5) on turntable views."""
 
 import argparse
 from dataclasses import asdict, replace
@@ -31,7 +31,7 @@ SHOWN = {
 
 
 def parse() -> argparse.Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Learn a descriptor space and a viewpoint-dependent model over it from turntables (BigBIRD's"
         " format, one folder per instance, or photographs). No classes are needed; --tags grounds the space with some.",
@@ -74,7 +74,7 @@ def parse() -> argparse.Namespace:
 
 
 def command() -> None:
-    """Parse, train, judge and save; the report goes into the model and in short to the terminal."""
+    """Parse, train, evaluate and save; the report is stored in the model and printed in short. Raises InputError."""
     arguments = parse()
     if arguments.effort <= 0.0 or arguments.held_out < 0 or arguments.seed < 0:
         raise InputError(f"{program()}: --effort must be positive, --held-out and --seed not negative")
@@ -119,7 +119,7 @@ def command() -> None:
 
 
 def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, str]]":
-    """Views of all folders, and {instance: class} where a folder tells; raises InputError."""
+    """Views of all folders, and {instance: class} from their classes.json, if any; raises InputError."""
     from semantic_slam.training.latent.views.turntable_split import wanted_angle
     from semantic_slam.training.turntables import read_classes
 
@@ -128,12 +128,12 @@ def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, 
         views += object_views(arguments, root, wanted_angle)
         if (root / CLASSES_FILE).is_file():
             classes.update(read_classes(root / CLASSES_FILE))
-    # An instance whose class nobody tells is one of its own.
+    # An instance without a given class is a class of its own.
     return views, {**{view.class_name: view.class_name for view in views}, **classes} if classes else {}
 
 
 def _with_effort(settings: "TrainingSettings", effort: float) -> "TrainingSettings":
-    """Passes and steps multiplied, one at least."""
+    """Settings with the numbers of epochs and steps multiplied by ``effort``, at least 1 each."""
     names = ("regression_epochs", "contrast_epochs", "energy_epochs", "decoder_steps", "encoder_steps", "change_steps")
     return replace(settings, **{name: max(round(effort * getattr(settings, name)), 1) for name in names})
 

@@ -1,4 +1,4 @@
-"""Where a command that learns from turntables gets its views: flags of all of them, and the views themselves."""
+"""Turntable views for the commands that learn from them: common flags, and loading of the views."""
 
 import argparse
 import sys
@@ -16,7 +16,7 @@ TABLE = ".csv"
 
 
 def add_photographs(parser: argparse.ArgumentParser) -> None:
-    """Flags that tell photographs of turntables from folders in BigBIRD's format."""
+    """Add the flags for turntable photographs, as opposed to folders in BigBIRD's format."""
     parser.add_argument(
         "--pattern",
         metavar="TEXT",
@@ -32,7 +32,7 @@ def add_photographs(parser: argparse.ArgumentParser) -> None:
 
 
 def check_photographs(arguments: argparse.Namespace, roots: list[Path]) -> None:
-    """Raises InputError for flags that do not go together."""
+    """Raises InputError for flags that cannot be combined."""
     if arguments.mask_pattern and not arguments.pattern:
         raise InputError("--mask-pattern: only with --pattern; add it, or leave both out")
     if arguments.pattern and (not roots or any(root.suffix == TABLE for root in roots)):
@@ -42,7 +42,7 @@ def check_photographs(arguments: argparse.Namespace, roots: list[Path]) -> None:
 def object_views(
     arguments: argparse.Namespace, root: Path, wanted: Callable[[int], bool] = lambda angle_deg: True
 ) -> "list[ObjectView]":
-    """The views below ``root`` as ``arguments`` say; ``wanted`` is asked for BigBIRD's angles. Raises InputError."""
+    """Load the views below ``root``; ``wanted`` selects by angle [deg], for BigBIRD only. Raises InputError."""
     from semantic_slam.training.turntables import load_views, views_of
 
     if not arguments.pattern and root.suffix != TABLE:

@@ -1,4 +1,4 @@
-"""``semantic_slam view``: a page in the browser that follows a run while it goes on."""
+"""``semantic_slam view``: serves a browser page that shows a run live."""
 
 from argparse import Namespace
 from importlib import import_module
@@ -9,11 +9,11 @@ from semantic_slam.messages.topics import BELIEF
 
 ROS_ARGUMENTS = "--ros-args"
 ON_ROS = "semantic_slam.ros.observers.view"
-"""By name, as nodes are: what is on ROS imports this folder."""
+"""Module imported by name, like the nodes, since ROS modules import this package in turn."""
 
 
 def parse(words: list[str]) -> Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="A page in the browser that follows a run while it goes on: map, hypotheses, camera, what the nodes"
         " say. It only listens, and slows nothing down.",
@@ -28,7 +28,7 @@ def parse(words: list[str]) -> Namespace:
 
 
 def command(words: list[str]) -> None:
-    """Parse, serve until interrupted; raises InputError."""
+    """Parse and serve until interrupted; raises InputError."""
     at = words.index(ROS_ARGUMENTS) if ROS_ARGUMENTS in words else len(words)
     arguments = parse(words[:at])
     need_ros()

@@ -1,1 +1,1 @@
-"""Contract tests for pytest: what every part of a kind promises. A new part's test is a subclass, here or elsewhere."""
+"""Contract tests for pytest, one per plug-in kind: the test of a new implementation subclasses the contract class."""

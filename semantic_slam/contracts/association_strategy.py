@@ -1,4 +1,4 @@
-"""What every association strategy promises: a new one's test is a subclass that names it."""
+"""Contract test of association strategies: the test of a new strategy is a subclass that sets ``association``."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,35 +21,35 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.registry import ASSOCIATIONS
 
 OBJECTS: Array = np.array([[2.0, 1.0], [2.0, -1.0], [4.0, 1.2], [4.2, -0.8], [6.0, 0.9], [6.1, -1.0]])
-"""Pairs along the way, alike, so that a robot that is a pair off sees nearly the same."""
+"""Positions [m] of look-alike object pairs along the path: a robot off by one pair sees nearly the same scene."""
 STEP = np.array([0.5, 0.0, 0.03])
 SIGHT_M = 3.0
 START_SIGMAS = np.array([2.0, 0.2, 0.1])
 
 
 class WitnessPool(InProcessPool):
-    """Keeps the candidates of every keyframe."""
+    """In-process backend pool that records the candidates of every keyframe."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
         self.seen: list[list[Candidates]] = []
 
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
-        """Round one."""
+        """First message round: expand the hypotheses; the candidates are appended to ``seen``."""
         self.seen.append(super().expand(keyframe))
         return self.seen[-1]
 
 
 class AssociationStrategyContract:
-    """Inherit, and set ``association``; ``others`` are further parameters that it needs."""
+    """Subclass and set ``association``; ``others`` holds further parameters that the strategy needs."""
 
     association: str
     others: dict[str, Any] = {}  # noqa: RUF012  # a subclass replaces it whole
     num_keyframes = 8
-    rebuilt_within = 0.0  # of poses, metres and radians, after a component was made again; 0: to the last bit
+    rebuilt_within = 0.0  # pose tolerance [m, rad] after a component was rebuilt; 0: bit-identical
 
     def run(self) -> RunConfiguration:
-        """With a map where the strategy needs one; the robot is not sure where it starts."""
+        """Run configuration with an uncertain initial pose, and with a prior map where the strategy needs one."""
         configuration = Configuration.of(
             **{"association": self.association, "semantic_model": {"kind": "none"}, **self.others}
         )
@@ -59,7 +59,7 @@ class AssociationStrategyContract:
         return make_run_configuration(configuration, prior, pose, covariance, stamp_ns=0)
 
     def keyframes(self) -> list[Keyframe]:
-        """A drive past the objects, every second of which is detected; detections name their objects, too."""
+        """Keyframes of a drive past the objects; every second one has detections, with their object as ``track_id``."""
         random = np.random.default_rng(1)
         x, found = np.array([0.2, 0.1, 0.0]), []
         for k in range(self.num_keyframes):
@@ -69,14 +69,14 @@ class AssociationStrategyContract:
         return found
 
     def beliefs(self, pool: InProcessPool) -> list[HybridBelief]:
-        """After every keyframe."""
+        """Hybrid belief after every keyframe."""
         engine = Engine.of_run(self.run(), pool)
         return [engine.process(keyframe) for keyframe in self.keyframes()]
 
     @pytest.fixture(scope="class")
     @classmethod
     def witness(cls) -> tuple[WitnessPool, list[HybridBelief]]:
-        """A run with one backend, and its beliefs."""
+        """Reference run with one backend: its pool and its beliefs."""
         pool = WitnessPool(1)
         return pool, cls().beliefs(pool)
 
@@ -122,7 +122,7 @@ class AssociationStrategyContract:
 
 
 def same(some: Sequence[HybridBelief], others: Sequence[HybridBelief], tolerance: float = 0.0) -> None:
-    """Beliefs are equal: what is named to the last bit, what is estimated within ``tolerance``."""
+    """Assert that beliefs are equal: identifiers exactly, estimates within ``tolerance``."""
     for one, other in zip(some, others, strict=True):
         for name in ("hypothesis_ids", "parent_ids", "associations", "object_ids"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
@@ -133,7 +133,7 @@ def same(some: Sequence[HybridBelief], others: Sequence[HybridBelief], tolerance
 
 
 def _seen(x: Array, random: np.random.Generator) -> list[Detection]:
-    """The nearest two objects in sight of a robot at x, y, yaw."""
+    """Detections of the nearest two visible objects, for a robot pose x, y, yaw."""
     body = se2.between(np.broadcast_to(x, (len(OBJECTS), 3)), np.column_stack([OBJECTS, np.zeros(len(OBJECTS))]))
     distance, bearing = np.hypot(body[:, 0], body[:, 1]), np.arctan2(body[:, 1], body[:, 0])
     near = [n for n in np.argsort(distance).tolist() if distance[n] < SIGHT_M and abs(bearing[n]) < 0.7][:2]

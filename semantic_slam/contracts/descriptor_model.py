@@ -1,4 +1,4 @@
-"""What every learned model P(f | viewpoint, e) over descriptors promises: a new one's test is a subclass."""
+"""Contract test of learned descriptor models P(f | viewpoint, e): the test of a new model is a subclass."""
 
 import numpy as np
 import pytest
@@ -11,10 +11,10 @@ STEP = 1e-6
 
 
 class DescriptorModelContract:
-    """Inherit, and override the fixture ``model``."""
+    """Subclass and override the fixture ``model``."""
 
     count = 20
-    sensible_features = 32  # larger ones cost inference more than they tell it
+    sensible_features = 32  # more features cost inference more than they contribute
 
     @pytest.fixture
     def model(self) -> DescriptorModel:
@@ -22,7 +22,7 @@ class DescriptorModelContract:
         raise NotImplementedError("a subclass of the contract gives the fixture `model`")
 
     def viewpoints(self) -> Viewpoints:
-        """All around, from below and from above, azimuths beyond one turn included."""
+        """Viewpoints at all azimuths (beyond one turn, too), from below and from above."""
         generator = np.random.default_rng(1)
         return Viewpoints(
             generator.uniform(-4.0, 4.0, self.count),
@@ -31,7 +31,7 @@ class DescriptorModelContract:
         )
 
     def descriptors(self, model: DescriptorModel) -> Array:
-        """Drawn from the prior, where the model was trained."""
+        """Descriptors drawn from the prior, which is where the model was trained."""
         draws = np.random.default_rng(2).normal(size=(self.count, model.num_dimensions))
         return np.asarray(model.prior.mean + model.prior.sigma * draws)
 
@@ -67,7 +67,7 @@ class DescriptorModelContract:
             np.testing.assert_allclose(by_descriptor[:, :, column], (ahead - behind) / (2.0 * STEP), atol=1e-6)
 
     def test_only_the_direction_of_view_counts(self, model: DescriptorModel) -> None:
-        """Neither a whole turn nor the range changes anything: a tight crop shows neither."""
+        """Predictions depend neither on whole turns of the azimuth nor on the range: a tight crop shows neither."""
         looked, descriptors = self.viewpoints(), self.descriptors(model)
         once_round = Viewpoints(looked.azimuth_rad + 2.0 * np.pi, looked.elevation_rad, 5.0 * looked.range_m)
         here, there = model.predict(looked, descriptors), model.predict(once_round, descriptors)
@@ -92,7 +92,7 @@ class DescriptorModelContract:
             assert np.isfinite(model.class_log_likelihood(belief)).all()
 
     def test_the_space_has_a_name(self, model: DescriptorModel) -> None:
-        """Or none, where no file holds the model; the engine refuses maps of another space by it."""
+        """The space has a name, or none for a model without a file; by it the engine refuses maps of another space."""
         assert isinstance(model.space, str)
 
 

@@ -1,4 +1,4 @@
-"""What every geometric observation model has to fulfil: subclass, and give spaces, detections and states."""
+"""Contract test of geometric observation models: subclasses supply state spaces, detections and states."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,14 +16,14 @@ KEYS = robot_key(0), object_key(4)
 
 
 class GeometryModelContract:
-    """Subclasses give the model, its spaces, two detections, and draw robots and landmarks that they may be of."""
+    """Subclasses supply the model, its spaces and two detections, and sample matching robots and landmarks."""
 
     spaces: Spaces
     model: ObservationModel
     detections: Sequence[Any]
 
     def pairs(self, random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """(count, s) robots and landmarks."""
+        """Robot and landmark states, (count, s) each."""
         raise NotImplementedError
 
     @pytest.fixture
@@ -32,7 +32,7 @@ class GeometryModelContract:
 
     @property
     def seen(self) -> Any:
-        """The first detection, for any number of rows."""
+        """The first detection, collected for any number of state rows."""
         return self.model.collect(self.detections[:1])
 
     def test_sizes(self, random: np.random.Generator) -> None:
@@ -61,7 +61,7 @@ class GeometryModelContract:
         np.testing.assert_allclose(self.model.log_likelihood(self.seen, x, o, None), expected, atol=1e-9)
 
     def test_gtsam_s_factor_is_the_whitened_residual(self, random: np.random.Generator) -> None:
-        """Error of one measurement, and to first order what it says of robot and landmark."""
+        """GTSAM's factor agrees in its error and in its first-order derivatives by robot and landmark."""
         for detection in self.detections:
             seen = self.model.collect([detection])
             x, o = self.pairs(random, 1)
@@ -84,7 +84,7 @@ class GeometryModelContract:
                 np.testing.assert_allclose(getattr(alone, name)[0], values[row], atol=1e-12)
 
     def test_rows_of_several_detections_repeat(self, random: np.random.Generator) -> None:
-        """State b is of detection b mod S."""
+        """State row b belongs to detection b mod S."""
         x, o = self.pairs(random, 6)
         together = self.model.geometry(self.model.collect(self.detections), x, o)
         logs = self.model.log_likelihood(self.model.collect(self.detections), x, o, None)
@@ -125,7 +125,7 @@ class GeometryModelContract:
             np.testing.assert_allclose(part.residual, 0.0, atol=1e-6)
 
     def test_no_cost_is_above_that_of_any_deviation(self, random: np.random.Generator) -> None:
-        """The bound on what a detection costs, against robots and landmarks drawn about where they are predicted."""
+        """The lower bound on a detection's cost holds for robots and landmarks sampled around their predictions."""
         x, o = self.pairs(random, 1)
         r, size = self.spaces.layout.robot, self.spaces.landmark.tangent_size
         seen = self.model.collect(self.detections)

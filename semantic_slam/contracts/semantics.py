@@ -1,4 +1,4 @@
-"""What every way in which views weigh promises: a new one's test is a subclass that names its class models."""
+"""Contract test of semantics (how views weigh hypotheses): a subclass names the class models under test."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -21,7 +21,7 @@ from semantic_slam.inference.states.object_views import ObjectViews
 
 @dataclass(frozen=True, kw_only=True)
 class Weighed:
-    """Evidence of the K candidates of a keyframe, with the records of all of them, made while the parents are whole."""
+    """Evidence of a keyframe's K candidates with all their view records, taken while the parents are still intact."""
 
     given: SemanticInput
     evidence: SemanticEvidence
@@ -29,13 +29,13 @@ class Weighed:
 
     @classmethod
     def by(cls, semantics: Semantics, given: SemanticInput) -> "Weighed":
-        """What some semantics say of an input."""
+        """Weigh ``given`` with ``semantics`` and take the records of all candidates."""
         evidence = semantics.weigh(given)
         return cls(given=given, evidence=evidence, records=evidence.records(range(len(evidence.log_weights))))
 
 
 class WitnessSemantics:
-    """Asks the semantics under test for each keyframe, for it again, and for every second candidate by itself."""
+    """Semantics that weighs each keyframe twice, then every second candidate alone, with the semantics under test."""
 
     def __init__(self, semantics: Semantics) -> None:
         self._semantics = semantics
@@ -43,11 +43,11 @@ class WitnessSemantics:
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
-        """No registry names the witness."""
+        """Not used: no registry names the witness."""
         raise NotImplementedError("the witness is made around semantics")
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """The evidence that the run goes on with."""
+        """Weigh three ways, store all, and return the first evidence, with which the run continues."""
         some = given.take(np.arange(0, len(given.candidates.assignments), 2))
         first, again, part = (Weighed.by(self._semantics, each) for each in (given, given, some))
         self.asked.append((first, again, part))
@@ -55,18 +55,18 @@ class WitnessSemantics:
 
 
 class SemanticsContract(AssociationStrategyContract):
-    """Inherit, and name the class models: ``others = {"semantic_model": {"kind": ...}}``; ``association`` may be open.
+    """Subclass and set ``others = {"semantic_model": {"kind": ...}}``; ``association`` may be open-world.
 
-    What associations promise is held, too: the same hypotheses, however they are divided among backends.
+    The association contract is tested as well: the hypotheses do not depend on how backends share them.
     """
 
     association = "enumerated"
     num_keyframes = 3
-    rebuilt_within = 1e-9  # the broad start leaves iSAM2 the last bits: they depend on what was asked between
-    taken_within = 1e-9  # log weights of candidates that are weighed by themselves, in nats
+    rebuilt_within = 1e-9  # with the broad initial pose, iSAM2's last bits depend on the queries made in between
+    taken_within = 1e-9  # tolerance [nats] of log weights of candidates that are weighed alone
 
     def keyframes(self) -> list[Keyframe]:
-        """The drive of the association's contract, with a feature for each detection: its object's own, and noise."""
+        """Keyframes of the association contract, each detection with its object's feature plus noise."""
         settings = Configuration.of(**self.others).semantic_model
         model = load_model(settings) or load_latent_model(settings)
         random, size = np.random.default_rng(4), 0 if model is None else model.num_features
@@ -76,7 +76,7 @@ class SemanticsContract(AssociationStrategyContract):
     @pytest.fixture(scope="class")
     @classmethod
     def asked(cls) -> list[tuple[Weighed, Weighed, Weighed]]:
-        """What the semantics said of every keyframe, said of it again, and of every second candidate."""
+        """Per keyframe: the first result, the repeated one, and that of every second candidate alone."""
         contract = cls()
         problem = problem_of(contract.run())
         witness = WitnessSemantics(problem.semantics)
@@ -107,7 +107,7 @@ class SemanticsContract(AssociationStrategyContract):
             for record in (record for records in weighed.records for record in records.values()):
                 assert record.log_likelihood.shape == (weighed.given.log_class_prior.shape[1],)
                 assert np.isfinite(record.log_likelihood).all()
-                assert not record.mutual_information < -1e-9  # NaN where the models draw nothing
+                assert not record.mutual_information < -1e-9  # NaN where the models draw no samples
 
     def test_to_be_asked_again_changes_nothing(self, asked: list[tuple[Weighed, Weighed, Weighed]]) -> None:
         for weighed, again, _ in asked:
@@ -122,7 +122,7 @@ class SemanticsContract(AssociationStrategyContract):
 
 
 def _with_features(keyframe: Keyframe, looks: Array, random: np.random.Generator) -> Keyframe:
-    """With a feature for each detection, whose track names its row of ``looks`` (O, F)."""
+    """Keyframe with a feature per detection, whose track id names its row of ``looks`` (O, F)."""
     measurements = keyframe.measurements
     rows = [int(name.removeprefix("object_")) for name in measurements.track_ids]
     features = looks[rows] + random.normal(0.0, 0.02, (len(rows), looks.shape[1]))

@@ -1,4 +1,4 @@
-"""What every state space, and every pair of spaces, has to fulfil: subclass, and say how to draw states."""
+"""Contract tests of state spaces and of robot/landmark space pairs: subclasses say how to sample states."""
 
 from collections.abc import Callable
 
@@ -22,16 +22,16 @@ def differences(function: Callable[[Array], Array], size: int) -> Array:
 
 
 class StateSpaceContract:
-    """Subclasses give ``space`` and draw states, and tangent vectors of up to a metre or radian."""
+    """Subclasses supply ``space`` and sample states, and tangent vectors of up to 1 m or 1 rad."""
 
     space: StateSpace
 
     def states(self, random: np.random.Generator, count: int = COUNT) -> np.ndarray:
-        """(count, s) states, also beyond half a turn from each other."""
+        """(count, s) sampled states, some more than half a turn apart."""
         raise NotImplementedError
 
     def point_in_map(self, state: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """(p,) a point (p,) of one state's frame, written down by hand."""
+        """Map coordinates (p,) of a point (p,) in the state's frame, written out by hand as a reference."""
         raise NotImplementedError
 
     @pytest.fixture
@@ -42,7 +42,7 @@ class StateSpaceContract:
         return random.uniform(-1.0, 1.0, (count, self.space.tangent_size))
 
     def same(self, first: np.ndarray, second: np.ndarray) -> None:
-        """Both states are one, however many turns apart."""
+        """Assert that both states are equal up to whole turns."""
         np.testing.assert_allclose(self.space.local(first, second), 0.0, atol=1e-9)
 
     def test_sizes(self, random: np.random.Generator) -> None:
@@ -166,7 +166,7 @@ class StateSpaceContract:
         self.same(space.states(values), x)
 
     def test_gtsam_s_factors_measure_local_coordinates(self, random: np.random.Generator) -> None:
-        """Error |Log(mean^-1 x)|^2 / 2 in the covariance, of a prior, and to first order of a motion."""
+        """Prior factors have the error |Log(mean^-1 x)|^2 / 2 (Mahalanobis); motion factors have it to first order."""
         space, values = self.space, gtsam.Values()
         root = random.normal(size=(space.tangent_size, space.tangent_size))
         covariance = root @ root.T + np.eye(len(root))
@@ -181,20 +181,20 @@ class StateSpaceContract:
 
 
 class SpacesContract:
-    """Subclasses give a pair of ``spaces`` and draw robots and landmarks."""
+    """Subclasses supply a pair of ``spaces`` and sample robots and landmarks."""
 
     spaces: Spaces
 
     def robots(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """(count, s)."""
+        """(count, s) sampled robot states."""
         raise NotImplementedError
 
     def landmarks(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """(count, s)."""
+        """(count, s) sampled landmark states."""
         raise NotImplementedError
 
     def camera_from_landmark(self, x: np.ndarray, o: np.ndarray, sensor: np.ndarray) -> np.ndarray:
-        """(3,) the camera of one robot in the frame of one landmark, written down by hand."""
+        """(3,) camera position of one robot in the frame of one landmark, written out by hand as a reference."""
         raise NotImplementedError
 
     @pytest.fixture
@@ -205,7 +205,7 @@ class SpacesContract:
         return self.robots(random, COUNT), self.landmarks(random, COUNT)
 
     def rows(self, random: np.random.Generator, robots: int = 1) -> np.ndarray:
-        """(COUNT, 3 + robots, s): a robot, three landmarks and further robots."""
+        """(COUNT, 3 + robots, s) states: a robot, three landmarks, then further robots."""
         parts = [self.robots(random, COUNT), *(self.landmarks(random, COUNT) for _ in range(3))]
         parts += [self.robots(random, COUNT) for _ in range(robots - 1)]
         found = np.zeros((COUNT, len(parts), self.spaces.storage.width))
@@ -215,7 +215,7 @@ class SpacesContract:
 
     @pytest.mark.parametrize("motions", [0, 2])
     def test_rows_are_states_of_their_own_spaces(self, random: np.random.Generator, motions: int) -> None:
-        """All calculus over robot and landmarks in one array is that of each space, row by row."""
+        """Operations on an array of robot and landmark rows equal those of each row's own space."""
         spaces = self.spaces
         joint = spaces.joint_with_motions(3) if motions else spaces.joint
         x, y = self.rows(random, 1 + motions), self.rows(random, 1 + motions)
@@ -257,7 +257,7 @@ class SpacesContract:
 
     @pytest.mark.parametrize("sensor", [[0.0, 0.0, 0.0], [0.3, -0.2, 0.0], [0.2, 0.1, 1.4]])
     def test_viewpoints_are_those_of_the_camera(self, random: np.random.Generator, sensor: list[float]) -> None:
-        """Azimuth about the landmark's vertical, elevation over its horizon, and range."""
+        """Viewpoints are azimuth about the landmark's vertical axis, elevation above its horizon, and range."""
         x, o = self.pairs(random)
         views = self.spaces.viewpoints(x, o, np.array(sensor))
         camera = np.array([self.camera_from_landmark(*pair, np.array(sensor)) for pair in zip(x, o, strict=True)])
@@ -266,7 +266,7 @@ class SpacesContract:
         np.testing.assert_allclose(views.elevation_rad, np.arcsin(camera[:, 2] / views.range_m), atol=1e-9)
 
     def test_gtsam_gives_back_all_states_by_key(self, random: np.random.Generator) -> None:
-        """Landmarks first, for so the keys are; descriptors of as many components do not count."""
+        """States come back landmarks first, as the keys sort; descriptors of equal length are not taken for states."""
         spaces, values = self.spaces, gtsam.Values()
         robots, landmarks = self.robots(random, 2), self.landmarks(random, 3)
         keyed = dict(zip([robot_key(-1), robot_key(0)], robots, strict=True))
@@ -279,7 +279,7 @@ class SpacesContract:
             np.testing.assert_allclose(spaces.own(key, row), keyed[key], atol=1e-12)
 
     def test_changes_are_held_against_the_thresholds_of_their_own(self, random: np.random.Generator) -> None:
-        """iSAM2's changes of three landmarks, then two robots: one over its threshold is told."""
+        """The single iSAM2 delta above its own threshold is reported, among three landmarks and two robots."""
         spaces = self.spaces
         thresholds = [spaces.landmark.relinearize_threshold] * 3 + [spaces.robot.relinearize_threshold] * 2
         small = 0.9 * np.concatenate(thresholds)

@@ -1,4 +1,4 @@
-"""What every viewpoint model P(z_sem | c, viewpoint) promises: a new one's test is a subclass."""
+"""Contract test of viewpoint models P(z_sem | c, viewpoint): the test of a new model is a subclass."""
 
 import numpy as np
 import pytest
@@ -8,13 +8,13 @@ from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints, log_likeli
 
 
 def looking_from(azimuth_rad: float | Array, elevation_rad: float = 0.2) -> Viewpoints:
-    """Viewpoints at some azimuths, from a little above, 2 m away."""
+    """Viewpoints at the given azimuths, slightly above the horizon, at 2 m range."""
     azimuths = np.atleast_1d(np.asarray(azimuth_rad, dtype=np.float64))
     return Viewpoints(azimuths, np.full(azimuths.shape, elevation_rad), np.full(azimuths.shape, 2.0))
 
 
 class ViewpointModelContract:
-    """Inherit, and override the fixture ``model``; ``azimuths`` may be narrowed to where the model is smooth."""
+    """Subclass and override the fixture ``model``; ``azimuths`` may be narrowed to where the model is smooth."""
 
     azimuths = np.linspace(-4.0, 4.0, 41)
 
@@ -24,7 +24,7 @@ class ViewpointModelContract:
         raise NotImplementedError("a subclass of the contract gives the fixture `model`")
 
     def classes(self, model: ViewpointModel) -> Index:
-        """One for each of the azimuths."""
+        """Class indices, one per azimuth, cycling through the classes."""
         return np.asarray(np.arange(self.azimuths.size) % len(model.class_names))
 
     def test_shapes(self, model: ViewpointModel) -> None:

@@ -1,1 +1,1 @@
-"""What keeps a recording, or a running system, from giving a right map, each fault with its remedy."""
+"""Diagnosis of recordings and running systems: faults that prevent a correct map, each with its remedy."""

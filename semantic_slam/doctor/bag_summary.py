@@ -1,4 +1,4 @@
-"""A bag as the doctor sees it."""
+"""Summary of a bag for the doctor's checks."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from semantic_slam.pipeline.preamble import Preamble, read_preamble
 def summarise_bag(
     bag: Path, configuration: Configuration, prior: MapPrior | None
 ) -> tuple[InputSummary, list[Finding]]:
-    """What is known of a bag, and what is wrong with reading it. Raises InputError where it is no bag at all."""
+    """Summarise a bag, with findings on reading it. Raises InputError where it is not a bag."""
     faults: list[Finding] = []
     with BagReader(bag) as reader:
         preamble = Preamble()

@@ -1,4 +1,4 @@
-"""Whether the places of detections agree with odometry better if clocks, or the sensor's direction, were others."""
+"""Test whether another clock offset or sensor orientation makes detections agree better with odometry."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.doctor.innovations import Innovations
 
 OFFSETS_S = tuple(float(value) for value in np.arange(-5.0, 5.25, 0.5))
-"""Odometry of so much later is tried; the ends only show that others are better."""
+"""Clock offsets [s] of odometry that are tried; the end values only serve as comparison."""
 TURNS = {
     "backwards": np.diag([-1.0, -1.0]),
     "to the left": np.array([[0.0, -1.0], [1.0, 0.0]]),
@@ -28,7 +28,7 @@ LEAST_EXCESS = 0.2
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the drive says of itself; NaN, 0 and "" where it says nothing."""
+    """Evidence of the drive for a clock offset or a rotated sensor; NaN, 0 and "" where there is none."""
 
     excess: float  # by which factor pairs lie farther apart than stated
     later_s: float = 0.0  # the odometry of so much later agrees much better

@@ -1,4 +1,4 @@
-"""All checks of an input, in the order in which a person would put things right."""
+"""All checks of an input, in the order in which a user would fix the faults."""
 
 from collections.abc import Callable, Iterable
 
@@ -50,6 +50,6 @@ CHECKS: tuple[Callable[[InputSummary], Iterable[Finding]], ...] = (
 
 
 def examine(summary: InputSummary) -> list[Finding]:
-    """Whatever is wrong with an input; nothing where it is as it should be."""
+    """Run all checks; returns the findings, an empty list for a healthy input."""
     found = [finding for check in CHECKS for finding in check(summary)]
     return [*found, *drops.check_last(summary, found)]

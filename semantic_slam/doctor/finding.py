@@ -1,4 +1,4 @@
-"""What the doctor has to say: one finding a line, what is wrong with its numbers, and what to do about it."""
+"""Findings of the doctor: one line each, with the fault, its numbers and the remedy."""
 
 import re
 from collections.abc import Mapping
@@ -9,28 +9,28 @@ from semantic_slam.errors import InputError
 
 
 class Severity(IntEnum):
-    """How bad it is."""
+    """Severity of a finding."""
 
-    WARNING = 1  # a part of the input is lost, or says less than it could
-    ERROR = 2  # a run would not start, or its result would not be right
+    WARNING = 1  # part of the input is lost, or less informative than possible
+    ERROR = 2  # a run would not start, or its result would be wrong
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong."""
+    """One fault with its remedy."""
 
     severity: Severity
-    check: str  # which check has found it
+    check: str  # name of the check
     what: str
     remedy: str
 
     @property
     def line(self) -> str:
-        """As it is printed."""
+        """Printed form on one line."""
         return " ".join(f"{self.severity.name.lower()}: {self.check}: {self.what}; {self.remedy}".split())
 
     def renamed(self, names: Mapping[str, str]) -> "Finding":
-        """This finding with topics called what they are remapped to."""
+        """This finding with topics replaced by their remapped names."""
         if not names:
             return self
         known = "|".join(map(re.escape, names))

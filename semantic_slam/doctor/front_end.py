@@ -1,4 +1,4 @@
-"""The pipeline up to its keyframes, without a network: what it makes of the first frames, and what it drops."""
+"""Pipeline front end without a network: keyframes and drops of the first frames."""
 
 from collections import Counter
 from dataclasses import replace
@@ -24,11 +24,11 @@ from semantic_slam.pipeline.input_topics import InputTopics
 from semantic_slam.pipeline.preamble import Preamble
 
 MOST_FRAMES = {True: 100, False: 600}
-"""Detection messages that are looked at, with pictures, and without."""
+"""Number of detection messages examined, with images (True) and without (False)."""
 
 
 class FrontEnd:
-    """Takes the messages of an input until it has seen enough frames."""
+    """Processes the messages of an input until enough frames were seen."""
 
     def __init__(self, configuration: Configuration, found: InputTopics, preamble: Preamble) -> None:
         settings = configuration.perception

@@ -1,4 +1,4 @@
-"""The graph of a running system: who publishes and reads what, how, and what our nodes say of themselves."""
+"""ROS graph of a running system: publishers, subscriptions, their QoS, and the diagnostics of our nodes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A publisher, or a subscription, of one topic."""
+    """Publisher or subscription of one topic."""
 
     node: str
     type_name: str  # package/msg/Name
@@ -25,7 +25,7 @@ class Said:
 
 @dataclass(frozen=True, kw_only=True)
 class Graph:
-    """What is there. Topics have the names that our nodes know them by, whatever they are remapped to."""
+    """State of the graph. Topics have the names used by our nodes, before remapping."""
 
     publishers: Mapping[str, Sequence[Endpoint]]
     readers: Mapping[str, Sequence[Endpoint]]

@@ -1,7 +1,7 @@
-"""Detections against those of the keyframe before, moved by odometry: how far they lie apart, and how far they may.
+"""Innovations between consecutive keyframes: distances of detections after odometry, with their covariances.
 
-No map and no hypothesis is needed. Which detection is of which thing is guessed: two that are each other's nearest are
-a pair. Many pairs may be of different things, so that only the nearest quarter of all is looked at.
+Needs neither a map nor hypotheses. Association is by mutual nearest neighbours. Many pairs may be of different objects,
+so only the nearest quarter of all pairs is used.
 """
 
 from collections.abc import Iterable, Sequence
@@ -29,7 +29,7 @@ AS_IT_IS = np.eye(2)
 
 @dataclass(frozen=True)
 class Points:
-    """Places of detections in the plane of the body, P of them."""
+    """Planar positions of P detections in the body frame."""
 
     xy: Array  # (P, 2)
     covariances: Array  # (P, 2, 2)
@@ -41,7 +41,7 @@ class Points:
 
 @dataclass(frozen=True)
 class Innovations:
-    """The keyframes of a drive as far as their detections tell places; K of them."""
+    """The K keyframes of a drive whose detections have positions."""
 
     stamps_s: Array  # (K,)
     points: Sequence[Points]

@@ -1,4 +1,4 @@
-"""What is known of an input, a bag or a few seconds of a running system: small, and all that the checks look at."""
+"""Summary of an input (a bag, or a few seconds of a running system): the compact data used by all checks."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from semantic_slam.pipeline.preamble import Preamble
 
 @dataclass(frozen=True)
 class Stamps:
-    """When the messages of one topic were made, and when they came, in the order in which they came."""
+    """Header stamps and arrival times of one topic's messages, in order of arrival."""
 
     header_ns: NDArray[np.int64]  # (N,)
     arrival_ns: NDArray[np.int64]  # (N,)
@@ -48,7 +48,7 @@ NO_STAMPS = Stamps(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
 @dataclass(kw_only=True)
 class DetectionRecord:
-    """What the detections are like; N detections of ``num_messages`` messages."""
+    """Properties of N detections from ``num_messages`` messages."""
 
     num_messages: int = 0
     boxes: Array = field(default_factory=lambda: np.zeros((0, 4)))  # (N, 4) pixels, NaN: no box
@@ -62,7 +62,7 @@ class DetectionRecord:
 
 @dataclass(kw_only=True)
 class PictureRecord:
-    """What the pictures of a topic are like."""
+    """Properties of the images of a topic."""
 
     sizes: Counter[tuple[int, int]] = field(default_factory=Counter)  # (width, height)
     encodings: Counter[str] = field(default_factory=Counter)
@@ -71,7 +71,7 @@ class PictureRecord:
 
 @dataclass(kw_only=True)
 class ImuRecord:
-    """What an inertial sensor says, along its own axes."""
+    """Readings of an IMU, in its own frame."""
 
     frame_id: str = ""  # of the newest message; "": none was looked at
     ups: list[Array] = field(default_factory=list)  # (3,) by orientations that are stated
@@ -80,7 +80,7 @@ class ImuRecord:
 
 @dataclass(kw_only=True)
 class InputSummary:
-    """An input as the checks see it. Topics have absolute names."""
+    """Summary of an input for the checks. Topics have absolute names."""
 
     configuration: Configuration
     prior: MapPrior | None

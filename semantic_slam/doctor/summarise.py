@@ -1,4 +1,4 @@
-"""One pass over the messages of an input: all stamps, what the detections say, and a sample of everything else."""
+"""Single pass over an input's messages: all stamps and detections, and samples of everything else."""
 
 import struct
 from collections.abc import Callable, Iterable

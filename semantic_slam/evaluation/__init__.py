@@ -1,1 +1,1 @@
-"""Estimates against references: pure functions, no files, no ROS."""
+"""Evaluation of estimates against ground truth."""

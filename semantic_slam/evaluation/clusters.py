@@ -1,4 +1,4 @@
-"""Objects that stand so close together that a robot may rightly take them for one: scores over clusters of them."""
+"""Association scores over clusters of objects so close together that merging them is acceptable."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,10 +18,10 @@ def clusters_of(positions: Array, distance_m: float) -> Index:
 
 
 def majority(estimate: Sequence[int], reference: Sequence[int]) -> dict[int, int]:
-    """Estimated id -> the reference's id of most of its detections, the smaller of two that have as many.
+    """Estimated id -> reference id of the majority of its detections, the smaller id on a tie.
 
-    One id per detection each, negative ones being of nothing: such detections have no vote, and an estimated id of
-    which no detection has one is left out.
+    Both sequences have one id per detection; negative ids are clutter and have no vote. An estimated id without votes
+    is left out.
     """
     votes: dict[int, Counter[int]] = {}
     for own, true in zip(estimate, reference, strict=True):

@@ -1,4 +1,4 @@
-"""A recorded run against the ground truth of its bag: the ``metrics`` of a report, and their course over time."""
+"""Evaluation of a recorded run against its bag's ground truth: the report's ``metrics`` and their time series."""
 
 from dataclasses import dataclass
 
@@ -28,14 +28,14 @@ from semantic_slam.inference.world.map_prior import parse_map_prior
 
 @dataclass(frozen=True)
 class Evaluation:
-    """K keyframes. NaN where the truth or an input is missing."""
+    """Metrics and time series of a run of K keyframes; NaN where ground truth or an input is missing."""
 
     matches: dict[str, int]  # true object id -> object id
     true_associations: list[Ids]  # K x (D,)
     true_classes: dict[int, str]  # object id -> class name
     true_association_probability: Array  # (K,)
     true_poses: Array  # (K, 7)
-    final_poses: Array  # (K, 7) ancestors of the hypothesis that is best at the end
+    final_poses: Array  # (K, 7) of the ancestors of the final best hypothesis
     dead_reckoning: Array  # (K, 7) from the prior mean
     dead_reckoning_true_start: Array  # (K, 7)
     nees: Array  # (K,)
@@ -147,7 +147,7 @@ def _association_metrics(
     truth: GroundTruth,
     probability: Array,
 ) -> dict[str, float | int | None]:
-    """Clusters are compared by the true ids themselves, so that a missing correspondence costs no pair."""
+    """Association metrics; clusters use the true ids directly, so a missing object match costs no pair."""
     if not truth.associations:
         names = ("association_precision", "association_recall", "association_f1", "association_right")
         return {**dict.fromkeys(names, float("nan")), "keyframe_disambiguated": None}

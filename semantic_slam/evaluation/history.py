@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from semantic_slam.inference.belief import HybridBelief
 
 UNKNOWN = -2
-"""True object of a detection for which the reference says nothing: it is not judged."""
+"""Marks a detection without ground truth, which is not judged."""
 UNMATCHED = -3
-"""True object that no object of the map stands for: no association of the detection is right."""
+"""Marks a true object without a counterpart in the map: no association of the detection is right."""
 
 Ids = NDArray[np.int64]
 
@@ -29,7 +29,7 @@ def best_index(belief: HybridBelief) -> int:
 
 
 def lineage(beliefs: Sequence[HybridBelief]) -> list[int]:
-    """Index, at every keyframe, of the ancestor of the hypothesis that is best at the end.
+    """Index, at every keyframe, of the ancestor of the final best hypothesis.
 
     -1 where the lineage is not recorded (a bag that starts late or has a gap).
     """
@@ -44,9 +44,9 @@ def lineage(beliefs: Sequence[HybridBelief]) -> list[int]:
 
 
 def histories(beliefs: Sequence[HybridBelief]) -> list[Ids]:
-    """(H, D) object id of every detection of each keyframe under the H hypotheses that live at the end.
+    """(H, D) object id of every detection of each keyframe under the H final hypotheses.
 
-    As these have it by then: where a history was revised, as revised. -1: clutter, or a lineage that is not recorded.
+    Revised histories are given as revised. -1: clutter, or a lineage that is not recorded.
     """
     ancestors = np.arange(len(beliefs[-1].hypothesis_ids)) if beliefs else np.zeros(0, dtype=int)
     changed: list[dict[tuple[int, int], int]] = [{} for _ in ancestors]  # (keyframe, detection) -> object
@@ -71,7 +71,7 @@ def histories(beliefs: Sequence[HybridBelief]) -> list[Ids]:
 
 
 def best_history(beliefs: Sequence[HybridBelief]) -> list[Ids | None]:
-    """(D,) object id of every detection of each keyframe under the hypothesis that is best at the end.
+    """(D,) object id of every detection of each keyframe under the final best hypothesis.
 
     None where the lineage is not recorded.
     """

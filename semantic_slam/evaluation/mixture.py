@@ -1,4 +1,4 @@
-"""A Gaussian mixture over poses: its errors and its consistency.
+"""Errors and consistency of a Gaussian mixture over poses.
 
 Poses are (..., 7) vectors in map. Errors and covariances are x y z rx ry rz along the axes of map, as in
 geometry_msgs/PoseWithCovariance: rotations act on the left of the mean.
@@ -14,7 +14,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.chi_squared import chi_squared_quantile
 
 NUM_CIRCLES, NUM_ANGLES = 200, 16
-"""Points that stand for a Gaussian in the plane."""
+"""Numbers of circles and angles of the sample points that represent a planar Gaussian."""
 
 
 def pose_error(pose: Array, reference: Array) -> Array:
@@ -49,11 +49,11 @@ def log_density(log_weights: Array, means: Array, covariances: Array, pose: Arra
 def position_region(
     weights: Array, positions: Array, covariances: Array, truth: Array, probability: float = 0.95
 ) -> tuple[bool, float]:
-    """Whether a mixture's region in the plane holds the truth (2,), and the radius [m] of a circle of its area.
+    """Whether a mixture's planar credible region contains the truth (2,), and the radius [m] of a circle of equal area.
 
-    The region is an ellipse that has the mixture's mean and the shape of its covariance, and holds ``probability`` of
-    the mixture itself: that of a Gaussian with these moments holds less of what has heavy tails. ``weights`` (H,) that
-    sum to one, ``positions`` (H, 2), ``covariances`` (H, 2, 2).
+    The region is an ellipse with the mixture's mean and the shape of its covariance, scaled to contain ``probability``
+    of the mixture itself; the moment-matched Gaussian's ellipse would contain less of a heavy-tailed mixture.
+    ``weights`` (H,) sum to one; ``positions`` (H, 2), ``covariances`` (H, 2, 2).
     """
     mean, covariance = _moments(weights, positions, covariances)
     points = positions[:, None] + _normals() @ np.swapaxes(np.linalg.cholesky(covariances), 1, 2)
@@ -72,7 +72,7 @@ def _moments(weights: Array, positions: Array, covariances: Array) -> tuple[Arra
 
 @cache
 def _normals() -> Array:
-    """(N, 2) points that stand for equal parts of a standard normal: on circles of equal steps of probability."""
+    """(N, 2) equally weighted sample points of a standard normal, on circles at equal steps of probability."""
     radii = np.sqrt(chi_squared_quantile((np.arange(NUM_CIRCLES) + 0.5) / NUM_CIRCLES, 2))
     angles = 2.0 * np.pi * np.arange(NUM_ANGLES) / NUM_ANGLES
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -80,7 +80,7 @@ def _normals() -> Array:
 
 
 def _quantile(values: Array, weights: Array, probability: float) -> float:
-    """Weighted quantile of (H, N) values, of which those of a row weigh (H,) each."""
+    """Weighted quantile of (H, N) values; each value of row h has weight ``weights[h]``."""
     order = np.argsort(values, axis=None)
     each = np.broadcast_to(weights[:, None], values.shape).ravel()[order]
     return float(np.interp(probability, np.cumsum(each) - 0.5 * each, values.ravel()[order]))

@@ -1,4 +1,4 @@
-"""How probable a belief holds it that two detections are of one object, against the truth."""
+"""Calibration of the belief's probabilities that two detections show one object."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ BINS = 10
 
 @dataclass(frozen=True)
 class PairCalibration:
-    """Over all pairs of detections that are judged; NaN for want of pairs."""
+    """Calibration over all judged pairs of detections; NaN where there are none."""
 
-    right_at_90: float  # share that are one object of those stated to be one with probability 0.9 or more
+    right_at_90: float  # share of true pairs among those stated with probability 0.9 or more
     ece: float  # |stated - observed| over ten equal bins, weighted by their pairs
-    ece_of_stated: float  # over pairs alone that some hypothesis takes for one object
+    ece_of_stated: float  # only over pairs that some hypothesis takes for one object
 
 
 def pair_calibration(weights: Array, objects: Index, reference: Sequence[int]) -> PairCalibration:
-    """Calibration of P(i and j are one object), the sum of the weights of hypotheses that have them so.
+    """Calibration of P(i and j are one object), the total weight of the hypotheses that say so.
 
-    ``weights`` (H,), ``objects`` (H, N) object id of every detection, ``reference`` (N,) the true one; negative ids
-    are of nothing, and never of one thing with another. Detections alike in all of them are counted together.
+    ``weights`` (H,), ``objects`` (H, N) object id of every detection, ``reference`` (N,) the true one; negative ids are
+    clutter and never form a pair. Detections with equal ids in all of these are counted together.
     """
     alike, sizes = np.unique(np.vstack([objects, np.asarray(reference, dtype=int)]), axis=1, return_counts=True)
     found, true = alike[:-1], alike[-1]

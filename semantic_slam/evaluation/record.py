@@ -1,4 +1,4 @@
-"""A recorded run: what was believed, from what, and what was true."""
+"""A recorded run: beliefs, inputs and ground truth."""
 
 import json
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """Whatever part of the truth a bag holds."""
+    """Ground truth of a bag, as far as it has any."""
 
     trajectory: Trajectory  # T_map_body; empty when not known
     objects: GroundTruthObjects | None
@@ -29,12 +29,12 @@ class Record:
     odometry: Trajectory  # T_odom_body
     measurements: dict[int, SemanticMeasurements]  # by stamp_ns
     truth: GroundTruth | None
-    dropped: dict[str, int] = field(default_factory=dict)  # inputs not used and hypotheses given up, by reason
+    dropped: dict[str, int] = field(default_factory=dict)  # unused inputs and dropped hypotheses, by reason
     fault: str = ""  # why the bag could not be read to its end
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """The object that ``text`` holds; empty where it holds none."""
+    """Parse ``text`` as a JSON object; empty where it is none."""
     try:
         value = json.loads(text)
     except ValueError:

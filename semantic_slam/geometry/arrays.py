@@ -1,4 +1,4 @@
-"""Small arrays, for which what NumPy does before it begins costs more than the numbers."""
+"""Operations on small arrays, where NumPy's per-call overhead costs more than the arithmetic."""
 
 from typing import Any, TypeVar
 
@@ -9,31 +9,31 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 Flags = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
-"""Pictures and crops, RGB in the last axis."""
+"""Images and crops, uint8, RGB in the last axis."""
 T = TypeVar("T", bound=np.generic)
 
 
 def broadcast_copy(values: NDArray[T], shape: tuple[int, ...]) -> NDArray[T]:
-    """``values`` over a shape that they broadcast to, an array of their own: many times faster than a view of them."""
+    """Copy of ``values`` broadcast to ``shape``: many times faster than ``np.broadcast_to``."""
     found: NDArray[Any] = np.empty(shape, dtype=values.dtype)
     found[...] = values
     return found
 
 
 def squared_norms(vectors: Array) -> Array:
-    """(...,) of (..., n): many times faster than a sum over an axis that is short."""
+    """(...,) squared norms of (..., n) vectors: many times faster than a sum over a short axis."""
     return np.asarray(np.vecdot(vectors, vectors))
 
 
 def row_sums(values: Array) -> Array:
-    """(...,) sums of (..., n) over the last axis: many times faster than a sum over an axis that is short."""
+    """(...,) sums of (..., n) over the last axis: many times faster than ``sum`` over a short axis."""
     return np.asarray(np.vecdot(values, np.ones(values.shape[-1])))
 
 
 def distinct_rows(rows: Index) -> tuple[Index, Index]:
-    """(K, n) the different ones of (B, n) rows, ascending, and (B,) which of them each is.
+    """(K, n) unique rows of (B, n), ascending, and for each of the B rows the index of its unique row.
 
-    Of a few rows several times as fast as NumPy's.
+    For a few rows several times as fast as ``np.unique``.
     """
     every = [tuple(row) for row in rows.tolist()]
     distinct = sorted(set(every))
@@ -43,13 +43,14 @@ def distinct_rows(rows: Index) -> tuple[Index, Index]:
 
 
 TILE = 8
-"""Rows that a product takes at a time, on no processor more."""
+"""Number of rows that a BLAS kernel processes at a time, at most, on any processor."""
 
 
 def row_products(rows: Array, matrix: Array) -> Array:
-    """(B, n) products of (B, m) with (m, n): each row's to the last bit the same, whatever rows stand beside it.
+    """(B, n) product of (B, m) with (m, n), bit-identical for each row whatever the other rows are.
 
-    Of a number of rows that is no multiple of its tile, BLAS rounds the last ones otherwise on some processors.
+    Where the number of rows is no multiple of the tile, BLAS rounds the last ones differently on some processors, so
+    the rows are padded to a multiple of :data:`TILE`.
     """
     missing = -len(rows) % TILE
     if not missing:
@@ -58,9 +59,9 @@ def row_products(rows: Array, matrix: Array) -> Array:
 
 
 def column_products(matrices: Array, columns: Array) -> Array:
-    """(..., m, n) products of (..., m, k) with (..., k, n): each column's to the last bit the same in every company.
+    """(..., m, n) product of (..., m, k) with (..., k, n), bit-identical for each column whatever the others are.
 
-    Padded and laid out row by row, as :func:`row_products` is padded.
+    The columns are padded as in :func:`row_products` and stored in row-major order.
     """
     missing = -columns.shape[-1] % TILE
     padded = np.concatenate([columns, np.zeros((*columns.shape[:-1], missing))], axis=-1)
@@ -68,5 +69,5 @@ def column_products(matrices: Array, columns: Array) -> Array:
 
 
 def diagonals(matrices: Array) -> Array:
-    """(B, n) of contiguous (B, n, n), to write to as well."""
+    """(B, n) diagonals of contiguous (B, n, n) matrices, as a writable view."""
     return matrices.reshape(len(matrices), matrices.shape[1] ** 2)[:, :: matrices.shape[1] + 1]

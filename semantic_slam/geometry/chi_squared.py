@@ -1,4 +1,4 @@
-"""Quantiles of the chi-squared distribution, without scipy.stats: its import takes every node half a second."""
+"""Chi-squared quantiles without scipy.stats, whose import costs every node half a second."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,5 +8,5 @@ from semantic_slam.geometry.arrays import Array
 
 
 def chi_squared_quantile(share: ArrayLike, degrees: ArrayLike) -> Array:
-    """Below this lies so much of the distribution with so many degrees of freedom; NaN where these are NaN."""
+    """Quantile of probability ``share`` for ``degrees`` degrees of freedom; NaN where these are NaN."""
     return np.asarray(2.0 * gammaincinv(0.5 * np.asarray(degrees, dtype=np.float64), share))

@@ -1,8 +1,8 @@
-"""Levenberg-Marquardt for many small problems at once, each with its own damping.
+"""Batched Levenberg-Marquardt: many small problems at once, each with its own damping.
 
-Undamped Gauss-Newton loses the minimum where residuals are large or the start is far; the damping follows the gain of
-each step (Nielsen, 1999), so that problems with large residuals converge at the damping they need instead of swinging
-about it.
+Undamped Gauss-Newton diverges where residuals are large or the start is far from the minimum. The damping follows the
+gain ratio of each step (Nielsen, 1999), so that problems with large residuals converge at the damping they need
+instead of oscillating around it.
 """
 
 import copy
@@ -15,34 +15,34 @@ from semantic_slam.geometry.arrays import Array, Flags, Index, diagonals
 
 MAX_ITERATIONS = 30
 STEP_TOLERANCE = 1e-5
-"""Step, in coordinates of unit scale, at which a minimum counts as found."""
+"""Step length, in coordinates of unit scale, below which a minimum counts as found."""
 INITIAL_DAMPING = 1e-4
 LARGEST_DAMPING = 1e12
 """Damping beyond which no step helps any more."""
 LAST_DAMPING = 0.1
-"""Damping up to which a step that is expected to bring next to nothing ends at the minimum."""
+"""Damping below which a step with a negligible expected decrease counts as having reached the minimum."""
 
 
 class LeastSquares(Protocol):
     """The energies of B problems of n unknowns, in coordinates of about unit scale."""
 
     def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
-        """Energy (B,), gradient (B, n) and Gauss-Newton Hessian (B, n, n) at (B, n)."""
+        """Energy (B,), gradient (B, n) and Gauss-Newton Hessian (B, n, n) at ``y`` (B, n)."""
 
     def select(self, selection: Index) -> "LeastSquares":
-        """The chosen problems of the batch."""
+        """The selected problems of the batch."""
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where the searches of B problems are, or ended."""
+    """Current or final state of the minimisation of B problems."""
 
     y: Array  # (B, n)
     energy: Array  # (B,)
     hessian: Array  # (B, n, n) Gauss-Newton
 
     def or_lower(self, other: "Minimum") -> "Minimum":
-        """Problem by problem the lower of two ends."""
+        """For each problem the minimum with the lower energy."""
         lower = other.energy < self.energy
         return Minimum(
             np.where(lower[:, None], other.y, self.y),
@@ -59,7 +59,7 @@ def minimise(
 
 
 class LevenbergMarquardt:
-    """B problems on their way to their minima."""
+    """State of a running minimisation of B problems."""
 
     def __init__(self, problems: LeastSquares, start: Array):
         self._problems, self.y = problems, start.copy()
@@ -67,7 +67,7 @@ class LevenbergMarquardt:
         self.damping, self._growth = np.full(len(start), INITIAL_DAMPING), np.full(len(start), 2.0)
 
     def select(self, rows: Index) -> "LevenbergMarquardt":
-        """The search over the chosen problems alone, going on from where each of them is."""
+        """The minimisation of the selected problems alone, continued from their current states."""
         part = copy.copy(self)
         part._problems = self._problems.select(rows)
         part.y, part.energy, part._gradient = self.y[rows], self.energy[rows], self._gradient[rows]
@@ -75,11 +75,11 @@ class LevenbergMarquardt:
         return part
 
     def reached(self) -> Minimum:
-        """The least energies so far, and where."""
+        """Lowest energies so far, and the points where they are reached."""
         return Minimum(self.y.copy(), self.energy.copy(), self.hessian.copy())
 
     def advance(self, iterations: int, enough: Array) -> None:
-        """Take so many steps of each problem; fewer once its next one is not expected to bring ``enough`` (B,)."""
+        """Take ``iterations`` steps per problem; fewer once the next is expected to gain less than ``enough`` (B,)."""
         for _ in range(iterations):
             step, expected = self.next_step()
             near = self.is_near(expected, enough)
@@ -92,9 +92,9 @@ class LevenbergMarquardt:
             self.damping[there], self._growth[there] = damping, growth
 
     def finished(self, max_iterations: int = MAX_ITERATIONS, tolerance: float | Array = 0.0) -> Minimum:
-        """Minimum after that many steps at most; problems that have converged are left alone. Uses up this search.
+        """Minimum after at most ``max_iterations`` steps; converged problems are left out. Consumes this object.
 
-        ``tolerance`` (B,): decrease that a step may be expected to bring where a minimum counts as found all the same.
+        ``tolerance`` (B,): expected decrease of a step below which the minimum counts as found.
         """
         count = len(self.y)
         ends = np.empty_like(self.y), np.empty_like(self.energy), np.empty_like(self.hessian)
@@ -108,7 +108,7 @@ class LevenbergMarquardt:
         return Minimum(y, energy, hessian)
 
     def next_step(self) -> tuple[Array, Array]:
-        """(B, n) damped step and (B,) decrease of the energy that the quadratic model expects of it."""
+        """(B, n) damped step, and (B,) energy decrease that the quadratic model predicts for it."""
         damped = self.hessian.copy()
         added = self.damping[:, None] * diagonals(self.hessian)
         diagonals(damped)[...] += added
@@ -116,11 +116,11 @@ class LevenbergMarquardt:
         return step, 0.5 * np.asarray(np.vecdot(step, added * step - self._gradient))
 
     def is_near(self, expected: Array, enough: Array) -> Flags:
-        """(B,) whether the next step ends at the minimum."""
+        """(B,) whether the next step reaches the minimum, judged by its expected decrease and the damping."""
         return np.asarray((expected < enough) & (self.damping < LAST_DAMPING))
 
     def step(self, step: Array, expected: Array) -> Flags:
-        """One step of each; (B,) whether it is better there, for others stay where they are."""
+        """Try one step of each problem; returns (B,) whether it was accepted. Rejected ones stay where they are."""
         trial = self.y + step
         energy, gradient, hessian = self._problems.normal_equations(trial)
         gain = (self.energy - energy) / np.maximum(expected, 1e-300)
@@ -139,10 +139,10 @@ class LevenbergMarquardt:
 
 @dataclass
 class _Finish:
-    """Problems that are still searched; what has converged is set aside."""
+    """Problems still being minimised; converged ones are set aside."""
 
     search: LevenbergMarquardt
-    rows: Index  # (B,) of all problems
+    rows: Index  # (B,) indices among all problems
     enough: Array  # (B,)
     ends: tuple[Array, Array, Array]  # y, energies and Hessians of all problems
 
@@ -150,7 +150,7 @@ class _Finish:
         """One step of each."""
         step, expected = self.search.next_step()
         last = self.search.is_near(expected, self.enough)
-        if last.any():  # what the quadratic model says is as good as looking
+        if last.any():  # accept the quadratic model's prediction without evaluating
             self.search.y[last] += step[last]
             self.search.energy[last] -= expected[last]
             self.set_aside(last)
@@ -162,7 +162,7 @@ class _Finish:
         self.set_aside(small | (self.search.damping > LARGEST_DAMPING))
 
     def set_aside(self, ended: Flags) -> None:
-        """Store the results of problems that have ended, and go on with the others."""
+        """Store the results of finished problems and continue with the others."""
         if not ended.any():
             return
         at, search = self.rows[ended], self.search

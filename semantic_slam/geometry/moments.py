@@ -1,11 +1,11 @@
-"""Mean and covariance of a Gaussian mixture over poses."""
+"""Moment matching: mean and covariance of Gaussian mixtures over poses."""
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 
 SINGULAR = 1e-14
-"""Share of the largest eigenvalue below which one counts as zero."""
+"""Eigenvalues below this fraction of the largest one count as zero."""
 
 
 def position_sigmas(covariances: Array) -> Array:
@@ -23,10 +23,10 @@ def largest_sigmas(covariances: Array) -> Array:
 
 
 def matched_moments(weights: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
-    """(7,) pose and (6, 6) covariance of the Gaussian with the mixture's moments.
+    """(7,) pose and (6, 6) covariance of the Gaussian with the moments of the mixture.
 
     ``poses`` (H, 7) and ``covariances`` (H, 6, 6; x y z rx ry rz along fixed axes) are those of the components.
-    Components without the pose (NaN) are left out and the others renormalised; with none left all is NaN.
+    Components without the pose (NaN) are left out and the weights renormalised; with none left the result is NaN.
     """
     mean, covariance = matched_moments_of_many(weights, poses[:, None], covariances[:, None])
     return mean[0], covariance[0]
@@ -54,8 +54,8 @@ def matched_moments_of_many(weights: Array, poses: Array, covariances: Array) ->
 
 
 def _matched(shares: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
-    """Moments by (H, O) shares that add up to one over H, of (H, O, 7) poses and (H, O, 6, 6) covariances."""
-    from scipy.spatial.transform import Rotation  # a fifth of a second, and most processes match no moments
+    """Moments of (H, O, 7) poses with (H, O, 6, 6) covariances, for (H, O) weights that sum to one over H."""
+    from scipy.spatial.transform import Rotation  # deferred: the import takes 0.2 s, and most processes do not need it
 
     position = np.einsum("ho,hoi->oi", shares, poses[..., :3])
     scatter = np.einsum("ho,hoi,hoj->oij", shares, poses[..., 3:], poses[..., 3:])
@@ -70,16 +70,16 @@ def _matched(shares: Array, poses: Array, covariances: Array) -> tuple[Array, Ar
 
 
 def transport(before: Array, after: Array) -> Array:
-    """(d, d) C, symmetric and the nearest to I, with C ``before`` C^T = ``after``: what moves one Gaussian to another.
+    """(d, d) optimal transport map C between Gaussians: C ``before`` C^T = ``after``, symmetric and nearest to I.
 
-    Optimal transport (Olkin and Pukelsheim, 1982). Where ``before`` is singular, as far as it goes.
+    After Olkin and Pukelsheim, 1982. Where ``before`` is singular, restricted to its support.
     """
     root = _power(after, 0.5)
     return np.asarray(root @ _power(root @ before @ root, -0.5) @ root)
 
 
 def _power(square: Array, exponent: float) -> Array:
-    """Power of a symmetric square, on the directions in which it is not zero."""
+    """Power of a symmetric matrix on its support (eigenvalues that are not zero)."""
     values, vectors = np.linalg.eigh(0.5 * (square + square.T))
     kept = values > SINGULAR * max(float(values.max(initial=0.0)), 1e-300)
     return np.asarray((vectors[:, kept] * values[kept] ** exponent) @ vectors[:, kept].T)

@@ -11,13 +11,13 @@ from semantic_slam.geometry.arrays import Array
 PLANAR_AXES = (0, 1, 5)
 """Rows of a 3-D covariance (x, y, rz) that a planar engine fills."""
 PLANAR_ENTRIES = np.array([6 * row + column for row in PLANAR_AXES for column in PLANAR_AXES])
-"""Places of x, y, yaw and their products among the 36 entries of a pose covariance, row by row."""
+"""Flat row-major indices of the x, y, yaw block among the 36 entries of a pose covariance."""
 
 
 def wrap_angle(angle: Array) -> Array:
     """Angle in [-pi, pi), element-wise."""
     angle = np.asarray(angle, dtype=np.float64)
-    turns = np.floor((angle + np.pi) / (2.0 * np.pi))  # many times faster than a remainder
+    turns = np.floor((angle + np.pi) / (2.0 * np.pi))  # many times faster than ``np.mod``
     return np.asarray(angle - 2.0 * np.pi * turns)
 
 

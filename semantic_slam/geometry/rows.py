@@ -1,4 +1,4 @@
-"""Rows of tables: dataclasses whose arrays (and tuples) have a row for each of the same things."""
+"""Row selection for tables: dataclasses whose arrays (and tuples) share their first axis."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import Field, fields, replace
@@ -19,14 +19,14 @@ class Dataclass(Protocol):
 Table = TypeVar("Table", bound=Dataclass)
 
 Selection = Index | Flags | slice
-"""Which rows: their indices, any number of times; a mask; a range."""
+"""Selection of rows: indices (repeats allowed), a boolean mask, or a slice."""
 
 
 def take(table: Table, selection: Selection, names: Iterable[str] = ()) -> Table:
-    """The rows of a selection, in all fields or in those of ``names``; what is None, and the other fields, stay.
+    """Select rows of a table, in all fields or those in ``names``; None and the other fields are kept.
 
-    A field is an array or a table itself. Attributes are set without the class's own constructor, which checks again
-    what is known of the whole and takes longer than the selection of a few rows.
+    A field is an array or itself a table. Attributes are set without calling the constructor: it would repeat checks
+    that hold for the whole table already, and costs more than selecting a few rows.
     """
     some: Table = object.__new__(type(table))
     known, part = table.__dict__, some.__dict__
@@ -39,18 +39,18 @@ def take(table: Table, selection: Selection, names: Iterable[str] = ()) -> Table
 
 
 def _rest(value: Any, selection: Selection) -> Any:
-    """A selection of a field that is no array: a table, or None."""
+    """Select rows of a field that is not an array: a table, or None."""
     return None if value is None else take(value, selection)
 
 
 def with_rows(value: Table, rows: Index, whole: Collection[str]) -> Table:
-    """``value`` with the ``rows`` of its arrays and tuples; the fields in ``whole`` have no rows and stay."""
+    """``value`` with only ``rows`` of its arrays and tuples; the fields in ``whole`` have no rows and are kept."""
     names = [item.name for item in fields(value) if item.name not in whole]
     return replace(value, **{name: _taken(getattr(value, name), rows) for name in names})
 
 
 def joined_rows(values: Sequence[Table], whole: Collection[str]) -> Table:
-    """The rows of several, one after the other; the fields in ``whole`` are those of the first."""
+    """Concatenate the rows of several tables; the fields in ``whole`` are taken from the first."""
     names = [item.name for item in fields(values[0]) if item.name not in whole]
     joined = {name: _joined([getattr(value, name) for value in values]) for name in names}
     return replace(values[0], **joined)

@@ -12,20 +12,20 @@ from semantic_slam.geometry.pose import wrap_angle
 
 TURN = 2.0 * pi
 SMALL_ANGLE = 1e-4
-"""Below it a term is that of its series: the next one is a millionth of a millionth."""
+"""Angle [rad] below which terms use their series; the relative truncation error is about 1e-12."""
 NO_ZERO = 1e-200
-"""Added to an angle that is divided by, which changes no other than 0: its quotients then are their limits."""
+"""Added to an angle used as divisor; it changes only an angle of 0, whose quotients then equal their limits."""
 
 
 def sine_cosine(angle: Array) -> tuple[Array, Array]:
-    """Sine and cosine from one tangent of half the angle, which NumPy evaluates five times as fast as a sine."""
+    """Sine and cosine from the tangent of the half angle, which NumPy evaluates five times as fast as a sine."""
     tangent = np.tan(0.5 * angle)
-    above = 2.0 / (1.0 + tangent * tangent)  # the cosine and one
+    above = 2.0 / (1.0 + tangent * tangent)  # 1 + cosine
     return tangent * above, above - 1.0
 
 
 def compose(a: Array, b: Array) -> Array:
-    """T_a b: pose b, given in the frame of a, in the frame of a's parent."""
+    """Composition T_a b: transforms pose b from the frame of a into the parent frame of a."""
     if a.ndim == b.ndim == 1:
         return np.array(_composed(*a.tolist(), *b.tolist()))
     x, y = _turned(*sine_cosine(a[..., 2]), b)
@@ -33,7 +33,7 @@ def compose(a: Array, b: Array) -> Array:
 
 
 def frame(pose: Array) -> Array:
-    """(..., 5) of poses: x, y, yaw, its sine and cosine, for :func:`placed`."""
+    """(..., 5) precomputed frames of poses: x, y, yaw, sine and cosine of the yaw, for :func:`placed`."""
     found = np.empty((*pose.shape[:-1], 5))
     found[..., :3] = pose
     found[..., 3], found[..., 4] = sine_cosine(pose[..., 2])
@@ -41,7 +41,7 @@ def frame(pose: Array) -> Array:
 
 
 def placed(frames: Array, b: Array) -> Array:
-    """T_a b from the :func:`frame` of a; the heading is the sum, not wrapped."""
+    """Composition T_a b from the :func:`frame` of a; the heading is the sum, not wrapped."""
     x, y = _turned(frames[..., 3], frames[..., 4], b)
     return _columns(frames[..., 0] + x, frames[..., 1] + y, frames[..., 2] + b[..., 2])
 
@@ -52,7 +52,7 @@ def wrapped(pose: Array) -> Array:
 
 
 def along(start: Array, steps: Array) -> Array:
-    """(..., T, 3) poses after each of T steps (..., T, 3), one after the other from ``start`` (..., 3).
+    """(..., T, 3) poses after each of T consecutive relative motions (..., T, 3) from ``start`` (..., 3).
 
     The headings are sums, not wrapped.
     """
@@ -62,7 +62,7 @@ def along(start: Array, steps: Array) -> Array:
 
 
 def inverse(a: Array) -> Array:
-    """The pose of the parent frame in the frame of a."""
+    """Inverse: pose of the parent frame in the frame of a."""
     if a.ndim == 1:
         return np.array(_inverse(*a.tolist()))
     sine, cosine = sine_cosine(a[..., 2])
@@ -70,14 +70,14 @@ def inverse(a: Array) -> Array:
 
 
 def between(a: Array, b: Array) -> Array:
-    """Pose of b in the frame of a."""
+    """Relative pose: b in the frame of a."""
     if a.ndim == b.ndim == 1:
         return np.array(_composed(*_inverse(*a.tolist()), *b.tolist()))
     return compose(inverse(a), b)
 
 
 def exp(tangent: Array) -> Array:
-    """Group element of a tangent vector."""
+    """Exponential map: group element of a tangent vector."""
     if tangent.ndim == 1:
         return np.array(_element(*tangent.tolist()))
     a, b = _sine_terms(tangent[..., 2])
@@ -98,7 +98,7 @@ def retract(pose: Array, tangent: Array) -> Array:
 
 
 def log(pose: Array) -> Array:
-    """Tangent vector of a group element, with theta in [-pi, pi)."""
+    """Logarithm map: tangent vector of a group element, with theta in [-pi, pi)."""
     theta = wrap_angle(pose[..., 2])
     a, b = _sine_terms(theta)
     scale = 1.0 / (a * a + b * b)
@@ -108,7 +108,7 @@ def log(pose: Array) -> Array:
 
 
 def adjoint(pose: Array) -> Array:
-    """(..., 3, 3) with pose Exp(e) = Exp(Ad e) pose."""
+    """(..., 3, 3) adjoint Ad with pose Exp(e) = Exp(Ad e) pose."""
     if pose.ndim == 1:
         x, y, angle = pose.tolist()
         return np.array([[cos(angle), -sin(angle), y], [sin(angle), cos(angle), -x], [0.0, 0.0, 1.0]])
@@ -122,7 +122,7 @@ def adjoint(pose: Array) -> Array:
 
 
 def inverse_adjoint(pose: Array) -> Array:
-    """(..., 3, 3) with Exp(e) pose = pose Exp(Ad^-1 e)."""
+    """(..., 3, 3) inverse adjoint Ad^-1 with Exp(e) pose = pose Exp(Ad^-1 e)."""
     if pose.ndim == 1:
         x, y, angle = pose.tolist()
         c, s = cos(angle), sin(angle)
@@ -138,12 +138,12 @@ def inverse_adjoint(pose: Array) -> Array:
 
 
 def right_jacobian(tangent: Array) -> Array:
-    """(..., 3, 3) with Exp(t + e) = Exp(t) Exp(J e) to first order in e."""
+    """(..., 3, 3) right Jacobian J with Exp(t + e) = Exp(t) Exp(J e) to first order in e."""
     return exp_and_jacobian(tangent)[1]
 
 
 def exp_and_jacobian(tangent: Array) -> tuple[Array, Array]:
-    """Group element of a tangent vector, its heading as it is given, and its (..., 3, 3) right Jacobian."""
+    """Group element of a tangent vector, its heading not wrapped, and its (..., 3, 3) right Jacobian."""
     x, y, theta = tangent[..., 0], tangent[..., 1], tangent[..., 2]
     a, b = _sine_terms(theta)
     c = np.divide(1.0 - a, theta, out=np.asarray(theta / 6.0), where=np.abs(theta) >= SMALL_ANGLE)
@@ -157,7 +157,7 @@ def exp_and_jacobian(tangent: Array) -> tuple[Array, Array]:
 
 
 def rotate_covariance(pose: Array, covariance: Array, *, to_parent: bool = True) -> Array:
-    """Covariance of (..., 3, 3) body-frame perturbations along the parent's axes, or back."""
+    """Rotate a (..., 3, 3) covariance of body-frame perturbations to the parent's axes, or back."""
     angle = pose[..., 2] if to_parent else -pose[..., 2]
     rotation = np.zeros((*pose.shape[:-1], 3, 3))
     rotation[..., 0, 0] = rotation[..., 1, 1] = np.cos(angle)
@@ -167,9 +167,10 @@ def rotate_covariance(pose: Array, covariance: Array, *, to_parent: bool = True)
 
 
 def _composed(ax: float, ay: float, turn: float, bx: float, by: float, other: float) -> tuple[float, float, float]:
-    """:func:`compose` of one pose, for which NumPy takes ten times as long.
+    """:func:`compose` for one pose in scalar arithmetic, ten times as fast as NumPy.
 
-    Of one alone, never of a few: rows of a batch must not depend on how many there are, to the last bit.
+    Used for unbatched poses only, never for small batches: each row of a batch must be bit-identical whatever the
+    batch size.
     """
     sine, cosine, angle = sin(turn), cos(turn), turn + other
     return ax + cosine * bx - sine * by, ay + sine * bx + cosine * by, angle - TURN * floor((angle + pi) / TURN)
@@ -188,19 +189,19 @@ def _element(x: float, y: float, turn: float) -> list[float]:
 
 
 def _turned(sine: Array, cosine: Array, b: Array) -> tuple[Array, Array]:
-    """The position of pose b turned by an angle, from its sine and cosine."""
+    """Position of pose b rotated by an angle, given its sine and cosine."""
     return cosine * b[..., 0] - sine * b[..., 1], sine * b[..., 0] + cosine * b[..., 1]
 
 
 def _columns(x: Array, y: Array, theta: Array) -> Array:
-    """(..., 3) of three arrays of one shape; many times faster than ``np.stack`` where they are small."""
+    """Stack three arrays of equal shape to (..., 3); many times faster than ``np.stack`` for small ones."""
     together = np.empty((*np.shape(x), 3))
     together[..., 0], together[..., 1], together[..., 2] = x, y, theta
     return together
 
 
 def _sine_terms(theta: Array) -> tuple[Array, Array]:
-    """sin(t)/t and (1 - cos(t))/t, also at zero; from half the angle, where nothing cancels."""
+    """sin(t)/t and (1 - cos(t))/t, also at zero; from the half angle, which avoids cancellation."""
     half = 0.5 * theta + NO_ZERO
     sine, cosine = sine_cosine(half)
     ratio = sine / half

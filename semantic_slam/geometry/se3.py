@@ -1,8 +1,8 @@
-"""SE(3), vectorised: poses (..., 7) as x y z [m] qx qy qz qw; tangent vectors (..., 6) as GTSAM's Pose3 has them.
+"""SE(3), vectorised: poses (..., 7) as x y z [m] qx qy qz qw; tangent vectors (..., 6) in GTSAM's Pose3 order.
 
-These are [rotation, translation]: three radians, then three metres. Perturbations act on the right: x = mean * Exp(e).
-Covariances of messages have the translation first (:func:`covariance_along_parent`). Closed forms as in Barfoot, "State
-Estimation for Robotics", 2017, Sec. 7.1; the products of hats in them are written out.
+That order is [rotation, translation]: three radians, then three metres. Perturbations act on the right:
+x = mean * Exp(e). Covariances in messages have the translation first (:func:`covariance_along_parent`). Closed forms
+as in Barfoot, "State Estimation for Robotics", 2017, Sec. 7.1, with the products of hat matrices expanded.
 """
 
 import numpy as np
@@ -13,18 +13,18 @@ from semantic_slam.geometry.arrays import Array, squared_norms
 ROTATION, TRANSLATION = slice(0, 3), slice(3, 6)
 """Rows of tangent vectors."""
 NEARLY = 2e-3
-"""How far the square of a quaternion may be from 1, as three digits by hand leave it; :func:`wrapped` mends it."""
+"""Tolerance of a quaternion's squared norm about 1 (three hand-typed digits); :func:`wrapped` normalises it."""
 TO_MESSAGE = np.array([3, 4, 5, 0, 1, 2])
-"""Rows of a tangent vector in the order of messages, and back."""
+"""Permutation of tangent-vector rows to message order; it is its own inverse."""
 
 
 def compose(a: Array, b: Array) -> Array:
-    """T_a b: pose b, given in the frame of a, in the frame of a's parent."""
+    """Composition T_a b: transforms pose b from the frame of a into the parent frame of a."""
     return _joined(a[..., :3] + so3.rotated(a[..., 3:], b[..., :3]), so3.product(a[..., 3:], b[..., 3:]))
 
 
 def frame(pose: Array) -> Array:
-    """(..., 16) of poses: themselves and their rotation matrices row by row, for :func:`placed`."""
+    """(..., 16) precomputed frames: pose and row-major rotation matrix, for :func:`placed`."""
     found = np.empty((*pose.shape[:-1], 16))
     found[..., :7] = pose
     found[..., 7:] = so3.matrix(pose[..., 3:]).reshape(*pose.shape[:-1], 9)
@@ -32,14 +32,14 @@ def frame(pose: Array) -> Array:
 
 
 def placed(frames: Array, b: Array) -> Array:
-    """T_a b from the :func:`frame` of a."""
+    """Composition T_a b from the :func:`frame` of a."""
     rotation = frames[..., 7:].reshape(*frames.shape[:-1], 3, 3)
     moved = (rotation @ b[..., :3, None])[..., 0]
     return _joined(frames[..., :3] + moved, so3.product(frames[..., 3:7], b[..., 3:]))
 
 
 def along(start: Array, steps: Array) -> Array:
-    """(..., T, 7) poses after each of T steps (..., T, 7), one after the other from ``start`` (..., 7)."""
+    """(..., T, 7) poses after each of T consecutive relative motions (..., T, 7) from ``start`` (..., 7)."""
     found = np.empty(np.broadcast_shapes((*start.shape[:-1], 1, 7), steps.shape))
     pose = start
     for number in range(steps.shape[-2]):
@@ -48,24 +48,24 @@ def along(start: Array, steps: Array) -> Array:
 
 
 def wrapped(pose: Array) -> Array:
-    """Poses with quaternions of unit length and qw >= 0."""
+    """Poses with their quaternions normalised to unit length and qw >= 0."""
     return np.concatenate([pose[..., :3], so3.normalised(pose[..., 3:])], axis=-1)
 
 
 def inverse(a: Array) -> Array:
-    """The pose of the parent frame in the frame of a."""
+    """Inverse: pose of the parent frame in the frame of a."""
     back = so3.inverse(a[..., 3:])
     return _joined(-so3.rotated(back, a[..., :3]), back)
 
 
 def between(a: Array, b: Array) -> Array:
-    """Pose of b in the frame of a."""
+    """Relative pose: b in the frame of a."""
     back = so3.inverse(a[..., 3:])
     return _joined(so3.rotated(back, b[..., :3] - a[..., :3]), so3.product(back, b[..., 3:]))
 
 
 def exp(tangent: Array) -> Array:
-    """Group element of a tangent vector."""
+    """Exponential map: group element of a tangent vector."""
     turn, shift = tangent[..., ROTATION], tangent[..., TRANSLATION]
     first, second = so3.turn_terms(squared_norms(turn))
     aside = so3.cross(turn, shift)
@@ -74,7 +74,7 @@ def exp(tangent: Array) -> Array:
 
 
 def log(pose: Array) -> Array:
-    """Tangent vector of a group element, of at most half a turn."""
+    """Logarithm map: tangent vector of a group element, with a rotation of at most pi."""
     turn, position = so3.log(pose[..., 3:]), pose[..., :3]
     aside = so3.cross(turn, position)
     found = np.empty((*pose.shape[:-1], 6))
@@ -89,43 +89,43 @@ def retract(pose: Array, tangent: Array) -> Array:
 
 
 def adjoint(pose: Array) -> Array:
-    """(..., 6, 6) with pose Exp(e) = Exp(Ad e) pose."""
+    """(..., 6, 6) adjoint Ad with pose Exp(e) = Exp(Ad e) pose."""
     rotation = so3.matrix(pose[..., 3:])
     return _blocks(rotation, so3.hat(pose[..., :3]) @ rotation)
 
 
 def inverse_adjoint(pose: Array) -> Array:
-    """(..., 6, 6) with Exp(e) pose = pose Exp(Ad^-1 e)."""
+    """(..., 6, 6) inverse adjoint Ad^-1 with Exp(e) pose = pose Exp(Ad^-1 e)."""
     back = np.swapaxes(so3.matrix(pose[..., 3:]), -1, -2)
     return _blocks(back, -back @ so3.hat(pose[..., :3]))
 
 
 def left_jacobian(tangent: Array) -> Array:
-    """(..., 6, 6) with Exp(t + e) = Exp(J e) Exp(t) to first order in e."""
+    """(..., 6, 6) left Jacobian J with Exp(t + e) = Exp(J e) Exp(t) to first order in e."""
     turn, shift = tangent[..., ROTATION], tangent[..., TRANSLATION]
     return _blocks(so3.left_jacobian(turn), _shift_by_turn(turn, shift))
 
 
 def right_jacobian(tangent: Array) -> Array:
-    """(..., 6, 6) with Exp(t + e) = Exp(t) Exp(J e) to first order in e."""
+    """(..., 6, 6) right Jacobian J with Exp(t + e) = Exp(t) Exp(J e) to first order in e."""
     return left_jacobian(-tangent)
 
 
 def covariance_along_parent(pose: Array, covariance: Array) -> Array:
-    """(..., 6, 6) of tangent vectors at poses as messages have it: x y z rx ry rz along the axes of the parent."""
+    """Convert tangent-space covariance to message form: (..., 6, 6), x y z rx ry rz along the parent's axes."""
     turns = _turns(so3.matrix(pose[..., 3:]))
     return np.asarray((turns @ covariance @ np.swapaxes(turns, -1, -2))[..., TO_MESSAGE, :][..., TO_MESSAGE])
 
 
 def covariance_at_pose(pose: Array, covariance: Array) -> Array:
-    """(..., 6, 6) of tangent vectors at poses, from one along the axes of the parent as messages have it."""
+    """Convert message-form covariance (along the parent's axes) to (..., 6, 6) over tangent vectors at the pose."""
     turns = _turns(np.swapaxes(so3.matrix(pose[..., 3:]), -1, -2))
     ordered = covariance[..., TO_MESSAGE, :][..., TO_MESSAGE]
     return np.asarray(turns @ ordered @ np.swapaxes(turns, -1, -2))
 
 
 def mean(poses: Array, weights: Array) -> Array:
-    """(..., 7) of (P, ..., 7) poses with (P,) normalised weights: of positions, and of turns (Markley et al., 2007)."""
+    """(..., 7) weighted mean of (P, ..., 7) poses, (P,) normalised weights; rotations after Markley et al., 2007."""
     quaternions = np.moveaxis(poses[..., 3:], 0, -2)  # (..., P, 4)
     scatter = np.swapaxes(quaternions, -1, -2) @ (weights[:, None] * quaternions)
     turn = so3.normalised(np.linalg.eigh(scatter)[1][..., -1])
@@ -133,12 +133,12 @@ def mean(poses: Array, weights: Array) -> Array:
 
 
 def is_pose(vector: Array) -> bool:
-    """Whether (7,) finite numbers have a quaternion that is of unit length but for rounding."""
+    """Whether ``vector`` (7,) is finite with a quaternion of unit length up to rounding (:data:`NEARLY`)."""
     return bool(np.isfinite(vector).all() and abs(squared_norms(vector[3:]) - 1.0) <= NEARLY)
 
 
 def _shift_by_turn(turn: Array, shift: Array) -> Array:
-    """(..., 3, 3) lower left block of the left Jacobian: Barfoot's Q, with a^ b^ a^ = -(a b) a^ put in."""
+    """(..., 3, 3) lower left block of the left Jacobian: Barfoot's Q, simplified by a^ b^ a^ = -(a b) a^."""
     square, inner = squared_norms(turn), np.asarray(np.vecdot(turn, shift))
     _, second = so3.turn_terms(square)
     third, fourth = _shift_terms(square)
@@ -152,7 +152,7 @@ def _shift_by_turn(turn: Array, shift: Array) -> Array:
 
 
 def _shift_terms(square: Array) -> tuple[Array, Array]:
-    """(t^2 + 2 cos t - 2) / 2 t^4 and (2 t - 3 sin t + t cos t) / 2 t^5 of angles, from their squares."""
+    """(t^2 + 2 cos t - 2) / 2 t^4 and (2 t - 3 sin t + t cos t) / 2 t^5, from the squares of the angles t."""
     angle, is_small = np.sqrt(square), square < 10.0 * so3.SMALL_SQUARE
     divisor = np.where(is_small, 1.0, square)
     series = 1.0 / 24.0 - square / 720.0 + square**2 / 40320.0 - square**3 / 3628800.0
@@ -164,7 +164,7 @@ def _shift_terms(square: Array) -> tuple[Array, Array]:
 
 
 def _inverse_term(turn: Array) -> Array:
-    """(...,) (1 - h / tan h) / t^2 of turns by t = 2 h, of hat(t) squared in the inverse of the left Jacobian."""
+    """(...,) (1 - h / tan h) / t^2 for angles t = 2 h: coefficient of hat(t)^2 in the inverse left Jacobian."""
     square = squared_norms(turn)
     half, is_small = 0.5 * np.sqrt(square) + so3.NO_ZERO, square < so3.SMALL_SQUARE
     series = 1.0 / 12.0 + square / 720.0 + square**2 / 30240.0
@@ -173,7 +173,7 @@ def _inverse_term(turn: Array) -> Array:
 
 
 def _blocks(diagonal: Array, lower: Array) -> Array:
-    """(..., 6, 6) [[D, 0], [L, D]]."""
+    """(..., 6, 6) block matrices [[D, 0], [L, D]]."""
     found = np.zeros((*diagonal.shape[:-2], 6, 6))
     found[..., ROTATION, ROTATION] = found[..., TRANSLATION, TRANSLATION] = diagonal
     found[..., TRANSLATION, ROTATION] = lower
@@ -181,7 +181,7 @@ def _blocks(diagonal: Array, lower: Array) -> Array:
 
 
 def _turns(rotation: Array) -> Array:
-    """(..., 6, 6) that turn both parts of tangent vectors by (..., 3, 3)."""
+    """(..., 6, 6) block-diagonal matrices that rotate both parts of tangent vectors by (..., 3, 3)."""
     return _blocks(rotation, np.zeros(rotation.shape))
 
 

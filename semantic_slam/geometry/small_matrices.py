@@ -1,17 +1,17 @@
-"""Many matrices of two or three rows, entry by entry: far cheaper than a call of LAPACK for each."""
+"""Batched linear algebra of 2 x 2 and 3 x 3 matrices, element-wise: far cheaper than one LAPACK call each."""
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags
 
 LEAST_VARIANCE = 1e-18
-"""A square nanometre, or nanoradian: nothing is measured better."""
+"""Smallest variance accepted: 1 nm^2 or 1 nrad^2, below any real measurement."""
 ROUNDING = 1e-9
-"""Relative; numbers that others computed differ by as much."""
+"""Relative tolerance for rounding in numbers computed elsewhere."""
 
 
 def cholesky(matrices: Array) -> Array:
-    """(B, F, F) lower factors, entry by entry: for many small matrices far cheaper than one by one."""
+    """(B, F, F) lower Cholesky factors, element-wise over the batch: cheaper than one call per small matrix."""
     size = matrices.shape[-1]
     root = np.zeros(matrices.shape)
     for i in range(size):
@@ -46,9 +46,9 @@ def backward(root: Array, values: Array) -> Array:
 
 
 def are_covariances(matrices: Array) -> Flags:
-    """(N,) whether each of (N, 2, 2) is a covariance that can be computed with; False for those that are not finite.
+    """(N,) whether each of (N, 2, 2) matrices is a usable covariance; False where it is not finite.
 
-    Symmetric but for rounding, its variances between LEAST_VARIANCE and its inverse, its correlation within 1.
+    Required: symmetric up to rounding, variances between LEAST_VARIANCE and its inverse, correlation within 1.
     """
     (a, b), (d, c) = np.moveaxis(matrices, 0, -1)
     with np.errstate(all="ignore"):

@@ -1,7 +1,7 @@
 """SO(3), vectorised: unit quaternions (..., 4) as qx qy qz qw; rotation vectors (..., 3) in radians.
 
-Perturbations act on the right: q = mean * Exp(w). Closed forms as in Sola et al., "A micro Lie theory", 2018. Half the
-angle is an arctangent of the quaternion's two parts, so that nothing cancels near no turn, nor near half a turn.
+Perturbations act on the right: q = mean * Exp(w). Closed forms as in Sola et al., "A micro Lie theory", 2018. The half
+angle is the arctangent of the quaternion's vector and scalar parts, which avoids cancellation near 0 and near pi.
 """
 
 import numpy as np
@@ -9,20 +9,20 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, squared_norms
 
 SMALL_SQUARE = 2.5e-3
-"""Square of an angle [rad] below which terms are those of their series: the next ones are below rounding."""
+"""Squared angle [rad^2] below which terms use their series; the truncation error is below rounding."""
 NO_ZERO = 1e-200
-"""Added to an angle that is divided by, which changes no other than 0: its quotients then are their limits."""
+"""Added to an angle used as divisor; it changes only an angle of 0, whose quotients then equal their limits."""
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-"""The coordinates after x, y and z, and those before them."""
+"""Cyclic successors and predecessors of the coordinates x, y, z."""
 
 
 def cross(a: Array, b: Array) -> Array:
-    """(..., 3) cross products; many times faster than NumPy's where they are few."""
+    """(..., 3) cross products; many times faster than ``np.cross`` for small batches."""
     return np.asarray(a.take(NEXT, -1) * b.take(LAST, -1) - a.take(LAST, -1) * b.take(NEXT, -1))
 
 
 def hat(vector: Array) -> Array:
-    """(..., 3, 3) with hat(v) w = v x w."""
+    """(..., 3, 3) skew-symmetric matrices with hat(v) w = v x w."""
     matrix = np.zeros((*vector.shape, 3))
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
@@ -31,7 +31,7 @@ def hat(vector: Array) -> Array:
 
 
 def product(p: Array, q: Array) -> Array:
-    """Hamilton product: first turn by q, then by p."""
+    """Hamilton product: rotate by q first, then by p."""
     found = np.empty(np.broadcast(p, q).shape)
     a, b, c, d = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
     x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
@@ -43,12 +43,12 @@ def product(p: Array, q: Array) -> Array:
 
 
 def inverse(q: Array) -> Array:
-    """The turn back."""
+    """Inverse rotation: the conjugate quaternion."""
     return np.asarray(q * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
 def normalised(q: Array) -> Array:
-    """Quaternions of unit length: of the two that are one turn that with qw >= 0."""
+    """Quaternions normalised to unit length, with the sign for which qw >= 0."""
     return np.asarray(q / (np.sqrt(squared_norms(q)) * np.where(q[..., 3] < 0.0, -1.0, 1.0))[..., None])
 
 
@@ -66,7 +66,7 @@ def matrix(q: Array) -> Array:
 
 
 def from_matrix(rotation: Array) -> Array:
-    """(..., 4) quaternions of rotation matrices, each from its own largest component (Shepperd, 1978)."""
+    """(..., 4) quaternions of rotation matrices, each computed from its largest component (Shepperd, 1978)."""
     r = rotation
     diagonal = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
     trace = diagonal[0] + diagonal[1] + diagonal[2]
@@ -82,14 +82,14 @@ def from_matrix(rotation: Array) -> Array:
 
 
 def rotated(q: Array, vector: Array) -> Array:
-    """(..., 3) vectors turned by unit quaternions."""
+    """(..., 3) vectors rotated by unit quaternions."""
     axis = q[..., :3]
     twice = 2.0 * cross(axis, vector)
     return np.asarray(vector + q[..., 3:] * twice + cross(axis, twice))
 
 
 def upright(up: Array) -> Array:
-    """(4,) turn of a body that sees up in a direction (3,): it rolls and pitches without a yaw."""
+    """(4,) attitude of a body that sees "up" in direction (3,): roll and pitch, with zero yaw."""
     x, y, z = up
     roll, pitch = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
     about_y, about_x = exp(np.array([[0.0, pitch, 0.0], [roll, 0.0, 0.0]]))
@@ -97,7 +97,7 @@ def upright(up: Array) -> Array:
 
 
 def exp(vector: Array) -> Array:
-    """(..., 4) unit quaternions of rotation vectors."""
+    """Exponential map: (..., 4) unit quaternions of rotation vectors."""
     half = 0.5 * np.sqrt(squared_norms(vector)) + NO_ZERO
     found = np.empty((*vector.shape[:-1], 4))
     found[..., :3] = (0.5 * np.sin(half) / half)[..., None] * vector
@@ -106,14 +106,14 @@ def exp(vector: Array) -> Array:
 
 
 def log(q: Array) -> Array:
-    """(..., 3) rotation vectors of unit quaternions, of at most half a turn."""
+    """Logarithm map: (..., 3) rotation vectors of unit quaternions, of length at most pi."""
     sine = np.sqrt(squared_norms(q[..., :3])) + NO_ZERO
     sign = np.where(q[..., 3] < 0.0, -1.0, 1.0)
     return np.asarray((2.0 * sign * np.arctan2(sine, sign * q[..., 3]) / sine)[..., None] * q[..., :3])
 
 
 def turn_terms(square: Array) -> tuple[Array, Array]:
-    """(1 - cos t) / t^2 and (t - sin t) / t^3 of angles, from their squares."""
+    """(1 - cos t) / t^2 and (t - sin t) / t^3, from the squares of the angles t."""
     angle = np.sqrt(square) + NO_ZERO
     half = 0.5 * angle
     first = 0.5 * (np.sin(half) / half) ** 2
@@ -124,7 +124,7 @@ def turn_terms(square: Array) -> tuple[Array, Array]:
 
 
 def left_jacobian(vector: Array) -> Array:
-    """(..., 3, 3) with Exp(w + e) = Exp(J e) Exp(w) to first order in e."""
+    """(..., 3, 3) left Jacobian J with Exp(w + e) = Exp(J e) Exp(w) to first order in e."""
     square = squared_norms(vector)
     first, second = turn_terms(square)
     found = first[..., None, None] * hat(vector) + second[..., None, None] * squared_hat(vector, square)
@@ -135,12 +135,12 @@ def left_jacobian(vector: Array) -> Array:
 
 
 def right_jacobian(vector: Array) -> Array:
-    """(..., 3, 3) with Exp(w + e) = Exp(w) Exp(J e) to first order in e."""
+    """(..., 3, 3) right Jacobian J with Exp(w + e) = Exp(w) Exp(J e) to first order in e."""
     return left_jacobian(-vector)
 
 
 def squared_hat(vector: Array, square: Array) -> Array:
-    """(..., 3, 3) hat(v) hat(v), ``square`` (...,) being that of v's length."""
+    """(..., 3, 3) hat(v) hat(v), given ``square`` (...,), the squared length of v."""
     found = vector[..., :, None] * vector[..., None, :]
     found[..., 0, 0] -= square
     found[..., 1, 1] -= square

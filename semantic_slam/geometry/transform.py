@@ -7,11 +7,11 @@ from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.geometry.so3 import cross
 
 NEARLY_PARALLEL = 1.0 - 1e-9
-"""Cosine between quaternions above which a straight line replaces the arc."""
+"""Cosine between quaternions above which linear interpolation replaces the arc (slerp)."""
 
 
 def compose(T_a_b: Array, T_b_c: Array) -> Array:
-    """T_a_c; p_a = T_a_b @ (T_b_c @ p_c)."""
+    """Composed transform T_a_c, with p_a = T_a_b @ (T_b_c @ p_c)."""
     position = T_a_b[:3] + rotation_matrix(T_a_b[3:]) @ T_b_c[:3]
     return np.concatenate([position, quaternion_product(T_a_b[3:], T_b_c[3:])])
 
@@ -23,12 +23,12 @@ def inverse(T_a_b: Array) -> Array:
 
 
 def between(T_a_b: Array, T_a_c: Array) -> Array:
-    """T_b_c: the second pose as seen from the first."""
+    """Relative transform T_b_c: the second pose as seen from the first."""
     return compose(inverse(T_a_b), T_a_c)
 
 
 def interpolate(first: Array, second: Array, share: float) -> Array:
-    """Pose at ``share`` (0..1) of the way: positions on the straight line, rotations on the shorter arc."""
+    """Interpolated pose at ``share`` (0..1) of the way: position linear, rotation along the shorter arc."""
     a, b = first[3:] / np.linalg.norm(first[3:]), second[3:] / np.linalg.norm(second[3:])
     cosine = float(a @ b)
     if cosine < 0.0:

@@ -1,6 +1,6 @@
-"""The model over changes of viewpoint (Sec. 5.1): P(f(z2) | f(z1), change) needs no pose of the object, and gives none.
+"""Viewpoint-change model P(f(z2) | f(z1), change) (Sec. 5.1): it neither needs nor estimates the object's pose.
 
-It holds also for objects that have no front. How sure it is depends on the view it starts from and on the change.
+It also holds for objects without a front. Its predicted uncertainty depends on the first view and on the change.
 """
 
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from semantic_slam.latent.smooth_network import SmoothNetwork
 from semantic_slam.viewpoint.model import Viewpoints
 
 SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA = -5.0, 5.0
-"""Bounds of the log standard deviation that is predicted for the second view's features."""
+"""Bounds of the predicted log standard deviation of the second view's features."""
 
 
 @dataclass(frozen=True)
 class ChangePrediction:
-    """A Gaussian over the second view's feature, diagonal."""
+    """Diagonal Gaussian over the second view's feature."""
 
     mean: Array  # (B, F)
     sigma: Array  # (B, F)
@@ -33,17 +33,17 @@ class ChangePrediction:
 
 @dataclass(frozen=True)
 class ChangeModel:
-    """N(f2; mu(f1, change), Sigma(f1, change))."""
+    """Network model N(f2; mu(f1, change), Sigma(f1, change))."""
 
     network: SmoothNetwork
 
     def predict(self, features: Array, change_rad: Array) -> ChangePrediction:
-        """From (B, F) features of first views and (B, 2) changes of azimuth and elevation."""
+        """Predict second-view features from (B, F) first-view features and (B, 2) azimuth/elevation changes [rad]."""
         outputs = self.network.value(np.hstack([features, encoded_change(change_rad)]))
         step, log_sigma = np.split(outputs, 2, axis=1)
         return ChangePrediction(features + step, np.exp(np.clip(log_sigma, SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA)))
 
 
 def encoded_change(change_rad: Array) -> Array:
-    """(B, NUM_INPUTS) of (B, 2) changes of azimuth and elevation."""
+    """(B, NUM_INPUTS) network inputs for (B, 2) changes of azimuth and elevation."""
     return encoded(Viewpoints(change_rad[:, 0], change_rad[:, 1], np.zeros(len(change_rad))))

@@ -1,4 +1,4 @@
-"""How a direction of view enters the networks: harmonics of the azimuth and a scaled elevation, with derivatives."""
+"""Encoding of viewing directions for the networks: azimuth harmonics and a scaled elevation, with derivatives."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ _ORDERS = np.arange(1, HARMONICS + 1)
 
 
 def encoded(viewpoints: Viewpoints) -> Array:
-    """(B, NUM_INPUTS): cosines, sines, elevation. Periodic in azimuth; range and roll do not enter."""
+    """(B, NUM_INPUTS) encoding: cosines, sines, elevation. Periodic in azimuth; independent of range and roll."""
     turns = viewpoints.azimuth_rad[:, None] * _ORDERS
     return _joined(np.cos(turns), np.sin(turns), viewpoints.elevation_rad)
 

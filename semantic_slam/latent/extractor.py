@@ -1,4 +1,4 @@
-"""The feature extractor f_psi (Eq. 5.6): from a detector's crop, background included, to a short vector."""
+"""Feature extractor f_psi (Eq. 5.6): from a detector's crop, background included, to a short vector."""
 
 import numpy as np
 import torch
@@ -8,11 +8,11 @@ from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.networks.network import normalised
 
 BLOCK = 512
-"""Number of crops that are put through the network at a time."""
+"""Batch size: number of crops per forward pass."""
 
 
 class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
-    """Four convolutions and two linear layers; batches of crops to F numbers each."""
+    """Network of four convolutions and two linear layers, from a crop to F features."""
 
     input_size = 32
 
@@ -51,7 +51,7 @@ class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followe
         return int(self.head.out_features)
 
     def project(self, matrix: Array, offset: Array) -> None:
-        """Make the extractor deliver matrix @ (f - offset) from now on: (F', F) and (F,)."""
+        """Replace the output f by matrix @ (f - offset) from now on: (F', F) and (F,)."""
         weight, bias = self.head.weight.detach().double().numpy(), self.head.bias.detach().double().numpy()
         self.head = nn.Linear(weight.shape[1], len(matrix))
         with torch.no_grad():

@@ -1,4 +1,4 @@
-"""The extractor's part of a latent model file (store.py has the rest, without torch)."""
+"""Loading of the extractor from a latent model file (store.py reads the rest, without torch)."""
 
 from pathlib import Path
 
@@ -12,9 +12,9 @@ PREFIX = "extractor."
 
 
 def read_extractor(path: Path) -> FeatureExtractor:
-    """The extractor in a latent model file, ready to use. Raises InputError naming file, fault and remedy.
+    """Load the extractor of a latent model file, ready to use. Raises InputError naming file, fault and remedy.
 
-    From here on torch uses one thread: two that fight for a core are many times slower than one.
+    Sets torch to one thread from here on: two threads that share a core are many times slower than one.
     """
     torch.set_num_threads(1)
     arrays, _ = FORMAT.read(path)

@@ -1,4 +1,4 @@
-"""Classes in the latent space: Gaussians P(e | c) (Eqs. 5.18, 5.19)."""
+"""Class grounding of the latent space: Gaussians P(e | c) (Eqs. 5.18, 5.19)."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ class Grounding:
 
     class_names: tuple[str, ...]
     mean: Array  # (C, L)
-    sigma: Array  # (C, L) of an instance that was not tagged, the uncertainty of the mean included
+    sigma: Array  # (C, L) predictive, for an untagged instance: includes the uncertainty of the mean
 
     def log_likelihood(self, belief: DescriptorBelief) -> Array:
         """(B, C) log of the integral of N(e; belief) P(e | c)."""

@@ -1,4 +1,4 @@
-"""The learned model as inference uses it: plain numpy, constant diagonal covariance (Eqs. 5.10 and 5.12)."""
+"""Learned latent model for inference: plain numpy, constant diagonal covariance (Eqs. 5.10 and 5.12)."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,25 +14,25 @@ from semantic_slam.latent.smooth_network import SmoothNetwork
 from semantic_slam.viewpoint.model import Viewpoints
 
 SMALLEST_LOG_SIGMA, LARGEST_LOG_SIGMA = -4.0, 1.5
-"""Bounds of what the encoder may say of its own certainty, about the spread of all descriptors."""
+"""Bounds of the encoder's log standard deviation, relative to the spread of all descriptors."""
 
 
 @dataclass(frozen=True)
 class FeatureNoise:
-    """Sigma of Eq. 5.10: the spread of calibration views about the mean, and what it is multiplied by for a graph."""
+    """Sigma of Eq. 5.10: spread of calibration views about the mean, and its inflation factor for factor graphs."""
 
     sigma: Array  # (F,) calibrated per component
-    temper: float  # so that the pose inferred from calibration views is as uncertain as it is wrong
+    temper: float  # factor that makes the pose covariance inferred from calibration views match its error
 
     @property
     def tempered(self) -> Array:
-        """(F,) standard deviations of the feature as a factor graph counts them, tempered by ``temper``."""
+        """(F,) standard deviations of the feature to use in a factor graph, inflated by ``temper``."""
         return self.sigma * self.temper
 
 
 @dataclass(frozen=True)
 class Instances:
-    """The N instances that the model was trained on (Eq. 5.7)."""
+    """The N training instances and their descriptors (Eq. 5.7)."""
 
     names: tuple[str, ...]
     descriptors: Array  # (N, L)
@@ -45,17 +45,17 @@ class LatentModel:
     decoder: SmoothNetwork  # encoded direction and descriptor to feature
     encoder: SmoothNetwork  # feature to mean and log sigma of the descriptor
     noise: FeatureNoise  # of detections in rooms
-    turntable_noise: FeatureNoise  # of clean turntable pictures
+    turntable_noise: FeatureNoise  # of clean turntable images
     instances: Instances
     grounding: Grounding | None = None
-    changes: ChangeModel | None = None  # the alternative without object poses (Sec. 5.1); inference has no use for it
-    new_factor: float | None = None  # of sigma, for objects that the model was not fitted to; None: not known
+    changes: ChangeModel | None = None  # the alternative without object poses (Sec. 5.1); not used by inference
+    new_factor: float | None = None  # factor on sigma for objects not in the training set; None: unknown
     formulation: str = "map"
     provenance: dict[str, object] = field(default_factory=dict)
-    space: str = ""  # identifies extractor and decoder; empty for a model that no file holds
+    space: str = ""  # identifies extractor and decoder; empty for a model without a file
 
     def __post_init__(self) -> None:
-        """Raises ValueError when the parts do not fit each other."""
+        """Validate the parts. Raises ValueError when their sizes do not fit together."""
         features, dimensions = self.num_features, self.num_dimensions
         if self.decoder.num_inputs != NUM_INPUTS + dimensions:
             raise ValueError("the decoder's input is not a direction and a descriptor")
@@ -87,17 +87,17 @@ class LatentModel:
         return self.grounding.class_names if self.grounding else ()
 
     def on_turntable(self) -> "LatentModel":
-        """The model for clean turntable pictures, whose features are more certain than those of a detection."""
+        """Model for clean turntable images, whose features are less noisy than those of detections."""
         return replace(self, noise=self.turntable_noise)
 
     def on_new_instances(self) -> "LatentModel":
-        """The model for objects that it was not fitted to, as far as it knows how wrong it is about them."""
+        """Model for objects not in the training set: sigma is multiplied by ``new_factor`` where that is known."""
         if self.new_factor is None:
             return self
         return replace(self, noise=replace(self.noise, temper=self.noise.temper * self.new_factor))
 
     def mean(self, viewpoints: Viewpoints, descriptors: Array) -> Array:
-        """(B, F) predicted mean features alone, without their noise, for rasters."""
+        """(B, F) predicted mean features only, for rasters over many viewpoints or descriptors."""
         return self.decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))
 
     def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:
@@ -112,7 +112,7 @@ class LatentModel:
 
     @cached_property
     def _tangents(self) -> Array:
-        """(1, 2 + L, NUM_INPUTS + L) of the decoder's input by azimuth, elevation and descriptor, these left open."""
+        """(1, 2 + L, NUM_INPUTS + L) tangents of the decoder input; the direction entries are filled in per call."""
         directions = np.zeros((2, NUM_INPUTS + self.num_dimensions))
         return np.concatenate([directions, np.eye(self.num_dimensions, len(directions[0]), NUM_INPUTS)])[None]
 

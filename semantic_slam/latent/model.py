@@ -1,4 +1,4 @@
-"""The learned viewpoint-dependent model over descriptors, P(f(z) | x_rel, e) = N(mu(x_rel, e), Sigma) (Eq. 5.10)."""
+"""Interface of the learned viewpoint-dependent model P(f(z) | x_rel, e) = N(mu(x_rel, e), Sigma) (Eq. 5.10)."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -19,7 +19,7 @@ class DescriptorBelief:
 class LatentPrediction:
     """Distribution of the feature f(z) at B viewpoints and descriptors; F components.
 
-    ``sigma`` is calibrated and tempered already: what a factor graph may use. It counts as constant where the mean is
+    ``sigma`` is already calibrated and tempered for use in a factor graph. It is treated as constant when the mean is
     linearised.
     """
 
@@ -30,36 +30,36 @@ class LatentPrediction:
 
 
 class DescriptorModel(Protocol):
-    """What inference asks of a learned model; features come with the measurements. No torch behind it.
+    """Interface of learned descriptor models for inference, free of torch; features come with the measurements.
 
-    Range and roll are not observed by a tight crop: only the direction of ``Viewpoints`` counts.
+    A tight crop does not observe range and roll: only the direction of ``Viewpoints`` matters.
     """
 
     @property
     def space(self) -> str:
-        """Which space the descriptors are of: models of another name mean other things by the same numbers."""
+        """Name of the descriptor space: descriptors are comparable only between models of equal name."""
 
     @property
     def num_features(self) -> int:
-        """F, the number of components of a feature, at most 32."""
+        """Number of feature components F, at most 32."""
 
     @property
     def num_dimensions(self) -> int:
-        """L, the number of components of a descriptor."""
+        """Number of descriptor components L."""
 
     @property
     def prior(self) -> DescriptorBelief:
-        """One Gaussian, B = 1: the descriptors of the instances that the model was trained on."""
+        """Prior of a descriptor as one Gaussian (B = 1), fitted to the training instances."""
 
     @property
     def class_names(self) -> tuple[str, ...]:
-        """(C,) classes that tagged instances ground the space with (Eqs. 5.18, 5.19); none when not grounded."""
+        """(C,) classes grounded by tagged instances (Eqs. 5.18, 5.19); empty when the space is not grounded."""
 
     def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:
-        """For (B,) viewpoints and (B, L) descriptors."""
+        """Predict features for (B,) viewpoints and (B, L) descriptors."""
 
     def encode(self, features: Array) -> DescriptorBelief:
-        """First guesses of the descriptors behind (B, F) features, whatever the direction of view (Eq. 5.12)."""
+        """Initial descriptor estimates from (B, F) features, regardless of the viewing direction (Eq. 5.12)."""
 
     def class_log_likelihood(self, belief: DescriptorBelief) -> Array:
         """(B, C) log P(e | c) (Eq. 5.19), averaged over each belief."""

@@ -1,4 +1,4 @@
-"""A small fully connected network in plain numpy, smooth, with exact derivatives of whole batches."""
+"""Small fully connected tanh network in plain numpy, with exact batched derivatives."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,17 +11,17 @@ from semantic_slam.geometry.arrays import Array, row_products
 
 @dataclass(frozen=True)
 class Layer:
-    """weight @ x + bias; tanh follows every layer but the last."""
+    """Affine layer weight @ x + bias; tanh follows every layer but the last."""
 
     weight: Array  # (outputs, inputs)
     bias: Array  # (outputs,)
 
 
 class SmoothNetwork:
-    """y = W_n tanh(... tanh(W_1 x + b_1) ...) + b_n."""
+    """Multilayer perceptron y = W_n tanh(... tanh(W_1 x + b_1) ...) + b_n."""
 
     def __init__(self, layers: Sequence[Layer]) -> None:
-        """Raises ValueError when the layers do not fit each other."""
+        """Validate and store the layers. Raises ValueError when their sizes do not fit together."""
         if not layers:
             raise ValueError("a network needs a layer")
         for before, after in pairwise(layers):
@@ -43,16 +43,16 @@ class SmoothNetwork:
         return len(self.layers[-1].weight)
 
     def value(self, inputs: Array) -> Array:
-        """(B, outputs) value of the network at (B, inputs)."""
+        """(B, outputs) network output at (B, inputs)."""
         hidden = inputs
         for layer, by_input in zip(self.layers[:-1], self._by_input[:-1], strict=True):
             hidden = np.tanh(row_products(hidden, by_input) + layer.bias)
         return row_products(hidden, self._by_input[-1]) + self.layers[-1].bias
 
     def value_and_tangents(self, inputs: Array, tangents: Array) -> tuple[Array, Array]:
-        """(B, outputs) and its derivatives (B, T, outputs) along T directions (B, T, inputs) of the input."""
+        """(B, outputs) output and its directional derivatives (B, T, outputs) along T tangents (B, T, inputs)."""
         shape = (len(tangents), 1 + tangents.shape[1], -1)
-        # One large product per layer, of values and tangents, instead of many small ones: several times faster.
+        # One large product per layer for values and tangents, several times faster than many small ones.
         rows = np.concatenate([inputs[:, None], tangents], axis=1).reshape(shape[0] * shape[1], -1)
         for layer, by_input in zip(self.layers[:-1], self._by_input[:-1], strict=True):
             rows = row_products(rows, by_input)

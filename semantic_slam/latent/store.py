@@ -1,4 +1,4 @@
-"""Latent model files: weights, descriptors and a JSON description in one safetensors file; it is data alone."""
+"""Latent model files: weights, descriptors and a JSON description in one safetensors file; data only."""
 
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
@@ -17,13 +17,13 @@ from semantic_slam.latent.smooth_network import Layer, SmoothNetwork
 from semantic_slam.model_files import Arrays, ModelFormat
 
 SPACE_DIGITS = 16
-"""Hexadecimal, of the name of a latent space."""
+"""Number of hexadecimal digits in the name of a latent space."""
 REMEDY = "make one with train_latent_model"
 FORMAT = ModelFormat(kind="latent_descriptor", schema_version=1, remedy=REMEDY)
 
 
 def save_latent_model(model: LatentModel, extractor: Mapping[str, NDArray[Any]], path: Path) -> None:
-    """Write the model and the (numpy) state of its extractor; ``model.provenance`` is kept with them as it is."""
+    """Write the model and the (numpy) state of its extractor; ``model.provenance`` is stored unchanged."""
     arrays: Arrays = {f"extractor.{name}": np.ascontiguousarray(value) for name, value in extractor.items()}
     networks = {"decoder": model.decoder, "encoder": model.encoder}
     if model.changes is not None:
@@ -51,7 +51,7 @@ def save_latent_model(model: LatentModel, extractor: Mapping[str, NDArray[Any]],
 
 
 def read_latent_model(path: Path) -> LatentModel:
-    """The numpy side of a file; raises InputError naming the file, what is wrong and the remedy."""
+    """Read the numpy part of a file. Raises InputError naming the file, the fault and the remedy."""
     arrays, description = FORMAT.read(path)
     try:
         names = tuple(str(name) for name in description["instance_names"])
@@ -73,7 +73,7 @@ def read_latent_model(path: Path) -> LatentModel:
 
 
 def space_of(arrays: Arrays) -> str:
-    """Name of a file's latent space: what descriptors mean follows from extractor and decoder alone."""
+    """Name of a file's latent space: a digest of extractor and decoder, which alone define the descriptors."""
     digest = sha256()
     for name in sorted(arrays):
         if name.startswith(("extractor.", "decoder.")):

@@ -1,1 +1,1 @@
-"""Maps that outlive their run: one file, from which later runs start, and what changed between two of them."""
+"""Persistent maps: one file from which later runs start, and comparison and merging of two maps."""

@@ -1,7 +1,7 @@
-"""Where one map's frame may be in another's: in its place, or wherever some objects of both are the same.
+"""Frame alignment of two maps: in place, or from proposed object correspondences.
 
-Every pair of objects with headings proposes an alignment, and of points two pairs at one distance do; evidence over
-all objects decides, and what it does not decide stays a mixture.
+Every pair of objects with headings proposes an alignment; for point objects, two pairs at equal distance do. The
+evidence over all objects decides; what remains ambiguous stays a mixture.
 """
 
 from itertools import combinations
@@ -15,18 +15,18 @@ from semantic_slam.maps.landmarks import Landmarks, turned
 from semantic_slam.maps.likelihood import Alignment, pairs
 
 HEADING_RAD = 0.35
-"""Standard deviation up to which the heading of an object tells how its map is turned."""
+"""Largest standard deviation [rad] at which an object's heading can propose the rotation between maps."""
 MOST_ANCHORS, MOST_PROPOSALS, MOST_REFINED = 12, 3000, 15
 APART_M, APART_RAD = 0.3, 0.1
-"""Alignments nearer than that are one."""
+"""Alignments closer than this count as one."""
 UNLIKELY = 12.0
-"""Nats below the best at which an alignment is left out."""
+"""Log-likelihood gap [nats] to the best beyond which an alignment is dropped."""
 
 
 def in_place(
     old: Landmarks, new: Landmarks, log_absent: Array, *, is_continued: bool
 ) -> list[tuple[float, Correspondence]]:
-    """Both maps in one frame, each as far off as its own start was; ``is_continued``: the new one came from the old."""
+    """Alignment of maps in one frame, each off by its own initial pose error; ``is_continued``: new came from old."""
     covariance = old.frame + new.frame + 1e-6 * np.eye(3)
     start = Alignment(T_old_new=np.zeros(3), covariance=covariance, centre=old.centre)
     prior = np.asarray(np.linalg.inv(covariance))
@@ -34,7 +34,7 @@ def in_place(
 
 
 def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[float, Correspondence]]:
-    """Alignments with their probabilities, the likeliest first; none where no object of both may be the same."""
+    """Alignments with their probabilities, most likely first; empty where no objects can correspond."""
     proposals = _proposals(old, new)
     scored = sorted(((_score(old, new, log_absent, own), n) for n, own in enumerate(proposals)), reverse=True)
     found: list[Correspondence] = []
@@ -51,7 +51,7 @@ def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[flo
 
 
 def _score(old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment) -> float:
-    """Log likelihood, roughly: every old object with whichever new one is likeliest to be it, where it stood."""
+    """Approximate log likelihood: each old object is matched to its most likely unmoved counterpart."""
     told = pairs(old, new, alignment, np.ones(len(old)))
     return float(np.maximum(told.log_same.max(axis=1) - log_absent, 0.0).sum())
 

@@ -1,4 +1,4 @@
-"""A saved map as what a run starts from, and the previous version of maps, ``objects.json``, as a saved map."""
+"""Conversion of saved maps to run priors, and of the legacy ``objects.json`` format to saved maps."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, SavedMap
 
 
 def map_prior_of(saved: SavedMap) -> MapPrior:
-    """The objects' marginals, and what they have in common where the map tells."""
+    """Map prior with the objects' marginals, and their joint covariance where the map has it."""
     objects = saved.objects
     items = tuple(
         ObjectPrior(
@@ -29,9 +29,9 @@ def map_prior_of(saved: SavedMap) -> MapPrior:
 
 
 def joint_covariance(saved: SavedMap) -> Array:
-    """(3 O, 3 O) of x, y, yaw over all hypotheses, along the axes of map: the marginals' own blocks are theirs.
+    """(3 O, 3 O) joint covariance of x, y, yaw over all hypotheses in the map frame, with the marginals as blocks.
 
-    A hypothesis that lacks an object has it at its marginal, independent of all others.
+    In a hypothesis that lacks an object, that object has its marginal, independent of all others.
     """
     hypotheses, weights = saved.hypotheses, np.exp(saved.hypotheses.log_weights)
     means, own = planar_from_pose_vector(saved.objects.poses), planar_from_covariance(saved.objects.covariances)
@@ -49,7 +49,7 @@ def joint_covariance(saved: SavedMap) -> Array:
 
 
 def _with_own_blocks(joint: Array, own: Array) -> Array:
-    """A covariance with the blocks ``own`` (O, 3, 3) on its diagonal, and the correlations of ``joint``."""
+    """Covariance with the diagonal blocks ``own`` (O, 3, 3) and the correlations of ``joint``."""
     changed = joint.copy()
     for row, block in enumerate(own):
         at = slice(3 * row, 3 * row + 3)
@@ -61,7 +61,7 @@ def _with_own_blocks(joint: Array, own: Array) -> Array:
 
 
 def saved_map_of_prior(prior: MapPrior) -> SavedMap:
-    """One hypothesis of objects that are independent: what an ``objects.json`` says, and no more."""
+    """Saved map of an ``objects.json``: one hypothesis with independent objects."""
     names = tuple(sorted({name for item in prior.objects for name in item.class_probabilities}))
     count, length = len(prior.objects), max((len(item.descriptor) for item in prior.objects), default=0)
     descriptors, variances = np.full((2, count, length), np.nan)
@@ -93,7 +93,7 @@ def saved_map_of_prior(prior: MapPrior) -> SavedMap:
 
 
 def independent(objects: MapObjects) -> MapHypotheses:
-    """One hypothesis of the objects' marginals."""
+    """One hypothesis made of the objects' independent marginals."""
     joint = _block_diagonal(planar_from_covariance(objects.covariances))
     return MapHypotheses(
         log_weights=np.zeros(1),

@@ -1,4 +1,4 @@
-"""What a map has to keep to before anything is done with it: sizes that agree, probabilities, covariances."""
+"""Validation of maps: consistent sizes, valid probabilities and covariances."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,13 +10,13 @@ from semantic_slam.inference.world.map_prior import ID_LIMIT, ROUNDING, is_posit
 from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, SavedMap
 
 SUM_ERROR = 1e-6
-"""How far the sum of probabilities may be off one."""
+"""Tolerance of a sum of probabilities about one."""
 MOST_OBJECTS = 1300
-"""Objects of a map: their joint covariance is a square of three times as many numbers."""
+"""Largest number of objects in a map; the joint covariance has three rows per object."""
 
 
 def check_map(saved: SavedMap) -> None:
-    """Raises ValueError."""
+    """Validate a map. Raises ValueError."""
     if len(saved.objects.names) > MOST_OBJECTS:
         raise ValueError(f"it has {len(saved.objects.names)} objects, and a map {MOST_OBJECTS} at most")
     _check_objects(saved.objects, len(saved.class_names))

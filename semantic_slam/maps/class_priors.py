@@ -1,7 +1,7 @@
-"""What a run took the classes of a map's objects to be before it looked at them, and what they told besides.
+"""Class priors of mapped objects, and the class evidence of each object separated from its prior.
 
-Of which class an object is, a run takes from what else it has mapped, too: two runs through one room know the same of
-it, and must not count as two witnesses.
+A run's class prior of an object depends on the other objects it has mapped. Two runs through one room share that
+knowledge, so it must not be counted twice when their maps are combined.
 """
 
 from collections.abc import Sequence
@@ -15,16 +15,16 @@ from semantic_slam.inference.world.objects import ReportedObjects
 from semantic_slam.maps.saved_map import MapObjects
 
 LEAST_CLASS = 1e-6
-"""Probability of a class that nothing rules out for good."""
+"""Lower bound of class probabilities, so that no class is ruled out permanently."""
 
 
 def class_priors_of(
     components: Sequence[Component], weights: Array, ids: Index, reported: ReportedObjects, class_shares: Array
 ) -> Array:
-    """(O, C) means over H hypotheses of (H,) ``weights``, as class probabilities are; of what they lack, the shares.
+    """(O, C) class priors averaged over H hypotheses by (H,) ``weights``; ``class_shares`` where an object is absent.
 
-    ``class_shares`` (C,) are those of new objects before the run. What a map at the start says of an object is no part
-    of its prior, but evidence that somebody had.
+    ``class_shares`` (C,) is the class prior of new objects before the run. What an initial map says of an object is
+    not part of its prior: it counts as evidence from an earlier run.
     """
     told = [[_prior_of(own, held_as(own, int(n), reported), class_shares) for n in ids] for own in components]
     stacked = np.array(told).reshape(len(components), len(ids), len(class_shares))
@@ -32,7 +32,7 @@ def class_priors_of(
 
 
 def class_evidence(objects: MapObjects) -> Array:
-    """(O, C) proportional to the likelihood of what is known of each object by itself, adding up to one for each."""
+    """(O, C) class likelihoods of each object's own observations, normalised per object (probability / prior)."""
     if not objects.class_probabilities.shape[1]:
         return objects.class_probabilities
     told = (objects.class_probabilities + LEAST_CLASS) / (known_priors(objects) + LEAST_CLASS)
@@ -40,13 +40,13 @@ def class_evidence(objects: MapObjects) -> Array:
 
 
 def known_priors(objects: MapObjects) -> Array:
-    """(O, C) class priors, even ones where a map does not tell them."""
+    """(O, C) class priors, uniform where the map has none."""
     count = objects.class_priors.shape[1]
     return np.where(np.isnan(objects.class_priors), 1.0 / max(count, 1), objects.class_priors)
 
 
 def _prior_of(component: Component, number: int, class_shares: Array) -> Array:
-    """(C,) shares of classes as what else was mapped had changed them when the object was added."""
+    """(C,) class prior as updated by the other mapped objects when this object was added."""
     record = component.views.get(number)
     if record is None or record.log_ratios is None:
         return class_shares

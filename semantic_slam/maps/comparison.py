@@ -1,4 +1,4 @@
-"""Two maps laid over each other: which object of one is which of the other, over all alignments that are left."""
+"""Comparison of two maps: object correspondences over all plausible alignments."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,27 +16,27 @@ from semantic_slam.maps.likelihood import DISPLACED_SHARE, GONE_SHARE
 from semantic_slam.maps.saved_map import SavedMap, have_one_origin
 
 SEEN_IN_A_LOOK = 0.3
-"""Probability that an object in the sensor's region is detected, whatever may hide it, where a map does not tell."""
+"""Default probability that an object in the sensor's region is detected, occlusion included."""
 PLACED_M = 1.0
-"""How far off the frame of a run on a map may be for the run to have known what of the map it looked at."""
+"""Largest frame error [m] at which a run that started from a map knew which map objects it looked at."""
 LEAST_UNSEEN = 1e-3
-"""That an object is never detected however often one looks: it may be hidden for good."""
+"""Probability that an object is never detected however often it is in view: it may be permanently hidden."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """n objects of the old map with m of the new one."""
+    """Correspondences of n objects of the old map with m of the new one."""
 
     old: SavedMap
     new: SavedMap
     ours: Landmarks  # n
     theirs: Landmarks  # m
-    alignments: tuple[tuple[float, Correspondence], ...]  # with their probabilities, the likeliest first
-    same_frame: bool  # else aligned by which objects are the same
+    alignments: tuple[tuple[float, Correspondence], ...]  # with their probabilities, most likely first
+    same_frame: bool  # else aligned by object correspondences
 
     @classmethod
     def of(cls, old: SavedMap, new: SavedMap, same_frame: bool | None = None) -> "Comparison":
-        """``same_frame`` None: where one map came from the other, or both from one. Raises InputError."""
+        """Compare two maps; ``same_frame`` None: True where provenance says they share a frame. Raises InputError."""
         same_frame = are_of_one_frame(old, new) if same_frame is None else same_frame
         names = [name for name in old.class_names if name in new.class_names]
         rows = compared_rows(new)
@@ -45,7 +45,7 @@ class Comparison:
         ours, theirs = Landmarks.of(old, names, compared_rows(old)), Landmarks.of(new, names, rows)
         if not len(ours) or not len(theirs):
             raise InputError("one of the maps has no object that is known to exist; compare maps with objects")
-        # Until the alignment is known: whether its place was looked at hardly changes what an object may be.
+        # Used until the alignment is known: whether its place was looked at hardly affects an object's counterpart.
         log_absent = np.log(1.0 - ours.existence + ours.existence * (GONE_SHARE + LEAST_UNSEEN))
         if same_frame:
             is_continued = new.provenance.started_from == old.map_id
@@ -58,22 +58,22 @@ class Comparison:
 
     @property
     def best(self) -> Correspondence:
-        """Under the likeliest alignment."""
+        """Correspondence under the most likely alignment."""
         return self.alignments[0][1]
 
     @cached_property
     def same(self) -> Array:
-        """(n, m) probabilities that objects are one, where it stood."""
+        """(n, m) probabilities that two objects are the same one, not moved."""
         return np.asarray(np.sum([weight * own.same for weight, own in self.alignments], axis=0))
 
     @cached_property
     def displaced(self) -> Array:
-        """(n, m) probabilities that objects are one, elsewhere."""
+        """(n, m) probabilities that two objects are the same one, displaced."""
         return np.asarray(np.sum([weight * own.displaced for weight, own in self.alignments], axis=0))
 
     @cached_property
     def unseen(self) -> Array:
-        """(n,) that an object of the old map without a counterpart is there, but was not seen, rather than gone."""
+        """(n,) probability that an old object without counterpart is still there but unseen, rather than gone."""
         states = planar_from_pose_vector(self.old.objects.poses[self.ours.rows])
         back = se2.inverse(self.best.alignment.T_old_new)
         places = se2.compose(np.broadcast_to(back, states.shape), states)[:, :2]
@@ -86,38 +86,38 @@ class Comparison:
         return found
 
     def _as_the_run_says(self, unseen: Array) -> None:
-        """Put in what the run says of objects that it had from the old map, and of which it says whether they left."""
+        """Override with the run's own estimates for old-map objects whose disappearance it has judged."""
         objects = self.new.objects
         if np.isnan(objects.missing).all():
             return
         for row, number in enumerate(self.old.objects.ids[self.ours.rows].tolist()):
             (at,) = np.nonzero(objects.ids == number)
             if len(at) and objects.sightings[at[0]] > 0.0:
-                continue  # it was seen, or something else in its place
-            there = float(objects.existence[at[0]]) if len(at) else 0.0  # else given up
+                continue  # the object, or another in its place, was seen
+            there = float(objects.existence[at[0]]) if len(at) else 0.0  # else the run has removed it
             missing = float(np.nan_to_num(objects.missing[at[0]])) if len(at) else 1.0
             unseen[row] = np.clip(there / max(there + missing, 1e-12), LEAST_UNSEEN, 1.0 - LEAST_UNSEEN)
 
     @cached_property
     def new_positions(self) -> Array:
-        """(m, 2) in the old map's frame."""
+        """(m, 2) positions of the new objects in the old map's frame [m]."""
         T = np.broadcast_to(self.best.alignment.T_old_new, self.theirs.states.shape)
         return np.asarray(se2.compose(T, self.theirs.states)[:, :2])
 
 
 def are_of_one_frame(old: SavedMap, new: SavedMap) -> bool:
-    """Whether provenance says that the frame of both is one."""
+    """Whether both maps share one frame according to their provenance."""
     one, other = old.provenance.started_from, new.provenance.started_from
     return other == old.map_id or one == new.map_id or have_one_origin(old, new)
 
 
 def _only_told(old: SavedMap, new: SavedMap, rows: Index) -> Flags:
-    """Which objects of a map that came from the old one are there for the old one's word alone."""
+    """Which objects of a continued map stem from the old map alone, without sightings of their own."""
     return np.asarray(np.isin(new.objects.ids[rows], old.objects.ids) & (new.objects.sightings[rows] == 0.0))
 
 
 def _seen_in_a_look(known: SavedMap) -> float:
-    """How often objects of a map were detected when they were in the sensor's region, whatever hid them."""
+    """Empirical detection rate of a map's objects in the sensor's region, occlusion included."""
     exist = np.flatnonzero((known.objects.existence > 0.5) & np.isfinite(known.objects.sightings))
     if not len(known.looks.path) or not len(exist):
         return SEEN_IN_A_LOOK

@@ -1,4 +1,4 @@
-"""Which object of a new map is which of an old one: sums over the likeliest assignments (Murty), and the alignment."""
+"""Object correspondence of two maps: sums over the most likely assignments (Murty), and alignment refinement."""
 
 from dataclasses import dataclass, replace
 
@@ -12,31 +12,31 @@ from semantic_slam.maps.likelihood import Alignment, Pairs, pairs
 
 MOST_ASSIGNMENTS, REFINEMENTS = 200, 8
 NEVER = 80.0
-"""Nats below the best pair at which one is not looked at."""
+"""Gap [nats] to the best pair beyond which a pair is not considered."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Correspondence:
-    """Under one alignment; n old and m new objects."""
+    """Correspondence probabilities under one alignment; n old and m new objects."""
 
     alignment: Alignment
     pairs: Pairs
-    same: Array  # (n, m) probabilities
+    same: Array  # (n, m) probabilities: same object, not moved
     displaced: Array  # (n, m)
     log_evidence: float
 
     @property
     def vacated(self) -> Array:
-        """(n,) probabilities that old objects are not where they were."""
+        """(n,) probabilities that old objects are no longer at their place."""
         return np.asarray(np.clip(1.0 - self.same.sum(axis=1), 0.0, 1.0))
 
 
 def corresponding(
     old: Landmarks, new: Landmarks, log_absent: Array, start: Alignment, prior: Array, *, is_continued: bool = False
 ) -> Correspondence:
-    """From an alignment on, refined by what is the same in it; ``log_absent`` (n,): of old ones with no new one.
+    """Correspondence from a start alignment, refined by its matches; ``log_absent`` (n,): log weight of no match.
 
-    ``prior`` (3, 3): information on how far the alignment is from the start; 0 where nothing is known.
+    ``prior`` (3, 3): information matrix of the deviation from the start alignment; 0 where nothing is known.
     """
     found = _assigned(old, new, log_absent, start, np.ones(len(old)), is_continued)
     for _ in range(REFINEMENTS):
@@ -71,7 +71,7 @@ def _assigned(
 
 
 def _refined(old: Landmarks, new: Landmarks, found: Correspondence, start: Alignment, prior: Array) -> Alignment | None:
-    """The alignment by what is the same, weighted by how probable that is; None where too little is."""
+    """Least-squares alignment from probability-weighted matches; None where there are too few."""
     rows, columns = np.nonzero(found.same > 0.05)
     now = found.alignment
     states = se2.compose(np.broadcast_to(now.T_old_new, new.states.shape), new.states)
@@ -81,7 +81,7 @@ def _refined(old: Landmarks, new: Landmarks, found: Correspondence, start: Align
         own, slope = found.pairs.covariance[row, column], slopes[column]
         own = own - slope @ now.covariance @ slope.T
         weight = found.same[row, column] * np.linalg.inv(own)
-        if own[2, 2] > 1.0:  # of something without a heading
+        if own[2, 2] > 1.0:  # object without a heading
             weight[2], weight[:, 2] = 0.0, 0.0
         information = information + slope.T @ weight @ slope
         right = right - slope.T @ weight @ found.pairs.offset[row, column]
@@ -95,7 +95,7 @@ def _refined(old: Landmarks, new: Landmarks, found: Correspondence, start: Align
 
 
 def _correction(start: Alignment, now: Alignment) -> Array:
-    """(3,) shift and turn about the centre that lead back to the start."""
+    """(3,) shift and rotation about the centre that lead back to the start."""
     back = se2.compose(start.T_old_new, se2.inverse(now.T_old_new))
     cos, sin = np.cos(back[2]), np.sin(back[2])
     at = np.array([[cos, -sin], [sin, cos]]) @ now.centre + back[:2]
@@ -103,6 +103,6 @@ def _correction(start: Alignment, now: Alignment) -> Array:
 
 
 def _about(centre: Array, step: Array) -> Array:
-    """The motion (3,) of a shift, and a turn about ``centre``."""
+    """SE(2) motion (3,) of a shift and a rotation about ``centre``."""
     cos, sin = np.cos(step[2]), np.sin(step[2])
     return np.append(centre + step[:2] - np.array([[cos, -sin], [sin, cos]]) @ centre, step[2])

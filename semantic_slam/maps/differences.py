@@ -1,4 +1,4 @@
-"""What changed between two maps: each object the same, displaced, gone or new, with its probability."""
+"""Changes between two maps: each object unchanged, displaced, gone or new, with probabilities."""
 
 from dataclasses import dataclass
 
@@ -9,29 +9,29 @@ from semantic_slam.maps.comparison import Comparison
 from semantic_slam.maps.likelihood import GONE_SHARE
 
 KINDS = ("same", "displaced", "gone", "unseen", "none")
-"""What may have become of an object of the old map; none: there never was one."""
+"""Possible fates of an object of the old map; none: it never existed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OldObject:
-    """What became of an object of the old map."""
+    """Fate of an object of the old map."""
 
     object_id: int
     name: str
     probabilities: dict[str, float]  # of KINDS
-    new_id: int | None  # under which the new map has it, if it has
+    new_id: int | None  # its id in the new map, if any
     distance_m: float  # from where it was; NaN without a counterpart
-    sigma_m: float  # standard deviation of that
+    sigma_m: float  # standard deviation of distance_m
 
     @property
     def kind(self) -> str:
-        """The likeliest of KINDS."""
+        """Most likely of KINDS."""
         return max(KINDS, key=lambda kind: self.probabilities[kind])
 
 
 @dataclass(frozen=True, kw_only=True)
 class NewObject:
-    """An object of the new map, and how probably it exists and the old one has it nowhere."""
+    """Object of the new map, with the probability that it exists and is not in the old map."""
 
     object_id: int
     name: str
@@ -41,17 +41,17 @@ class NewObject:
 
 @dataclass(frozen=True, kw_only=True)
 class MapDifference:
-    """What became of all objects that exist with some probability."""
+    """Changes of all objects with non-negligible existence."""
 
     old: tuple[OldObject, ...]
     new: tuple[NewObject, ...]
     T_old_new: Array  # (3,) x, y, yaw of the new map's frame in the old one's
-    same_frame: bool  # else aligned by which objects are the same
+    same_frame: bool  # else aligned by object correspondences
     alignment_probability: float
 
 
 def difference(told: Comparison) -> MapDifference:
-    """Object by object."""
+    """Evaluate all objects of a comparison."""
     return MapDifference(
         old=tuple(_old_object(told, row) for row in range(len(told.ours))),
         new=tuple(_new_object(told, column) for column in range(len(told.theirs))),
@@ -62,14 +62,14 @@ def difference(told: Comparison) -> MapDifference:
 
 
 def gone(told: Comparison, row: int) -> tuple[float, float]:
-    """That an object of the old map is gone, and that it is there, but was not seen."""
+    """Probabilities that an old object is gone, and that it is still there but unseen."""
     left, _ = _left_and_none(told, row)
     unseen = float(told.unseen[row])
     return left * (1.0 - unseen), left * unseen
 
 
 def _left_and_none(told: Comparison, row: int) -> tuple[float, float]:
-    """That an object exists and has no counterpart, and that there never was one."""
+    """Probabilities that an old object exists without a counterpart, and that it never existed."""
     apart = max(1.0 - float(told.same[row].sum() + told.displaced[row].sum()), 0.0)
     exists = float(told.ours.existence[row])
     there = exists * GONE_SHARE / (1.0 - float(told.unseen[row]))
@@ -96,7 +96,7 @@ def _old_object(told: Comparison, row: int) -> OldObject:
 
 
 def _distance(told: Comparison, row: int, column: int) -> tuple[float, float]:
-    """How far one object stands from the other, and the standard deviation along that way."""
+    """Distance of two objects [m], and its standard deviation along the connecting line."""
     offset, spread = told.best.pairs.offset[row, column, :2], told.best.pairs.covariance[row, column, :2, :2]
     distance = float(np.hypot(*offset))
     along = offset / max(distance, 1e-9)

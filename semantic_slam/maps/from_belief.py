@@ -1,4 +1,4 @@
-"""The map of a belief: what is stated of each object over all hypotheses, without what objects have in common."""
+"""Map from a belief: marginals of each object over all hypotheses, without correlations between objects."""
 
 import hashlib
 import json
@@ -16,11 +16,11 @@ from semantic_slam.maps.map_file import with_id
 from semantic_slam.maps.saved_map import MapObjects, Provenance, SavedMap
 
 MOVES = 0.5
-"""Probability of motion above which an object is on no map: it is elsewhere by then."""
+"""Probability of motion above which an object is left out of maps."""
 
 
 def saved_map_of_belief(belief: HybridBelief, run: RunConfiguration) -> SavedMap:
-    """One hypothesis of the marginals. Raises InputError where nothing is mapped."""
+    """Map with a single hypothesis of the marginals. Raises InputError where nothing is mapped."""
     objects = map_objects(belief)
     return SavedMap(
         class_names=belief.class_names,
@@ -34,13 +34,13 @@ def saved_map_of_belief(belief: HybridBelief, run: RunConfiguration) -> SavedMap
 
 
 def mapped_rows(belief: HybridBelief) -> Index:
-    """Rows of the objects that a map of the belief holds: those that are placed, and stand."""
+    """Rows of the belief's objects that go into a map: localised and static ones."""
     known = np.isfinite(belief.object_poses).all(axis=-1) & np.isfinite(belief.object_covariances).all(axis=(-2, -1))
     return np.flatnonzero(known & ~(belief.moving > MOVES))
 
 
 def map_objects(belief: HybridBelief) -> MapObjects:
-    """The objects of the last belief. Raises InputError where there are none."""
+    """Marginals of the belief's mapped objects. Raises InputError where there are none."""
     rows = mapped_rows(belief)
     if not len(rows):
         raise InputError("nothing was mapped, so there is no map to save; drive past objects first")
@@ -61,7 +61,7 @@ def map_objects(belief: HybridBelief) -> MapObjects:
 
 
 def provenance_of(belief: HybridBelief, run: RunConfiguration) -> Provenance:
-    """Where a belief comes from."""
+    """Provenance of a belief."""
     return Provenance(
         source=run.source,
         revision=run.revision,
@@ -74,7 +74,7 @@ def provenance_of(belief: HybridBelief, run: RunConfiguration) -> Provenance:
 
 
 def _started_from(run: RunConfiguration) -> str:
-    """Id of the map that a run started from; an ``objects.json`` has that of what it holds."""
+    """Id of the map that a run started from; for an ``objects.json``, the digest of its content."""
     if not run.map_prior:
         return ""
     prior = parse_map_prior(run.map_prior, "map prior")

@@ -1,4 +1,4 @@
-"""The map of a recorded run: its inference is done again, for what objects have in common is not in its beliefs."""
+"""Map of a recorded run, by re-running its inference: beliefs lack the correlations between objects."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -31,13 +31,13 @@ from semantic_slam.maps.saved_map import Looks, MapHypotheses, SavedMap
 from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
 KEPT_MASS, MOST_HYPOTHESES, MOST_NUMBERS = 0.999, 50, 1 << 23
-"""The heaviest hypotheses of the last belief are kept, up to this mass and number, and to so many covariances."""
+"""Limits of the heaviest hypotheses kept: total mass, their number, and the number of covariance entries."""
 
 
 def saved_map_of_bag(bag: Path, *, marginals_alone: bool = False) -> SavedMap:
-    """The map at the end of the run in a belief bag. Raises InputError.
+    """Map at the end of the run in a belief bag. Raises InputError.
 
-    ``marginals_alone``: as the last belief has it, without inferring the run again.
+    ``marginals_alone``: use the last belief, without re-running the inference.
     """
     record = read_record(bag)
     if marginals_alone:
@@ -47,7 +47,7 @@ def saved_map_of_bag(bag: Path, *, marginals_alone: bool = False) -> SavedMap:
 
 
 def saved_map_of_run(record: Record, keyframes: Iterable[Keyframe]) -> SavedMap:
-    """The map at the end of a run that is inferred again. Raises InputError where it does not end as recorded."""
+    """Map at the end of a re-run inference. Raises InputError where the result differs from the recording."""
     pool = InProcessPool(1)
     engine, again = Engine.of_run(record.run, pool), None
     for keyframe in keyframes:
@@ -62,7 +62,7 @@ def saved_map_of_run(record: Record, keyframes: Iterable[Keyframe]) -> SavedMap:
 
 
 def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelief) -> SavedMap:
-    """The map that an engine with its backends in this process has, by its newest belief. Raises InputError."""
+    """Map of an engine with in-process backends, at its newest belief. Raises InputError."""
     rows = mapped_rows(belief)
     if len(rows) > MOST_OBJECTS:
         raise InputError(
@@ -105,9 +105,9 @@ def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelie
 
 
 def _chosen(engine: Engine, belief: HybridBelief, num_objects: int) -> Index:
-    """Rows of the hypotheses that are kept, the heaviest first; those that do not place the robot say nothing of map.
+    """Rows of the hypotheses to keep, heaviest first; those that do not localise the robot are left out.
 
-    Raises InputError where none does.
+    Raises InputError where none localises it.
     """
     lineages = [engine.live[number].lineage for number in belief.hypothesis_ids.tolist()]
     order = [
@@ -124,14 +124,14 @@ def _chosen(engine: Engine, belief: HybridBelief, num_objects: int) -> Index:
 
 
 def _sightings(engine: Engine, number: int, ids: Index) -> Array:
-    """(O,) detections of each object in a hypothesis, wherever it has the object."""
+    """(O,) number of detections of each object in a hypothesis."""
     on_map = engine.problem.displaced.on_map
     seen = Counter(on_map.get(own, own) for step in engine.live[number].lineage for own in step.association)
     return np.array([float(seen[own]) for own in ids.tolist()])
 
 
 def _looks(engine: Engine, component: Component) -> Looks:
-    """From where a component has looked; nothing where the region is learned on the way."""
+    """Poses from which a component has looked; empty where the sensor region is learned during the run."""
     world = engine.problem.open_world
     if world.learn_region:
         return Looks()
@@ -142,7 +142,7 @@ def _looks(engine: Engine, component: Component) -> Looks:
 
 
 def _hypothesis(component: Component, ids: Index, reported: ReportedObjects) -> tuple[Array, Array, Array]:
-    """(O,) existence, (O, 3) states and (3 O, 3 O) covariances along the axes of map, of objects that it has."""
+    """(O,) existence, (O, 3) states and (3 O, 3 O) covariances, in the map frame, of a component's objects."""
     count = len(ids)
     existence, states = np.zeros(count), np.full((count, 3), np.nan)
     covariances = np.full((3 * count, 3 * count), np.nan)
@@ -166,9 +166,9 @@ def _hypothesis(component: Component, ids: Index, reported: ReportedObjects) -> 
 
 
 def _standing_apart(component: Component, ids: Index) -> Movers | None:
-    """Objects that a component takes for ones that may move, and that stand; None: there are none.
+    """Static objects among a component's possibly moving ones; None: there are none.
 
-    What they have in common with the others, the robot, is left out.
+    Their correlation with the other objects, through the robot pose, is left out.
     """
     movers = component.movers
     if movers is None:
@@ -178,7 +178,7 @@ def _standing_apart(component: Component, ids: Index) -> Movers | None:
 
 
 def _in_map(component: Component, states: Array, joint: Array) -> tuple[Array, Array]:
-    """(n, 3) x, y, yaw and (3 n, 3 n) along the axes of map, from states and their tangent spaces."""
+    """(n, 3) x, y, yaw and (3 n, 3 n) covariance in the map frame, from states and tangent-space covariance."""
     space, count = component.spaces.landmark, len(states)
     size = space.tangent_size
     blocks = space.position_slopes(states)  # (n, 2, l)

@@ -1,4 +1,4 @@
-"""The objects of one of two maps that are compared: where they are relative to each other, and how surely."""
+"""Objects of a map prepared for comparison: relative positions and their uncertainties."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,29 +13,29 @@ from semantic_slam.maps.class_priors import class_evidence
 from semantic_slam.maps.saved_map import SavedMap
 
 LEAST_EXISTENCE = 0.05
-"""Existence from which on an object is compared."""
+"""Smallest existence probability of a compared object."""
 LEAST_CLASS_SHARE = 0.001
-"""Share of the uniform distribution in what is known of a class: one sure object of a thousand is of another."""
+"""Weight of the uniform distribution mixed into class probabilities: 1 in 1000 certain classes is wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Landmarks:
-    """n objects of a map; C classes that both maps know."""
+    """n objects of a map; C classes known to both maps."""
 
     rows: Index  # (n,) in the map
     ids: Index  # (n,)
     states: Array  # (n, 3) x, y, yaw in the map's frame
-    covariances: Array  # (n, 3, 3) without the error that they have in common, along the axes of map
-    frame: Array  # (3, 3) covariance of that error: a shift, and a turn about ``centre``
+    covariances: Array  # (n, 3, 3) without their common error, in the map frame
+    frame: Array  # (3, 3) covariance of the common error: a shift, and a rotation about ``centre``
     centre: Array  # (2,)
     existence: Array  # (n,)
-    classes: Array  # (n, C) probabilities by what was seen of each object alone, all classes as likely before
+    classes: Array  # (n, C) class probabilities from each object's own evidence, with a uniform prior
     descriptors: Array  # (n, L) NaN where not known
     descriptor_variances: Array  # (n, L)
 
     @classmethod
     def of(cls, known: SavedMap, class_names: Sequence[str], rows: Index) -> "Landmarks":
-        """Some objects of a map, with the classes in this order."""
+        """Selected objects of a map, with the classes in the given order."""
         states = planar_from_pose_vector(known.objects.poses[rows])
         own = planar_from_covariance(known.objects.covariances)
         if known.has_cross_covariances:
@@ -67,30 +67,30 @@ class Landmarks:
 
 
 def compared_rows(known: SavedMap) -> Index:
-    """Rows of the objects of a map that are compared."""
+    """Rows of the map objects to compare."""
     return np.flatnonzero(known.objects.existence >= LEAST_EXISTENCE)
 
 
 def frame_slopes(states: Array, centre: Array) -> Array:
-    """(n, 3, 3) how x, y, yaw of n states change with a shift, and a turn about ``centre``."""
+    """(n, 3, 3) Jacobians of x, y, yaw of n states by a shift, and a rotation about ``centre``."""
     slopes = np.tile(np.eye(3), (len(states), 1, 1))
     slopes[:, 0, 2], slopes[:, 1, 2] = -(states[:, 1] - centre[1]), states[:, 0] - centre[0]
     return slopes
 
 
 def turned(states: Array, covariances: Array, T: Array) -> tuple[Array, Array]:
-    """States (n, 3) and (n, 3, 3) along the axes of their frame, in the frame in which theirs is at ``T`` (3,)."""
+    """Transform states (n, 3) and covariances (n, 3, 3) by ``T`` (3,), the pose of their frame in the target frame."""
     cos, sin = np.cos(T[2]), np.sin(T[2])
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return se2.compose(np.broadcast_to(T, states.shape), states), turn @ covariances @ turn.T
 
 
 def _without_frame(states: Array, joint: Array) -> tuple[Array, Array, Array]:
-    """(n, 3, 3) covariances relative to the other objects, and (3, 3) of what all have in common, about a centre."""
+    """Split off the common frame error: (n, 3, 3) relative covariances, (3, 3) common covariance, and its centre."""
     blocks = joint.reshape(len(states), 3, len(states), 3)
     variances = np.maximum(np.einsum("iaia->ia", blocks), 1e-9)
     weights = 1.0 / variances
-    weights[:, 2] = 0.0 if len(states) > 1 else 1.0  # places tell how a map is turned
+    weights[:, 2] = 0.0 if len(states) > 1 else 1.0  # positions determine the rotation
     places = weights[:, :2].sum(axis=1)
     centre = places @ states[:, :2] / places.sum()
     slopes = frame_slopes(states, centre).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""How likely two objects of two maps are the same one, where it stood or elsewhere; natural logs throughout."""
+"""Likelihood that objects of two maps are the same one, unmoved or displaced; natural logs throughout."""
 
 from dataclasses import dataclass
 
@@ -9,43 +9,43 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.maps.landmarks import Landmarks, frame_slopes, turned
 
 DISPLACED_SHARE, GONE_SHARE = 0.05, 0.05
-"""How many objects of a map stand elsewhere by the next session, and how many are gone; as many are new."""
+"""Prior shares of objects displaced, and gone, by the next session; as many are new as are gone."""
 DISPLACED_M = (0.3, 1.0, 3.0)
-"""Standard deviations along x and y of how far something was moved, of which any may be right: nudged, or carried."""
+"""Standard deviations [m] per axis of a displacement, an even mixture: from nudged to carried."""
 REPLACED_SHARE, REPLACED_M = 0.5, 0.3
-"""In how many places that were left something of another class stands, and how far from there along x and y."""
+"""Share of vacated places taken by an object of another class, and its per-axis standard deviation [m]."""
 FLOOR_M, FLOOR_RAD = 0.03, 0.03
-"""Standard deviations of what maps do not say of themselves: where the middle of an object seems to be."""
+"""Standard deviations of unmodelled map errors, such as the apparent centre of an object."""
 OTHER_HEADING = 0.02
-"""Share of headings that tell nothing, since the object was turned on the spot or misread."""
+"""Share of uninformative headings: the object was rotated in place, or misread."""
 SURROUNDINGS_M = 2.0
-"""How far about the objects of a map new ones are looked for."""
+"""Margin [m] around a map's objects in which new ones are expected."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alignment:
-    """Where the new map's frame is in the old one's."""
+    """Pose of the new map's frame in the old map's frame."""
 
     T_old_new: Array  # (3,)
-    covariance: Array  # (3, 3) of a shift, and a turn about ``centre``
+    covariance: Array  # (3, 3) of a shift, and a rotation about ``centre``
     centre: Array  # (2,) in the old frame
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pairs:
-    """(n, m) old objects with new ones."""
+    """Pair likelihoods of n old with m new objects."""
 
-    log_same: Array  # that it is the same one, where it stood, relative to an old one that is gone and a new one
+    log_same: Array  # same unmoved object, relative to "old one gone and a new one"
     log_displaced: Array
     offset: Array  # (n, m, 3) from where it was to where it is, x, y [m] and yaw [rad] in the old frame
     covariance: Array  # (n, m, 3, 3) of the offset
 
 
 def pairs(old: Landmarks, new: Landmarks, alignment: Alignment, vacated: Array, *, is_continued: bool = False) -> Pairs:
-    """All pairs under an alignment; ``vacated`` (n,): probabilities that old objects are not where they were.
+    """Likelihoods of all pairs under an alignment; ``vacated`` (n,): probabilities that old objects left.
 
-    ``is_continued``: the new map has the places of the old one's objects from that, so that what it takes for one of
-    them stands there for that reason, too: class alone tells it from something else in its place.
+    ``is_continued``: the new map inherited object positions from the old one, so a matching position is no evidence:
+    only the class separates the same object from another one in its place.
     """
     states, covariances = turned(new.states, new.covariances, alignment.T_old_new)
     offset = states[None] - old.states[:, None]
@@ -72,7 +72,7 @@ def pairs(old: Landmarks, new: Landmarks, alignment: Alignment, vacated: Array, 
 
 
 def log_new_density(old: Landmarks) -> float:
-    """Log of new objects per square metre anywhere: as many come as go."""
+    """Log density of new objects per square metre; as many appear as disappear."""
     low, high = old.states[:, :2].min(axis=0) - SURROUNDINGS_M, old.states[:, :2].max(axis=0) + SURROUNDINGS_M
     return float(np.log(GONE_SHARE * max(old.existence.sum(), 1.0) / np.prod(high - low)))
 
@@ -88,7 +88,7 @@ def _log_moved(offset: Array, covariance: Array) -> Array:
 
 
 def _log_heading(offset: Array, covariance: Array) -> Array:
-    """Relative to a heading of which nothing is known; that of an object that has none tells nothing either."""
+    """Log likelihood ratio of headings to an unknown heading; 0 for objects without one."""
     variance = covariance[..., 2, 2]
     density = np.exp(-0.5 * offset[..., 2] ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
     told = np.where(variance < 1.0, 2.0 * np.pi * density, 1.0)
@@ -96,7 +96,7 @@ def _log_heading(offset: Array, covariance: Array) -> Array:
 
 
 def _log_classes(old: Landmarks, new: Landmarks) -> Array:
-    """That two objects are of one class, relative to any two: log sum_c p(c) q(c) C."""
+    """Log ratio that two objects have the same class, relative to random ones: log sum_c p(c) q(c) C."""
     count = old.classes.shape[1]
     if not count:
         return np.zeros((len(old), len(new)))
@@ -104,7 +104,7 @@ def _log_classes(old: Landmarks, new: Landmarks) -> Array:
 
 
 def _log_other_class(old: Landmarks, new: Landmarks) -> Array:
-    """That two objects are of two classes, relative to any two; -inf where no classes are known."""
+    """Log ratio that two objects have different classes, relative to random ones; -inf without classes."""
     count = old.classes.shape[1]
     if count < 2:
         return np.full((len(old), len(new)), -np.inf)
@@ -112,7 +112,7 @@ def _log_other_class(old: Landmarks, new: Landmarks) -> Array:
 
 
 def _log_descriptors(old: Landmarks, new: Landmarks) -> Array:
-    """That two objects have one descriptor, relative to any two; 0 where one is not known."""
+    """Log ratio that two objects share one descriptor, relative to random ones; 0 where one is unknown."""
     told = np.zeros((len(old), len(new)))
     if not old.descriptors.shape[1] or old.descriptors.shape[1] != new.descriptors.shape[1] or len(new) < 2:
         return told

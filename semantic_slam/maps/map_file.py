@@ -1,7 +1,7 @@
-"""``FILE.map``: a saved map in one file, arrays and a JSON description; nothing in it is executed.
+"""``FILE.map``: a saved map in one file of arrays and a JSON description; no code is executed.
 
-Its id is the digest of its content, so that a file that was changed since is told. The version before it,
-without class priors, and the one before that, ``objects.json``, are taken by every reader, too.
+The map id is the digest of the content, which reveals later modification. Every reader also accepts the previous
+version, without class priors, and the one before that, ``objects.json``.
 """
 
 import hashlib
@@ -25,14 +25,14 @@ from semantic_slam.model_files import Arrays, ModelFormat
 REMEDY = "save it anew with semantic_slam map save"
 FORMAT = ModelFormat(kind="map", schema_version=2, remedy=REMEDY, older=(1,))
 LARGEST = 1 << 27
-"""Bytes of a file that is read at all."""
+"""Largest file size read, in bytes."""
 LONGEST_NAME = 1000
 PRIORS = "objects.class_priors"
-"""Array that schema 1 lacks."""
+"""Array that is missing in schema 1."""
 
 
 def write_map(path: Path, saved: SavedMap) -> SavedMap:
-    """Write a map, whole or not at all; returns it with its id. Who calls it claims the place. Raises InputError."""
+    """Write a map atomically; returns it with its id. The caller must have claimed the path. Raises InputError."""
     try:
         check_map(saved)
     except ValueError as fault:
@@ -52,12 +52,12 @@ def write_map(path: Path, saved: SavedMap) -> SavedMap:
 
 
 def packed(saved: SavedMap) -> tuple[Arrays, dict[str, Any]]:
-    """What stands in a file of the map, under its id."""
+    """Arrays and description of a map as stored in its file."""
     return _arrays(saved), _description(saved) | {"map_id": saved.map_id}
 
 
 def with_id(saved: SavedMap) -> SavedMap:
-    """The map under the digest of its content."""
+    """The map with its id set to the digest of its content."""
     state = hashlib.blake2b(json.dumps(_description(saved), sort_keys=True).encode(), digest_size=8)
     arrays = _arrays(saved)
     if np.isnan(saved.objects.class_priors).all():
@@ -69,7 +69,7 @@ def with_id(saved: SavedMap) -> SavedMap:
 
 
 def read_map(path: Path) -> SavedMap:
-    """A map from a ``FILE.map``, or from an ``objects.json``. Raises InputError."""
+    """Read a map from a ``FILE.map`` or an ``objects.json``. Raises InputError."""
     if not is_map_file(path):
         known = map_prior.read_map_prior(path)
         if len(known.objects) > MOST_OBJECTS:
@@ -90,14 +90,14 @@ def read_map(path: Path) -> SavedMap:
 
 
 def read_map_prior(path: Path) -> MapPrior:
-    """What a run starts from, of a ``FILE.map`` or an ``objects.json``. Raises InputError."""
+    """Read a run's map prior from a ``FILE.map`` or an ``objects.json``. Raises InputError."""
     return map_prior_of(read_map(path)) if is_map_file(path) else map_prior.read_map_prior(path)
 
 
 def is_map_file(path: Path) -> bool:
-    """Whether a file is a ``FILE.map`` rather than a text. Raises InputError where it cannot be read.
+    """Whether a file is a ``FILE.map`` rather than text. Raises InputError where it cannot be read.
 
-    Pipes and devices are not opened: they may have nothing to say for ever, or no end.
+    Pipes and devices are not opened: reading them may block for ever, or never end.
     """
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
@@ -133,7 +133,7 @@ def _description(saved: SavedMap) -> dict[str, Any]:
 
 
 def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
-    """Raises KeyError, TypeError or ValueError."""
+    """Parse arrays and description. Raises KeyError, TypeError or ValueError."""
     if told["frame"] != "map" or told["state_space"] != "planar":
         raise ValueError(f"frame {told['frame']!r}, state space {told['state_space']!r}")
     parts: dict[str, type[Any]] = {"objects": MapObjects, "hypotheses": MapHypotheses, "looks": Looks}
@@ -157,7 +157,7 @@ def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
 
 
 def _migrated(arrays: Arrays, told: dict[str, Any]) -> Arrays:
-    """Arrays of this schema, from those of the one before, which does not tell class priors. Raises KeyError."""
+    """Convert arrays of the previous schema, which lacks class priors, to this one. Raises KeyError."""
     if told["schema_version"] == 1:
         return {PRIORS: np.full_like(arrays["objects.class_probabilities"], np.nan)} | arrays
     return arrays

@@ -1,4 +1,4 @@
-"""The objects of a merged map: numbers, names, classes, existence and descriptors of both maps in one."""
+"""Objects of a merged map: ids, names, classes, existence and descriptors from both maps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ from semantic_slam.maps.saved_map import MapObjects, SavedMap, have_one_origin
 
 @dataclass(frozen=True, kw_only=True)
 class MergedRows:
-    """Pairs of rows that are one object, and which of the stacked states of both maps the merged one keeps."""
+    """Pairs of rows that are one object, and the rows of the stacked states kept in the merged map."""
 
     same: tuple[tuple[int, int], ...]
     displaced: tuple[tuple[int, int], ...]
-    kept: Index  # (N,) the first map's objects, where they are now, and then what the second one alone has
+    kept: Index  # (N,) the first map's objects at their current places, then those only in the second
 
 
 def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Array, covariances: Array) -> MapObjects:
-    """N objects at ``states`` (N, 3) with their own ``covariances`` (N, 3, 3)."""
+    """Build N merged objects at ``states`` (N, 3) with ``covariances`` (N, 3, 3)."""
     count, first = len(one.objects), len(one.objects)
     partner = dict((*rows.same, *rows.displaced))
     later = [int(row) - first for row in rows.kept[count:].tolist()]
@@ -47,7 +47,7 @@ def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Arr
 
 
 def _numbers(one: MapObjects, other: MapObjects, later: list[int]) -> tuple[Index, tuple[str, ...]]:
-    """What the second map alone has keeps its number and name where these are free."""
+    """Ids and names; objects only in the second map keep theirs where these are free."""
     ids, names = one.ids.tolist(), list(one.names)
     following = 1 + max([*ids, *other.ids.tolist()], default=-1)
     for row in later:
@@ -69,10 +69,10 @@ def _sightings(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
 
 
 def _classes(one: SavedMap, other: SavedMap, sources: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
-    """(N, C) class priors, and probabilities: what was seen of an object in both maps is independent evidence.
+    """(N, C) class priors and probabilities; observations of an object in both maps are independent evidence.
 
-    What either run knew before is not, and is taken for the same: the prior of both is the mean of theirs. Where both
-    started from one map, what that one says is in either: of what both have each counts half, as places do.
+    The priors of the two runs are not independent; the merged prior is their mean. Where both runs started from one
+    map, its evidence is contained in both, so each counts half, as for positions.
     """
     size, share = len(one.class_names or other.class_names), 0.5 if have_one_origin(one, other) else 1.0
     halves = np.where((np.array(sources).reshape(-1, 2) >= 0).all(axis=1), share, 1.0)[:, None]
@@ -89,7 +89,7 @@ def _classes(one: SavedMap, other: SavedMap, sources: Sequence[tuple[int, int]])
 
 
 def _descriptor(one: MapObjects, other: MapObjects, i: int, j: int) -> tuple[Array, Array]:
-    """(L,) mean and variance of both, weighted by information; NaN where neither is known."""
+    """(L,) information-weighted mean and variance of both descriptors; NaN where neither is known."""
     size = max(one.descriptors.shape[1], other.descriptors.shape[1])
     information, summed = np.zeros(size), np.zeros(size)
     for objects, row in ((one, i), (other, j)):

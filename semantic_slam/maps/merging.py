@@ -1,7 +1,7 @@
-"""Two maps in one: the objects of both, those that are one taken together as the joint Gaussians of both say.
+"""Merging of two maps: corresponding objects are fused using the joint Gaussians of both maps.
 
-Gaussians of maps that came from one map hold what that map knew twice: they are taken with twice the covariance each
-(covariance intersection by halves, Julier and Uhlmann, 1997), which no common knowledge makes too sure.
+Maps that came from one map both contain its information. Their covariances are therefore doubled (covariance
+intersection with equal weights, Julier and Uhlmann, 1997), which is never overconfident whatever is shared.
 """
 
 import json
@@ -22,23 +22,23 @@ from semantic_slam.maps.merged_objects import MergedRows, merged_objects
 from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap, have_one_origin
 
 SURE = 0.9
-"""Probability from which on an alignment is taken for the one."""
+"""Smallest probability of an alignment that is accepted."""
 HALF = 0.5
-"""Probability from which on two objects are taken for one."""
+"""Smallest probability at which two objects are taken as one."""
 ANYWHERE_M, ANYWHERE_RAD = 30.0, 1.0
-"""Standard deviations of an unknown alignment about the one that was found."""
+"""Standard deviations of an unknown alignment about the estimated one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Together:
-    """n + m states in the first map's frame and their joint covariance."""
+    """Stacked n + m states in the first map's frame and their joint covariance."""
 
     states: Array  # (n + m, 3)
     covariance: Array  # (3 (n + m), 3 (n + m))
 
 
 def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | None = None) -> SavedMap:
-    """The map of both, in the frame of ``one``; what was displaced is where ``other`` has it. Raises InputError."""
+    """Merge two maps in the frame of ``one``; displaced objects are placed as in ``other``. Raises InputError."""
     _check(one, other)
     told = Comparison.of(one, other, same_frame)
     probability, best = told.alignments[0]
@@ -66,7 +66,7 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
 
 
 def _check(one: SavedMap, other: SavedMap) -> None:
-    """Raises InputError for maps that one cannot be made of."""
+    """Raise InputError for maps that cannot be merged."""
     if one.map_id == other.map_id:
         raise InputError(f"both maps are {one.map_id}; name two maps")
     for first, second in ((one, other), (other, one)):
@@ -82,7 +82,7 @@ def _check(one: SavedMap, other: SavedMap) -> None:
 
 
 def _without_gone(told: Comparison) -> SavedMap:
-    """The first map, whose objects exist less where the second one says that they are gone."""
+    """First map with existence reduced where the second one indicates that objects are gone."""
     existence = told.old.objects.existence.copy()
     for row, number in enumerate(told.ours.rows.tolist()):
         existence[number] *= 1.0 - gone(told, row)[0]
@@ -90,7 +90,7 @@ def _without_gone(told: Comparison) -> SavedMap:
 
 
 def _rows(told: Comparison) -> MergedRows:
-    """Which pairs are one, and which rows of the stacked states are kept."""
+    """Decide which pairs are one object, and which rows of the stacked states are kept."""
     count, ours, theirs = len(told.old.objects), told.ours.rows, told.theirs.rows
     same = [(int(ours[i]), int(theirs[j])) for i, j in zip(*np.nonzero(told.best.same > HALF), strict=True)]
     moved = [(int(ours[i]), int(theirs[j])) for i, j in zip(*np.nonzero(told.best.displaced > HALF), strict=True)]
@@ -102,7 +102,7 @@ def _rows(told: Comparison) -> MergedRows:
 
 
 def _stacked(told: Comparison) -> _Together:
-    """The states of both maps in the first one's frame, before any of them is taken for another."""
+    """States of both maps in the first one's frame, before fusion."""
     one, other, alignment = told.old, told.new, told.best.alignment
     own, theirs = planar_from_pose_vector(one.objects.poses), planar_from_pose_vector(other.objects.poses)
     T = np.zeros(3) if told.same_frame else alignment.T_old_new
@@ -122,7 +122,7 @@ def _stacked(told: Comparison) -> _Together:
 
 
 def _fused(known: _Together, rows: MergedRows, count: int) -> _Together:
-    """With the pairs that are one at one place, but for what maps do not say of themselves."""
+    """Fuse the pairs that are one unmoved object, up to the unmodelled map error (FLOOR_M, FLOOR_RAD)."""
     if not rows.same:
         return known
     pairs = np.array(rows.same)
@@ -143,13 +143,13 @@ def _fused(known: _Together, rows: MergedRows, count: int) -> _Together:
 
 
 def _blocks(joint: Array) -> Array:
-    """(n, 3, 3) own covariances."""
+    """(n, 3, 3) diagonal blocks of a joint covariance."""
     count = len(joint) // 3
     return np.array(np.einsum("iaib->iab", joint.reshape(count, 3, count, 3)))
 
 
 def _looks(one: Looks, other: Looks, T: Array) -> Looks:
-    """From where either robot looked; nothing where one of them does not say, or they see differently far."""
+    """Combined looks of both robots; empty where one map has none, or the sensor regions differ."""
     if not (len(one.path) and len(other.path) and np.allclose(one.region, other.region)):
         return Looks()
     moved = se2.compose(np.broadcast_to(T, other.path.shape), other.path)

@@ -1,4 +1,4 @@
-"""A map as it is saved: what is known of its objects, one by one and, hypothesis by hypothesis, together."""
+"""Saved map: marginals of its objects, and joint Gaussians per hypothesis."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ from semantic_slam.geometry.pose import wrap_angle
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """Where a map comes from; "" for what is not known."""
+    """Origin of a map; "" for unknown fields."""
 
     source: str = ""  # JSON: path and sha256 of the bag, or "merged" maps
     revision: str = ""  # of the software
@@ -31,11 +31,11 @@ class MapObjects:
     covariances: Array  # (O, 6, 6) x y z rx ry rz along the axes of map
     existence: Array  # (O,)
     class_probabilities: Array  # (O, C)
-    class_priors: Array  # (O, C) what these were before anything was known of the object itself; or NaN
+    class_priors: Array  # (O, C) class probabilities before the object's own evidence; or NaN
     descriptors: Array  # (O, L) NaN where not known
     descriptor_variances: Array  # (O, L)
-    missing: Array  # (O,) probability that it is gone; NaN where the run did not ask
-    moved: Array  # (O,) that it stands elsewhere than the map that the run started from has it; NaN likewise
+    missing: Array  # (O,) probability that it is gone; NaN where the run did not estimate it
+    moved: Array  # (O,) probability that it was displaced relative to the initial map; or NaN
     sightings: Array  # (O,) detections of it in the heaviest hypothesis; NaN where not known
 
     def __len__(self) -> int:
@@ -44,32 +44,32 @@ class MapObjects:
 
 @dataclass(frozen=True, kw_only=True)
 class MapHypotheses:
-    """H hypotheses, heaviest first, each a joint Gaussian over those of the O objects that it has."""
+    """H hypotheses, heaviest first, each a joint Gaussian over its objects among the O."""
 
     log_weights: Array  # (H,) normalised natural logs
-    existence: Array  # (H, O) 0 for what a hypothesis does not have
+    existence: Array  # (H, O) 0 for objects absent from a hypothesis
     class_probabilities: Array  # (H, O, C)
     states: Array  # (H, O, 3) x, y, yaw in map; NaN where absent
-    covariances: Array  # (H, 3 O, 3 O) along the axes of map; NaN where absent
+    covariances: Array  # (H, 3 O, 3 O) in the map frame; NaN where absent
 
     def __len__(self) -> int:
         return len(self.log_weights)
 
     @property
     def present(self) -> Flags:
-        """(H, O) which objects a hypothesis has."""
+        """(H, O) which objects are present in each hypothesis."""
         return np.asarray(np.isfinite(self.states).all(axis=-1))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Looks:
-    """From where the robot looked, and how far: what is in no look may be there unseen."""
+    """Poses from which the robot looked, and the sensor region: objects in no look may exist unseen."""
 
     path: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (K, 3) x, y, yaw in map; none: not known
     region: Array = field(default_factory=lambda: np.zeros(4))  # direction, full angle [rad], least, largest range [m]
 
     def counts(self, points: Array) -> Array:
-        """(n,) looks that have each of (n, 2) points in the sensor's region."""
+        """(n,) number of looks with each of (n, 2) points in the sensor region."""
         direction, angle, least, largest = self.region
         off = points[:, None] - self.path[None, :, :2]
         distance = np.linalg.norm(off, axis=-1)
@@ -79,19 +79,19 @@ class Looks:
 
 @dataclass(frozen=True, kw_only=True)
 class SavedMap:
-    """Objects in the frame ``map``, the gauge of everything here."""
+    """Map of objects in the frame ``map``, the reference frame of all states here."""
 
     class_names: tuple[str, ...]  # (C,)
     objects: MapObjects
     hypotheses: MapHypotheses
-    has_cross_covariances: bool  # else the objects of a hypothesis are taken as independent
+    has_cross_covariances: bool  # else the objects of a hypothesis count as independent
     looks: Looks = field(default_factory=Looks)
-    discarded_mass: float = 0.0  # of hypotheses that were left out, 0..1
+    discarded_mass: float = 0.0  # of dropped hypotheses, 0..1
     descriptor_space: str = ""
     provenance: Provenance = Provenance()
-    map_id: str = ""  # digest of all of this; "" before it was written
+    map_id: str = ""  # digest of the content; "" before it is written
 
 
 def have_one_origin(one: SavedMap, other: SavedMap) -> bool:
-    """Whether the runs of two maps started from the same one, which both then hold."""
+    """Whether the runs of two maps started from one map, whose information both contain."""
     return bool(one.provenance.started_from) and one.provenance.started_from == other.provenance.started_from

@@ -1,4 +1,4 @@
-"""A map as a table, and as plain values."""
+"""Presentation of a map as a text table and as JSON-compatible values."""
 
 from dataclasses import asdict
 from typing import Any
@@ -14,7 +14,7 @@ SCHEMA_VERSION = 1
 
 
 def lines_of(known: SavedMap) -> list[str]:
-    """Provenance, and a line for each object."""
+    """Text lines: provenance, then one line per object."""
     objects, told = known.objects, known.provenance
     together = "what they have in common" if known.has_cross_covariances else "each object by itself"
     bag = told_of(told.source, "path") or "an unknown bag"
@@ -36,7 +36,7 @@ def lines_of(known: SavedMap) -> list[str]:
 
 
 def as_json(known: SavedMap) -> dict[str, Any]:
-    """Everything but the covariances between objects; NaN as None."""
+    """JSON-compatible values of everything but covariances between objects; NaN as None."""
     objects = known.objects
     rows = [
         {
@@ -75,10 +75,10 @@ def _class_text(known: SavedMap, row: int) -> str:
 
 
 def _by_name(known: SavedMap, values: Array) -> dict[str, float] | None:
-    """(C,) numbers by class, or None where they are not known."""
+    """(C,) numbers keyed by class name, or None where they are unknown."""
     return dict(zip(known.class_names, values.tolist(), strict=True)) if np.isfinite(values).all() else None
 
 
 def _or_none(values: Array) -> Any:
-    """Numbers, or None where they are not all known."""
+    """Numbers as lists, or None where any is not finite."""
     return np.asarray(values).tolist() if np.isfinite(values).all() else None

@@ -1,4 +1,4 @@
-"""What changed between two maps, as a table and as plain values."""
+"""Presentation of map changes as a text table and as JSON-compatible values."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ from semantic_slam.maps.differences import MapDifference, NewObject, OldObject
 
 SCHEMA_VERSION = 1
 STATED = 0.5
-"""Probability from which on an object is said to be new."""
+"""Smallest probability at which an object is reported as new."""
 
 
 def change_lines(told: MapDifference) -> list[str]:
-    """How the maps were laid over each other, and a line for each object."""
+    """Text lines: the alignment of the maps, then one line per object."""
     x, y, yaw = told.T_old_new
     how = "one frame" if told.same_frame else f"aligned by association (P = {told.alignment_probability:.3f})"
     lines = [f"{how}; the new map's origin at x {x:.2f} m, y {y:.2f} m, {np.rad2deg(yaw):.1f} deg of the old one"]
@@ -33,7 +33,7 @@ def change_lines(told: MapDifference) -> list[str]:
 
 
 def changes_as_json(told: MapDifference) -> dict[str, Any]:
-    """With every digit; NaN as None."""
+    """JSON-compatible values at full precision; NaN as None."""
     return {
         "schema_version": SCHEMA_VERSION,
         "same_frame": told.same_frame,

@@ -1,7 +1,7 @@
-"""The one place where our dataclasses and ROS messages turn into each other, and into bytes.
+"""Conversion between this package's dataclasses, ROS messages and CDR bytes.
 
-A new message is one entry of ``CODECS``. Shapes are checked in both directions: a wrong one from outside is an
-MessageError that names the field, a wrong one of ours a ValueError.
+A new message is one entry of ``CODECS``. Shapes are checked in both directions: a wrong shape in a received message is
+a MessageError that names the field, a wrong shape in one of our own objects a ValueError.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 @dataclass(frozen=True)
 class Codec:
-    """How one dataclass travels."""
+    """Conversion functions and layout of one dataclass."""
 
     type_name: str
     to_message: Callable[..., Any]
@@ -83,27 +83,27 @@ BY_TYPE_NAME = {codec.type_name: codec for codec in CODECS.values()}
 
 
 def to_message(value: Any, **context: Any) -> Any:
-    """Message of one of our dataclasses; a Keyframe also needs ``run_id=``."""
+    """Convert one of our dataclasses to its message; a Keyframe also needs ``run_id=``."""
     return CODECS[type(value)].to_message(value, **context)
 
 
 def from_message(message: Any) -> Any:
-    """Our dataclass of a message; raises MessageError when its arrays contradict each other."""
+    """Convert a message to its dataclass. Raises MessageError when its arrays contradict each other."""
     return _codec(message.__msgtype__).from_message(message)
 
 
 def encode(value: Any, **context: Any) -> bytes:
-    """CDR bytes of one of our dataclasses: what a publisher sends and a bag holds."""
+    """CDR bytes of one of our dataclasses, as sent by publishers and stored in bags."""
     return serialize(to_message(value, **context))
 
 
 def decode(data: bytes, type_name: str) -> Any:
-    """Our dataclass from the CDR bytes of a message of that type; raises InputError."""
+    """Dataclass from the CDR bytes of a message of that type. Raises InputError."""
     return _codec(type_name).from_message(deserialize(data, type_name))
 
 
 def is_usable(data: bytes, type_name: str) -> bool:
-    """Whether CDR bytes are a message of one of our dataclasses."""
+    """Whether CDR bytes decode to a valid message of that type."""
     try:
         decode(data, type_name)
     except InputError:

@@ -1,4 +1,4 @@
-"""What simulated and annotated bags know for certain, and the progress of a replay."""
+"""Ground truth of simulated and annotated bags, and the progress of a replay."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,12 +17,12 @@ PROGRESS_TYPE = "semantic_slam_msgs/msg/ReplayProgress"
 OBJECTS_LAYOUT: Layout = {"object_ids": ("O",), "class_names": ("O",), "poses": ("O", 7)}
 ASSOCIATIONS_LAYOUT: Layout = {"object_id": ("D",)}
 MOVING = "moving/"
-"""How the ids of true objects begin that do not stand still during the drive."""
+"""Id prefix of true objects that move during the drive."""
 
 
 @dataclass(frozen=True)
 class GroundTruthObjects:
-    """True objects of a scene, in map; O objects. Of those that move the pose is where they were first known."""
+    """True objects of a scene, in the map frame; O objects. Moving objects have their first known pose."""
 
     stamp_ns: int
     object_ids: tuple[str, ...]  # (O,)
@@ -45,7 +45,7 @@ class GroundTruthAssociations:
 
 @dataclass(frozen=True)
 class ReplayProgress:
-    """How far a lossless replay has come."""
+    """Progress of a lossless replay."""
 
     stamp_ns: int  # of the newest frame counted
     frames: int  # sent by the player, or done with by the manager

@@ -1,4 +1,4 @@
-"""Width and height that a compressed picture claims, read before it is decoded: a few bytes may claim gigabytes."""
+"""Size claimed by a compressed image's header, checked before decoding: a few bytes may claim gigabytes."""
 
 import struct
 
@@ -6,21 +6,21 @@ PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 PNG_SIZE = struct.Struct(">II")
 PNG_SIZE_AT = 16
 PNG_CHUNK = struct.Struct(">I4s")
-"""Length and name before the data of a chunk, which a checksum of four bytes follows."""
+"""PNG chunk header: length and name; the chunk data and a four-byte checksum follow."""
 PNG_CHECKSUM_BYTES, PNG_END = 4, b"IEND"
 JPEG_MAGIC = b"\xff\xd8"
 JPEG_SEGMENT = struct.Struct(">BBH")
 JPEG_SIZE = struct.Struct(">xHH")
 JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers of the segments that tell the size."""
+"""JPEG markers of the segments that contain the image size (SOF)."""
 JPEG_ALONE = frozenset({0x01, 0xFF, *range(0xD0, 0xD9)})
-"""Markers without a segment."""
+"""JPEG markers without a segment."""
 
 
 def claimed_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) in the header of a png or jpeg; None where there is none, or a png's chunks are not all there.
+    """(width, height) in the header of a PNG or JPEG; None where there is none, or PNG chunks are incomplete.
 
-    Of a chunk that claims gigabytes, which follow nowhere, a decoder makes room for all.
+    A decoder would allocate memory for a chunk that claims gigabytes even where its data are missing.
     """
     if data.startswith(PNG_MAGIC):
         return _png_size(data)
@@ -28,7 +28,7 @@ def claimed_size(data: bytes) -> tuple[int, int] | None:
 
 
 def is_known(data: bytes) -> bool:
-    """Whether it begins as a png or a jpeg does, whose size can be told."""
+    """Whether the data begin like a PNG or JPEG, the formats whose size can be read."""
     return data.startswith((PNG_MAGIC, JPEG_MAGIC))
 
 

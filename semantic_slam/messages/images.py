@@ -23,16 +23,16 @@ TO_RGB = {
 DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Raw depth encodings: millimetres as 16-bit integers, metres as 32-bit floats."""
 NUMBER_TYPES = {"8UC1": "u1", "mono8": "u1", "16UC1": "u2", "mono16": "u2", "32SC1": "i4"}
-"""Encodings of images that number the segments of a picture."""
+"""Encodings of segmentation images (integer segment ids)."""
 METRES_PER_UNIT = 0.001
 NEAREST_MEDIAN_M, FARTHEST_MEDIAN_M = 0.02, 200.0
-"""No depth camera sees most of its picture nearer, or farther."""
+"""Plausible range of a depth image's median [m]."""
 UNIT_STRIDE = 8
-"""Pixels between those that are looked at to tell a unit."""
+"""Pixel stride of the samples used to check the depth unit."""
 MOST_PIXELS = 100_000_000
-"""A picture of more pixels than these is refused before it is decoded, whoever sends it."""
+"""Largest number of pixels of an image; larger ones are refused before decoding."""
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
-"""What image_transport's compressedDepth puts before the png: format, and two numbers of its inverse depth."""
+"""Header of image_transport's compressedDepth before the PNG: format and two inverse-depth parameters."""
 
 
 def decode_image(message: Any, topic: str) -> NDArray[np.uint8]:
@@ -55,7 +55,7 @@ def decode_numbers(message: Any, topic: str) -> NDArray[Any]:
 
 
 def size_of(message: Any) -> tuple[int, int] | None:
-    """(width, height) that an Image or CompressedImage claims; None where a compressed one does not tell."""
+    """(width, height) claimed by an Image or CompressedImage; None where it cannot be read from a compressed one."""
     if not hasattr(message, "format"):
         return int(message.width), int(message.height)
     data = np.asarray(message.data, dtype=np.uint8).tobytes()
@@ -87,12 +87,12 @@ def _compressed_depth(message: Any, topic: str) -> NDArray[np.float32]:
 
 
 def _header_size(message: Any) -> int:
-    """Bytes before the picture."""
+    """Number of header bytes before the compressed image."""
     return COMPRESSED_DEPTH_HEADER.size if "compressedDepth" in message.format else 0
 
 
 def check_unit(depth_m: NDArray[np.float32], topic: str) -> None:
-    """Raises MessageError where depth cannot be in metres, as floats in millimetres, or integers in metres, are not."""
+    """Raise MessageError where depth values are implausible in metres (floats in millimetres, integers in metres)."""
     sample = depth_m[::UNIT_STRIDE, ::UNIT_STRIDE]
     known = sample[np.isfinite(sample)]
     if known.size and not NEAREST_MEDIAN_M <= float(np.median(known)) <= FARTHEST_MEDIAN_M:
@@ -107,7 +107,7 @@ def _metres(depth: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _imdecode(data: Any, flags: int, topic: str) -> NDArray[Any] | None:
-    """OpenCV's array, or None where the bytes are no image. Raises MessageError for one of more than MOST_PIXELS."""
+    """OpenCV array, or None where the bytes are no image. Raises MessageError for more than MOST_PIXELS pixels."""
     buffer = np.asarray(data, dtype=np.uint8)
     size = claimed_size(buffer.tobytes())
     if size is None:

@@ -1,7 +1,7 @@
-"""What an inertial sensor says of up: its orientation where it states one, else what its accelerometer shows.
+"""Vertical direction from an IMU message: from its orientation where given, else from its accelerometer.
 
-As REP 145 has it: orientation in a world with z up, accelerations with what holds the sensor against gravity, and -1
-first in the covariance of what is not told.
+Conventions of REP 145: orientation relative to a world frame with z up, accelerations that include the reaction to
+gravity, and a first covariance entry of -1 for quantities that are not provided.
 """
 
 from dataclasses import dataclass
@@ -18,26 +18,26 @@ from semantic_slam.messages.typestore import message_class
 GRAVITY_M_S2 = 9.81
 NOT_TOLD = -1.0
 UNTOUCHED = np.array([0.0, 0.0, 0.0, 1.0])
-"""Orientation of a message in which nobody has filled one in; with a covariance of zeros."""
+"""Default orientation of a message that was not filled in (together with a zero covariance)."""
 NEARLY = 0.1
-"""How far the length of a quaternion may be from 1."""
+"""Tolerance of a quaternion's norm about 1."""
 MOST_M_S2, MOST_VARIANCE = 1e3, 1e3
-"""No robot is shaken more; and who states more [rad^2] knows nothing."""
+"""Largest plausible acceleration [m/s^2], and largest variance [rad^2] that is informative."""
 
 
 @dataclass(frozen=True)
 class ImuReading:
-    """One message, along the axes of ``frame_id``."""
+    """Content of one IMU message, in the frame ``frame_id``."""
 
     frame_id: str
-    up: Array | None = None  # (3,) of unit length, by its orientation; None: it states none
-    variance: float = np.nan  # of it [rad^2], about each of two axes across; NaN: not stated
-    acceleration: Array | None = None  # (3,) [m/s^2], upwards at rest; None: not told, or not needed
-    fault: str = ""  # what of it cannot be used
+    up: Array | None = None  # (3,) unit vector from the orientation; None: not provided
+    variance: float = np.nan  # of ``up`` [rad^2], about each transverse axis; NaN: not provided
+    acceleration: Array | None = None  # (3,) [m/s^2], upwards at rest; None: not provided or not needed
+    fault: str = ""  # why a part of it cannot be used
 
 
 def imu_reading(message: Any) -> ImuReading:
-    """What a sensor_msgs/Imu tells; of one that states its orientation its accelerations are not looked at."""
+    """Parse a sensor_msgs/Imu; accelerations are ignored where it has an orientation."""
     frame_id = plain_frame(message.header.frame_id)
     turn, covariance = _quaternion(message), np.asarray(message.orientation_covariance, dtype=np.float64)
     is_told = covariance[0] != NOT_TOLD and not (np.array_equal(turn, UNTOUCHED) and not covariance.any())
@@ -51,7 +51,7 @@ def imu_reading(message: Any) -> ImuReading:
 
 
 def shown_acceleration(message: Any) -> Array | None:
-    """(3,) of a sensor_msgs/Imu; None where there is none, and zero is nobody's on the ground."""
+    """(3,) acceleration of a sensor_msgs/Imu; None where it is missing, implausible or exactly zero."""
     told = message.linear_acceleration
     acceleration = np.array([told.x, told.y, told.z], dtype=np.float64)
     is_told = message.linear_acceleration_covariance[0] != NOT_TOLD
@@ -64,7 +64,7 @@ def _quaternion(message: Any) -> Array:
 
 
 def _variance(covariance: Array) -> float:
-    """The larger one of roll and pitch, about the world's axes; NaN where it is none: zeros are of who knows none."""
+    """Larger variance of roll and pitch, about the world axes; NaN where not provided (zeros mean unknown)."""
     if not np.isfinite(covariance[:2, :2]).all():
         return np.nan
     tilt = np.clip(covariance[:2, :2], -MOST_VARIANCE, MOST_VARIANCE)
@@ -75,7 +75,7 @@ def _variance(covariance: Array) -> float:
 def imu_message(
     stamp_ns: int, frame_id: str, acceleration: Array, orientation: Array | None = None, variance: float = 0.0
 ) -> Any:
-    """sensor_msgs/Imu; ``acceleration`` (3,), ``orientation`` (4,) of a ``variance`` [rad^2], None: it states none."""
+    """Build a sensor_msgs/Imu: ``acceleration`` (3,), ``orientation`` (4,) with ``variance`` [rad^2], or None."""
     x, y, z = (float(value) for value in acceleration)
     qx, qy, qz, qw = (float(value) for value in (UNTOUCHED if orientation is None else orientation))
     vector = message_class("geometry_msgs/msg/Vector3")

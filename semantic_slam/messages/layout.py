@@ -1,9 +1,9 @@
-"""Fields of a message against fields of a dataclass: flat, row-major arrays against shaped ones, and plain values.
+"""Mapping between message fields (flat row-major arrays, plain values) and dataclass fields (shaped arrays).
 
-A layout names the shape of every array field, e.g. ``{"poses": ("H", 7)}``. Dimensions become known in the order of
-the layout: the first field that has a new letter fixes it, the later ones are checked against it. A letter may stand
-with ``+1``. An array that :class:`MayBeEmpty` has no values where it was not given: on the wire, and when it is
-unpacked; the dataclass that takes it decides what it means by that, which is NaN for ours.
+A layout gives the shape of every array field, e.g. ``{"poses": ("H", 7)}``. Dimensions are resolved in the order of the
+layout: the first field with a new letter fixes its size, later fields are checked against it. A letter may carry a
+``+1``. An array of shape :class:`MayBeEmpty` has no values where it was not given, both on the wire and after
+unpacking; the receiving dataclass decides what that means (NaN for ours).
 """
 
 import math
@@ -23,11 +23,11 @@ Layout = Mapping[str, Shape]
 
 
 class MayBeEmpty(tuple[str | int, ...]):
-    """Shape of an array of floats that need not be given."""
+    """Shape of an optional float array."""
 
 
 def filled(type_name: str, layout: Layout, values: Mapping[str, Any], **fields: Any) -> Any:
-    """Message from shaped arrays, tuples of strings and plain values; ``fields`` are messages within it."""
+    """Build a message from shaped arrays, tuples of strings and plain values; ``fields`` are nested messages."""
     return message_class(type_name)(**fields, **plain_values(type_name, values), **pack(type_name, layout, values))
 
 
@@ -37,12 +37,12 @@ def contents(type_name: str, layout: Layout, message: Any, sizes: Mapping[str, i
 
 
 def plain_values(type_name: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of the message's plain fields, each of its type."""
+    """Values of the message's scalar fields, converted to their types."""
     return {name: kind(values[name]) for name, kind in plain_types(type_name).items()}
 
 
 def pack(type_name: str, layout: Layout, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Message fields from shaped arrays (or tuples of strings); raises ValueError where a shape is not the layout's."""
+    """Message fields from shaped arrays (or tuples of strings). Raises ValueError where a shape violates the layout."""
     sizes: dict[str, int] = {}
     return {name: _packed(type_name, name, shape, values[name], sizes) for name, shape in layout.items()}
 
@@ -50,7 +50,7 @@ def pack(type_name: str, layout: Layout, values: Mapping[str, Any]) -> dict[str,
 def unpack(type_name: str, layout: Layout, message: Any, sizes: Mapping[str, int] | None = None) -> dict[str, Any]:
     """Shaped arrays (or tuples of strings) from message fields; raises MessageError where the number of rows is wrong.
 
-    ``sizes`` are dimensions that the message tells in fields of their own.
+    ``sizes`` are dimensions given by separate fields of the message.
     """
     known: dict[str, int] = {}
     for letter, size in (sizes or {}).items():
@@ -72,7 +72,7 @@ def _packed(type_name: str, name: str, shape: Shape, value: Any, sizes: dict[str
 
 
 def _says_nothing(array: Any, shape: Shape, sizes: dict[str, int]) -> bool:
-    """Whether an array has no values, or NaN alone where its size is known without it."""
+    """Whether an array is empty, or all NaN where its size is known from other fields."""
     if not array.size:
         return True
     is_known = all(isinstance(key, int) or key in sizes for key in shape)
@@ -117,7 +117,7 @@ def element_types(type_name: str) -> dict[str, str]:
 
 @cache
 def plain_types(type_name: str) -> dict[str, Callable[[Any], Any]]:
-    """Python type of every field of a message that is a number, a truth value or a text."""
+    """Python type of every scalar field of a message (number, boolean or string)."""
     return {
         name: _python_type(detail[0])
         for name, (node, detail) in typestore().fielddefs[type_name][1]

@@ -1,6 +1,7 @@
-"""Changes to a history, as they are told behind the objects of a keyframe's detections.
+"""Wire format of changes to an association history, appended to a keyframe's association row.
 
--2, and then for each keyframe, detection, object from now on, object before; rows of one message are padded with -2.
+The row continues with -2, then for each change: keyframe, detection, new object, old object. Rows of one message are
+padded with -2.
 """
 
 from collections.abc import Sequence
@@ -12,16 +13,16 @@ from semantic_slam.errors import MessageError
 from semantic_slam.inference.states.lineage import LineageStep, Reassigned
 
 CHANGED = -2
-"""Where changes begin, and what rows are padded with: no object, and no false alarm."""
+"""Marker that starts the changes, and padding value; it is neither an object id nor a false alarm."""
 
 
 def with_changes(association: Sequence[int], changes: Sequence[Reassigned]) -> list[int]:
-    """Objects of the detections, and behind them what else is changed."""
+    """Association row of the detections, followed by the changes."""
     return [*association, *([CHANGED] if changes else []), *(number for change in changes for number in change)]
 
 
 def changes_in(numbers: Sequence[int]) -> tuple[Reassigned, ...]:
-    """What stands behind the objects of the detections. Raises MessageError."""
+    """Parse the changes that follow an association row. Raises MessageError."""
     told = [number for number in numbers if number != CHANGED]
     if len(told) % 4:
         raise MessageError("associations: a change that does not name keyframe, detection and two objects")
@@ -29,7 +30,7 @@ def changes_in(numbers: Sequence[int]) -> tuple[Reassigned, ...]:
 
 
 def step_of(association: Sequence[int], classes: Sequence[int], mode: int) -> LineageStep:
-    """A step as it was told. Raises MessageError."""
+    """Parse a lineage step from its wire format. Raises MessageError."""
     count = association.index(CHANGED) if CHANGED in association else len(association)
     if len(classes) < count:
         raise MessageError(f"class_assignments: {len(classes)} classes of {count} detections")
@@ -37,7 +38,7 @@ def step_of(association: Sequence[int], classes: Sequence[int], mode: int) -> Li
 
 
 def padded(rows: Sequence[Sequence[int]], width: int = 0) -> NDArray[np.int32]:
-    """(n, W) of equal length, at least ``width``."""
+    """(n, W) rows padded to equal length, at least ``width``."""
     width = max([width, *(len(row) for row in rows)])
     found = np.full((len(rows), width), CHANGED, dtype=np.int32)
     for at, row in enumerate(rows):

@@ -59,7 +59,7 @@ FIELD_NAMES = {
     "elevations": "elevations_rad",
     "sight": "free_range_scan",
 }
-"""Our names of fields that recorded bags know by another one."""
+"""Renamed fields: our name for each field that has another name in recorded bags."""
 
 
 def detections_to_message(value: Detections) -> Any:

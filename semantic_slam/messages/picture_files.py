@@ -1,4 +1,4 @@
-"""The one reader of picture files: what a header claims is looked at before anything is decoded."""
+"""Reading of image files, with the size in the header checked before decoding."""
 
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,11 @@ from semantic_slam.messages.image_size import claimed_size, is_known
 from semantic_slam.messages.images import MOST_PIXELS
 
 TOO_LARGE = "CV_IO_MAX_IMAGE_"
-"""In what OpenCV says of a picture of more pixels, rows or columns than it makes room for."""
+"""Part of OpenCV's error message for an image with more pixels, rows or columns than it allows."""
 
 
 def read_picture(path: Path, mode: int) -> NDArray[Any]:
-    """OpenCV's array of a file, by a mode of ``cv2.imread``; raises InputError, before it decodes what is too large."""
+    """Read an image file with a ``cv2.imread`` mode. Raises InputError; too large images are not decoded."""
     picture = decode_picture(_content(path), mode, str(path))
     if picture is None:
         raise InputError(f"{path}: missing or not a picture; restore it from the data set")
@@ -24,10 +24,11 @@ def read_picture(path: Path, mode: int) -> NDArray[Any]:
 
 
 def decode_picture(data: bytes, mode: int, origin: str) -> NDArray[Any] | None:
-    """OpenCV's array of an encoded picture, or None where the bytes are none.
+    """Decode an image to an OpenCV array, or None where the bytes are no image.
 
-    Raises InputError, which names ``origin``, for one that claims more than MOST_PIXELS: a png or jpeg before OpenCV
-    sees it, any other where cv2 was first imported after this package, which bounds what OpenCV makes room for.
+    Raises InputError, naming ``origin``, for an image that claims more than MOST_PIXELS pixels. A PNG or JPEG is
+    checked before OpenCV sees it; other formats only where cv2 was first imported after this package, which sets
+    OpenCV's limit.
     """
     size = claimed_size(data)
     if size is not None and size[0] * size[1] > MOST_PIXELS:
@@ -43,7 +44,7 @@ def decode_picture(data: bytes, mode: int, origin: str) -> NDArray[Any] | None:
 
 
 def _content(path: Path) -> bytes:
-    """Bytes of a file; none where it cannot be read."""
+    """Bytes of a file; empty where it cannot be read."""
     try:
         return path.read_bytes() if path.is_file() else b""
     except OSError:

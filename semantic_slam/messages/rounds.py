@@ -1,4 +1,4 @@
-"""The two rounds of a keyframe, and the run they belong to, as messages."""
+"""Messages of the two rounds of a keyframe, and of the run configuration."""
 
 from itertools import chain, pairwise
 from typing import Any
@@ -108,7 +108,7 @@ def run_from_message(message: Any) -> RunConfiguration:
 
 
 def keyframe_to_message(value: Keyframe, run_id: str, *, again: bool = False) -> Any:
-    """Keyframe of the run ``run_id``; ``again``: for backends that have missed it."""
+    """Keyframe message of the run ``run_id``; ``again``: resent for backends that have missed it."""
     told = {name: getattr(value, name) for name in KEYFRAME_LAYOUT}
     arrays = {name: np.zeros(0) if array is None else array for name, array in told.items()}
     return filled(
@@ -122,7 +122,7 @@ def keyframe_to_message(value: Keyframe, run_id: str, *, again: bool = False) ->
 
 
 def keyframe_from_message(message: Any) -> Keyframe:
-    """The keyframe without the id of its run, which is ``message.run_id``, and ``message.again``."""
+    """Keyframe of a message; the run id (``message.run_id``) and ``message.again`` are not part of it."""
     arrays = unpack(KEYFRAME_TYPE, KEYFRAME_LAYOUT, message)
     return Keyframe(
         index=int(message.keyframe),
@@ -205,7 +205,7 @@ def commit_from_message(message: Any) -> Commit:
 
 
 def _lineages(arrays: dict[str, Any]) -> tuple[tuple[LineageStep, ...], ...]:
-    """The concatenated lineage steps, cut at each survivor's length and each step's number of detections."""
+    """Split the concatenated lineage steps by each survivor's length and each step's number of detections."""
     lengths, detections = arrays["lineage_lengths"], arrays["lineage_detections"]
     if lengths.sum() != len(detections) or detections.sum() != len(arrays["lineage_associations"]):
         raise MessageError(f"{COMMIT_TYPE}.lineage_lengths: they do not add up to the lineage's steps and detections")

@@ -16,7 +16,7 @@ IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 def camera_model(message: Any, topic: str) -> CameraModel:
-    """Intrinsics of a sensor_msgs/CameraInfo; raises MessageError when it is not calibrated or of another lens."""
+    """Intrinsics of a sensor_msgs/CameraInfo. Raises MessageError when uncalibrated or of another lens model."""
     k = np.asarray(message.k, dtype=np.float64)
     if not np.isfinite(k).all() or k[0] <= 0.0 or k[4] <= 0.0:
         raise MessageError(f"{topic}: the camera is not calibrated (fx {k[0]:g}, fy {k[4]:g}); calibrate it")
@@ -38,7 +38,7 @@ def camera_model(message: Any, topic: str) -> CameraModel:
 def odometry_sample(message: Any, topic: str) -> OdometrySample:
     """Pose of a nav_msgs/Odometry; raises MessageError that names the stamp when it is not finite.
 
-    A covariance of zeros is what publishers send that know none.
+    A zero covariance counts as not provided.
     """
     stamp, pose = header_stamp_ns(message), pose_vector(message.pose.pose)
     if not is_pose(pose):
@@ -47,7 +47,7 @@ def odometry_sample(message: Any, topic: str) -> OdometrySample:
 
 
 def _stated_covariance(message: Any) -> Array | None:
-    """(6, 6) of a geometry_msgs/PoseWithCovariance; None where it is none."""
+    """(6, 6) covariance of a geometry_msgs/PoseWithCovariance; None where it is not a usable one."""
     flat = np.asarray(message.covariance, dtype=np.float64)
     return flat.reshape(6, 6) if flat.size == 36 and flat.any() and np.isfinite(flat).all() else None
 
@@ -59,20 +59,20 @@ def transform_vector(transform: Any) -> Array:
 
 
 class TransformTree:
-    """Fixed transforms between frames, as /tf_static gives them."""
+    """Static transforms between frames, from /tf_static."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Array]] = {}  # child -> (parent, T_parent_child)
 
     def add(self, message: Any) -> None:
-        """Remember the transforms of a tf2_msgs/TFMessage; a later one of the same child replaces the earlier."""
+        """Add the transforms of a tf2_msgs/TFMessage; a later transform of a child frame replaces an earlier one."""
         for item in message.transforms:
             parent = plain_frame(item.header.frame_id)
             self._parents[plain_frame(item.child_frame_id)] = (parent, transform_vector(item.transform))
 
     @property
     def is_known(self) -> bool:
-        """Whether there is any transform."""
+        """Whether the tree has any transform."""
         return bool(self._parents)
 
     @property
@@ -81,7 +81,7 @@ class TransformTree:
         return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
 
     def lookup(self, target: str, source: str) -> Array:
-        """T_target_source along the tree; raises InputError that names the frames when nothing connects them."""
+        """T_target_source along the tree. Raises InputError that names the frames when they are not connected."""
         to_target, to_source = self._ancestors(plain_frame(target)), self._ancestors(plain_frame(source))
         for frame, T_frame_source in to_source.items():
             if frame in to_target:

@@ -1,4 +1,4 @@
-"""Headers, stamps and poses of the standard packages."""
+"""Conversion of headers, stamps and poses of the standard message packages."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ from semantic_slam.messages.typestore import message_class
 
 NANOSECONDS = 1_000_000_000
 FARTHEST_M = 1e9
-"""No robot is farther from any origin; numbers beyond are faults."""
+"""Largest plausible distance [m] from an origin; larger numbers are faults."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def pose_message(pose: Array) -> Any:
 
 
 def is_pose(pose: Array) -> bool:
-    """Whether a (7,) pose vector has a place and a rotation."""
+    """Whether a (7,) pose vector has a plausible position and a non-zero quaternion."""
     return bool((np.abs(pose[:3]) <= FARTHEST_M).all() and 0.0 < np.linalg.norm(pose[3:]) <= FARTHEST_M)
 
 

@@ -68,11 +68,11 @@ TYPES = {
     GROUND_TRUTH_ASSOCIATIONS: "semantic_slam_msgs/msg/GroundTruthAssociations",
 }
 VISION_TYPES = {OBJECTS_3D: "vision_msgs/msg/Detection3DArray", LABEL_INFO: "vision_msgs/msg/LabelInfo"}
-"""Types of what is published only where package vision_msgs is installed; nothing here reads it."""
+"""Types of topics published only where package vision_msgs is installed; nothing here subscribes to them."""
 GLOBAL = frozenset({TF, TF_STATIC, CLOCK, DIAGNOSTICS})
-"""Topics of these names in every namespace, unless they are remapped."""
+"""Global topics: their names do not depend on the namespace, unless they are remapped."""
 LATCHED = frozenset({TF_STATIC, RUN_CONFIGURATION, GROUND_TRUTH_OBJECTS, INITIAL_POSE})
-"""Topics whose last message a late subscriber still receives (TRANSIENT_LOCAL)."""
+"""Latched topics (TRANSIENT_LOCAL): a late subscriber still receives the last message."""
 KEPT_INPUTS = (
     ODOMETRY,
     IMU,
@@ -82,4 +82,4 @@ KEPT_INPUTS = (
     GROUND_TRUTH_OBJECTS,
     GROUND_TRUTH_ASSOCIATIONS,
 )
-"""Inputs that a belief bag keeps: without them a report could not tell how good the belief is."""
+"""Inputs copied to the belief bag, needed by reports to evaluate the belief."""

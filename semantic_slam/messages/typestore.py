@@ -1,7 +1,7 @@
-"""One registry of message types, ours included: the same CDR bytes travel over DDS and lie in bags.
+"""Registry of message types, ours included: equal CDR bytes are sent over DDS and stored in bags.
 
-Nodes publish and receive serialised messages, so that a bag and the wire share one encoder and no
-rclpy field conversion stands between them.
+Nodes publish and receive serialised messages, so that bags and DDS share one encoder, without rclpy's field
+conversion.
 """
 
 from functools import cache
@@ -40,16 +40,16 @@ def serialize(message: Any) -> bytes:
 
 
 HEADER = 4
-"""Bytes that say how the rest is encoded."""
+"""Size in bytes of the CDR encapsulation header."""
 MOST_BEHIND = 128
-"""Bytes that a writer may leave behind a message: rclpy's ``serialize_message`` gives as many as it had reserved."""
+"""Largest number of trailing bytes accepted after a message; rclpy's ``serialize_message`` pads to its buffer size."""
 
 
 def deserialize(data: bytes, type_name: str) -> Any:
     """Message from its CDR bytes; raises MessageError."""
     try:
         return _deserialized(data, type_name)
-    except Exception as fault:  # whatever the decoder stumbles over, the bytes are at fault
+    except Exception as fault:  # any decoder error means that the bytes are invalid
         reason = " ".join(f"{type(fault).__name__} {fault}".split())[:100]
         raise MessageError(
             f"{type_name}: {len(data)} bytes do not decode ({reason}); was another definition used?",

@@ -1,4 +1,4 @@
-"""A name that classes of every source share."""
+"""Class name shared by all class sources."""
 
 NONE_OF_THESE = "none of these"
-"""The class of what is of no other class."""
+"""Class of objects that belong to no other class."""

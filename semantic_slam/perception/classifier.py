@@ -1,4 +1,4 @@
-"""Frame in, semantic measurements out: crops, dropout passes or learned features, range and bearing."""
+"""Classifier: from a frame to semantic measurements (crops, dropout passes or learned features, range, bearing)."""
 
 from collections import Counter
 from typing import TYPE_CHECKING
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 
 class Classifier:
-    """Measures the detections of frames with what it is handed; holds no state but its counters.
+    """Computes semantic measurements of a frame's detections; stateless but for its counters.
 
-    ``dropped`` counts, by reason, the detections that could not be used.
+    ``dropped`` counts the detections that could not be used, by reason.
     """
 
     def __init__(
@@ -46,11 +46,11 @@ class Classifier:
         appearance: AppearanceCheck | None = None,
         in_space: bool = False,
     ) -> None:
-        """Without ``extractor`` the class probabilities are the feature; a view that neither ``coverage`` nor
-        ``appearance`` takes for unknown is in coverage.
+        """Configure the parts; without ``extractor`` the class probabilities are the feature.
 
-        ``seed`` is that of every dropout mask. Without ``network`` the boxes' places alone are measured, and what their
-        detector says of them is passed on. ``in_space``: where boxes and depth show objects is told as points, too.
+        A view is in coverage where neither ``coverage`` nor ``appearance`` calls it unknown. ``seed`` determines every
+        dropout mask. Without ``network`` only the boxes' positions are measured, and the detector's labels and scores
+        are passed on. ``in_space``: positions from boxes and depth are also reported as 3-D points.
         """
         self._network, self._settings, self._seed = network, settings, seed
         self._range_bearing_sensor, self._extractor = range_bearing_sensor, extractor
@@ -59,12 +59,12 @@ class Classifier:
 
     @property
     def class_names(self) -> tuple[str, ...]:
-        """(C,) what the columns of the class probability samples mean."""
+        """(C,) class names of the class probability samples."""
         return self._network.class_names if self._network is not None else ()
 
     @property
     def num_features(self) -> int:
-        """F, components of the semantic feature: one per reported class, or those of a learned extractor."""
+        """Number of feature components F: one per reported class, or those of a learned extractor."""
         if self._extractor is not None:
             return self._extractor.num_features
         return len(self._network.class_names) if self._network is not None else 0
@@ -109,9 +109,9 @@ class Classifier:
         return with_points(measured, points, T_base_camera, frame.camera, self._settings)
 
     def _places(self, frame: Frame, rows: Detections, T_base_camera: Array) -> tuple[Places, Flags, SpatialPoints]:
-        """Places that detections tell themselves, with a range, else what box and depth show; and which are told.
+        """Positions reported by the detections (with a range), else from box and depth; and which ones are reported.
 
-        In space the points that these are, besides.
+        In 3-D runs also the corresponding points.
         """
         boxes = rows.boxes.reshape(-1, 4)
         sensed = [self._range_bearing_sensor(box, frame.depth_m, frame.camera, T_base_camera) for box in boxes]
@@ -134,7 +134,7 @@ class Classifier:
         return told.where(is_told, shown), is_told, own.where(is_told, seen)
 
     def _features(self, frame: Frame, boxes: Array, samples: Array) -> tuple[Array, Array]:
-        """(D, F) semantic features and (D, F, F) their covariances: over the passes, none with a learned extractor."""
+        """(D, F) semantic features and (D, F, F) covariances over the passes; zero with a learned extractor."""
         if self._network is None:
             return np.zeros((len(boxes), 0)), np.zeros((len(boxes), 0, 0))
         if self._extractor is None:
@@ -143,7 +143,7 @@ class Classifier:
         return features, np.zeros((*features.shape, features.shape[1]))
 
     def _in_coverage(self, features: Array, covariances: Array) -> Flags:
-        """(D,) whether some class model shows such a feature in some direction; true without models to ask."""
+        """(D,) whether some class model explains the feature in some direction; True without a coverage check."""
         if self._coverage is None:
             return np.ones(len(features), dtype=np.bool_)
         rows = zip(features, covariances, strict=True)
@@ -165,14 +165,16 @@ class Classifier:
         return f"unknown label '{label}'" if known and label not in known else ""
 
     def _dropout_samples(self, frame: Frame, kept: list[int]) -> tuple[Array, Array, Array, Flags]:
-        """(D, T, C) samples of the reported classes, the two (D,) uncertainties over all outputs, and (D,) whether the
-        crops look like those of known objects.
+        """(D, T, C) class samples, (D,) predictive entropy and mutual information, and (D,) recognition flags.
+
+        The samples are of the reported classes, the uncertainties over all outputs; a flag says whether the crop looks
+        like one of a known object.
         """
         recognised = np.ones(len(kept), dtype=np.bool_)
         if self._network is None:
             names = len(frame.detections.class_names)
             return np.zeros((len(kept), 0, names)), np.full(len(kept), np.nan), np.full(len(kept), np.nan), recognised
-        # PyTorch takes two seconds to load, and who has no network needs none.
+        # Deferred: PyTorch takes two seconds to import, and is not needed without a network.
         from semantic_slam.perception.networks.mc_dropout import dropout_generator, samples_of_head, seen
 
         network = self._network.network

@@ -1,4 +1,4 @@
-"""What a classifier is handed: whatever has these methods serves, from this project or another."""
+"""Interfaces of the classifier's collaborators; any implementation with these methods can be used."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -12,7 +12,7 @@ from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.range_bearing import RangeBearing
 
 RangeBearingSensor = Callable[[Array, NDArray[np.float32] | None, CameraModel, Array], RangeBearing]
-"""From a (4,) box, the depth image, the camera and its (7,) pose in the body frame to a range and a bearing."""
+"""Function of a (4,) box, the depth image, the camera and its (7,) pose in the body frame: range and bearing."""
 
 
 class FeatureExtractor(Protocol):
@@ -20,28 +20,28 @@ class FeatureExtractor(Protocol):
 
     @property
     def input_size(self) -> int:
-        """Pixels on a side of its crops."""
+        """Side length of the input crops in pixels."""
 
     @property
     def num_features(self) -> int:
-        """F, components of the feature."""
+        """Number of feature components F."""
 
     def features(self, crops: Bytes) -> Array:
-        """(N, F) of (N, size, size, 3) RGB bytes."""
+        """(N, F) features of (N, size, size, 3) RGB bytes."""
 
 
 class CoverageCheck(Protocol):
-    """Whether the class models know a feature: novelty that shows in a picture whose viewpoint is not known."""
+    """Novelty check by class models: whether they explain a feature from some (unknown) viewpoint."""
 
     def explain(self, feature: Array, feature_covariance: Array) -> bool:
-        """Whether some class shows a feature (F,) with its dropout covariance (F, F) in some direction."""
+        """Whether some class in some direction explains a feature (F,) with its dropout covariance (F, F)."""
 
 
 class AppearanceCheck(Protocol):
-    """Whether a picture looks like those of known objects: novelty that shows whatever classes the network names."""
+    """Novelty check by appearance: whether an image looks like known objects, whatever class the network predicts."""
 
     def recognise(self, feature: Array) -> bool:
-        """Whether the trunk's features (K,) of a crop are like those of known objects."""
+        """Whether the trunk features (K,) of a crop are like those of known objects."""
 
 
 def crop_features(extractor: FeatureExtractor, image: Bytes, boxes: Array) -> Array:

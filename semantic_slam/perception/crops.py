@@ -1,4 +1,4 @@
-"""From a detector's box to the square crop that a network sees."""
+"""Square network crops from detector boxes."""
 
 import cv2
 import numpy as np
@@ -6,14 +6,14 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Bytes, Flags
 
 MARGIN = 0.1
-"""Background on either side of the box, as a fraction of its longer side."""
+"""Background margin on either side of the box, as a fraction of its longer side."""
 
 
 IN_SHARES = "box within the first pixel, as one in shares of the image is; give boxes in pixels"
 
 
 def are_in_shares(boxes: Array) -> Flags:
-    """(...,) whether boxes (..., 4) lie about the first pixel, where all boxes in shares of the image do."""
+    """(...,) whether boxes (..., 4) appear to be in normalised coordinates: all lie around the first pixel."""
     return np.asarray((boxes.min(axis=-1) >= -0.5) & (boxes.max(axis=-1) <= 1.5))
 
 
@@ -31,9 +31,9 @@ def box_fault(box: Array, width: int, height: int) -> str:
 
 
 def square_crop(image: Bytes, box: Array, size: int) -> Bytes:
-    """(size, size, 3) crop around a usable box, with its margin; the aspect ratio of the object is kept.
+    """(size, size, 3) crop around a usable box with margin, which keeps the object's aspect ratio.
 
-    What lies outside the image repeats the border. Shrinking averages, so that no texture aliases.
+    Areas outside the image replicate the border. Downscaling averages pixels, which avoids aliasing.
     """
     height, width = image.shape[:2]
     x_min, x_max = np.clip(box[[0, 2]], 0, width)

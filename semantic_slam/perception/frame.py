@@ -1,4 +1,4 @@
-"""What a camera delivers at one instant: image, depth, intrinsics and a detector's boxes."""
+"""Camera frame: image, depth, intrinsics and a detector's boxes at one instant."""
 
 from dataclasses import dataclass, field
 
@@ -26,13 +26,13 @@ class CameraModel:
 
 @dataclass(frozen=True, kw_only=True)
 class Detections:
-    """What a detector found at one instant; D rows each, C classes, E components of an embedding.
+    """Detections of one instant; D rows each, C classes, E components of an embedding.
 
-    Arrays of floats from ``class_scores`` on may be left out, and are NaN then (embeddings: without components).
+    Float arrays from ``class_scores`` on may be left out and are then NaN (embeddings: zero components).
     """
 
     stamp_ns: int  # of the image
-    frame_id: str  # the camera's optical frame; of places without a picture the body's
+    frame_id: str  # the camera's optical frame; the body frame for positions without an image
     boxes: Array  # (D, 4) x_min y_min x_max y_max, pixels; NaN: no box
     labels: tuple[str, ...]  # "" when the detector gives none
     scores: Array  # (D,) 0..1
@@ -41,12 +41,12 @@ class Detections:
     class_scores: Array = field(default_factory=left_out)  # (D, C) 0..1, NaN where not reported
     embeddings: Array = field(default_factory=left_out)  # (D, E) appearance, in the detector's own units
     positions: Array = field(default_factory=left_out)  # (D, 3) x y z in the body frame, metres
-    position_covariances: Array = field(default_factory=left_out)  # (D, 3, 3) of them
+    position_covariances: Array = field(default_factory=left_out)  # (D, 3, 3) of positions
     ranges_m: Array = field(default_factory=left_out)  # (D,) from the body's origin
     bearings_rad: Array = field(default_factory=left_out)  # (D,) in the body frame, counter-clockwise from x
     elevations_rad: Array = field(
         default_factory=left_out
-    )  # (D,) how far the line of sight points down in the body frame
+    )  # (D,) downward angle of the line of sight in the body frame
     place_covariances: Array = field(default_factory=left_out)  # (D, 3, 3) of range, bearing, elevation
 
     def __post_init__(self) -> None:
@@ -60,17 +60,17 @@ class Detections:
         return len(self.labels)
 
     def take(self, rows: Index) -> "Detections":
-        """The chosen detections."""
+        """The selected detections."""
         return with_rows(self, rows, whole=("stamp_ns", "frame_id", "class_names"))
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One image with its detections, ready to be measured."""
+    """One image with its detections, ready for measurement."""
 
     stamp_ns: int
     image: Bytes  # (height, width, 3) RGB
     depth_m: NDArray[np.float32] | None  # (height, width) along the optical axis, NaN where invalid; None: no depth
     camera: CameraModel
     detections: Detections
-    T_base_camera: Array | None = None  # (7,) pose of the optical frame then; None: it is fixed to the body
+    T_base_camera: Array | None = None  # (7,) pose of the optical frame at this instant; None: fixed mounting

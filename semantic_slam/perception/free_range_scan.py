@@ -1,4 +1,4 @@
-"""How far a depth image sees in each direction: an object behind that could not have been detected."""
+"""Free-range scan: how far a depth image sees per direction; objects beyond could not have been detected."""
 
 import cv2
 import numpy as np
@@ -9,15 +9,15 @@ from semantic_slam.geometry.pose import transform_points
 from semantic_slam.perception.frame import CameraModel
 
 NUM_STRIPS, COLUMNS_OF_STRIP, NUM_ROWS = 48, 3, 40
-"""Strips of image columns, and the depth readings that are taken of each."""
+"""Number of strips of image columns, and the columns and rows of depth readings sampled in each."""
 LEAST_VALID = 0.5
-"""Share of a strip's readings without which it tells nothing: what is out of range looks like what is unreadable."""
+"""Smallest share of valid readings of a usable strip: out-of-range cannot be told from unreadable depth."""
 
 
 def farthest_free_ranges(depth_m: NDArray[np.float32], camera: CameraModel, T_base_camera: Array) -> Array:
-    """(B, 2) bearing [rad] and range [m], from the body's origin in its x-y plane, of the farthest surface of strips.
+    """(B, 2) bearing [rad] and range [m] of each strip's farthest surface, from the body origin in its x-y plane.
 
-    The farthest one, because an object's height is not known: what is lower than it hides nothing.
+    The farthest one, because object heights are unknown: a surface lower than the object does not occlude it.
     """
     height, width = depth_m.shape
     rows = _spread(height, NUM_ROWS)
@@ -35,12 +35,12 @@ def farthest_free_ranges(depth_m: NDArray[np.float32], camera: CameraModel, T_ba
 
 
 def _by_strip(readings: Array) -> Array:
-    """(rows, columns) to (strips, readings of each)."""
+    """Regroup (rows, columns) readings to (strips, readings of each)."""
     return np.moveaxis(readings.reshape(NUM_ROWS, NUM_STRIPS, COLUMNS_OF_STRIP), 1, 0).reshape(NUM_STRIPS, -1)
 
 
 def _spread(length: int, count: int) -> Index:
-    """(count,) pixels in the middles of equal parts."""
+    """(count,) pixel indices at the centres of equal parts of ``length``."""
     return ((np.arange(count) + 0.5) * length / count).astype(int)
 
 

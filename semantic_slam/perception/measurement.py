@@ -1,4 +1,4 @@
-"""The semantic measurements of one frame: what perception hands to inference."""
+"""Semantic measurements of one frame: the interface from perception to inference."""
 
 from dataclasses import dataclass, field
 
@@ -21,12 +21,12 @@ OF_THE_FRAME = frozenset(
         "free_range_scan",
     }
 )
-"""Fields of :class:`SemanticMeasurements` without a row per detection."""
+"""Fields of :class:`SemanticMeasurements` that describe the whole frame, without a row per detection."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SemanticMeasurements:
-    """D detections, T dropout passes, C classes, F feature components, E components of an embedding."""
+    """Measurements of D detections; T dropout passes, C classes, F feature and E embedding components."""
 
     stamp_ns: int
     sequence: int  # 0, 1, 2, ... one per detection message
@@ -48,7 +48,7 @@ class SemanticMeasurements:
     geometric_covariances: Array  # (D, 2, 2) of [range, bearing]
     sensor_position: Array  # (3,) camera in the body frame, metres
     in_coverage: Flags  # (D,)
-    dropped: int = 0  # inputs the classifier has not used so far
+    dropped: int = 0  # number of inputs dropped by the classifier so far
     free_range_scan: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (B, 2) bearing [rad], range [m] of the
     # farthest surface that the depth image shows in each direction, from the body's origin; none without depth
     elevations_rad: Array = field(default_factory=left_out)  # (D,) how far the camera looks down on the
@@ -81,5 +81,5 @@ class SemanticMeasurements:
         return len(self.detection_ids)
 
     def take(self, rows: Index) -> "SemanticMeasurements":
-        """The measurements of the chosen detections."""
+        """Measurements of the selected detections."""
         return with_rows(self, rows, whole=OF_THE_FRAME)

@@ -1,4 +1,4 @@
-"""A NanoDet detector from an ONNX file, run by OpenCV: from a picture to boxes with a score for every class."""
+"""NanoDet object detector from an ONNX file, run by OpenCV: boxes with a score for every class."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,39 +14,39 @@ from semantic_slam.text_files import read_text
 
 MEAN_BGR = (103.53, 116.28, 123.675)
 SCALE_BGR = (57.375, 57.12, 58.395)
-"""What NanoDet was trained with: (pixel - mean) / scale of each channel."""
+"""Channel scales (BGR) of NanoDet's input normalisation: (pixel - mean) / scale."""
 EDGES = 4
-"""A box is told by the distances of its left, upper, right and lower edge from a cell's centre."""
+"""Number of regressed distances per box: left, top, right and bottom edge from the cell centre."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DetectorSettings:
-    """What of a detector's output is reported."""
+    """Input size and reporting thresholds of the detector."""
 
-    input_size: int = 416  # pixels, the side of the square that the network sees; the file's own, 320 or 416
-    least_score: float = 0.35  # of a box's likeliest class
-    largest_overlap: float = 0.6  # intersection over union above which the weaker of two boxes is left out
+    input_size: int = 416  # pixels, side of the square network input; given by the file, 320 or 416
+    least_score: float = 0.35  # of a box's best class
+    largest_overlap: float = 0.6  # intersection over union above which the weaker of two boxes is suppressed
 
 
 @dataclass(frozen=True)
 class Letterbox:
-    """A picture scaled into the middle of a square: pixel = scale * pixel of the picture + (left, top)."""
+    """Image scaled into the centre of a square: square pixel = scale * image pixel + (left, top)."""
 
-    square: Bytes  # (size, size, 3), black beside the picture
+    square: Bytes  # (size, size, 3), black outside the image
     scale: float
     left: int
     top: int
 
     def to_picture(self, boxes: Array) -> Array:
-        """(N, 4) boxes of the square in the picture's pixels."""
+        """Convert (N, 4) boxes from square to image pixels."""
         return np.asarray((boxes - np.tile([self.left, self.top], 2)) / self.scale)
 
 
 class OnnxDetector:
-    """Finds objects in pictures with a network of NanoDet's layout."""
+    """Object detector that runs a network with NanoDet's output layout."""
 
     def __init__(self, path: Path, class_names: Sequence[str], settings: DetectorSettings | None = None) -> None:
-        """Raises InputError when ``path`` is no network that OpenCV can read."""
+        """Load the network. Raises InputError when OpenCV cannot read ``path``."""
         self.class_names, self.settings, self._path = tuple(class_names), settings or DetectorSettings(), path
         if not path.is_file():
             raise InputError(f"{path}: no such file; name the detector's ONNX file")
@@ -58,10 +58,10 @@ class OnnxDetector:
             ) from None
 
     def __call__(self, image: Bytes, *, stamp_ns: int, frame_id: str) -> Detections:
-        """What is seen in an (H, W, 3) RGB picture: boxes in its pixels, each with the scores of all classes.
+        """Detect objects in an (H, W, 3) RGB image: boxes in its pixels, each with the scores of all classes.
 
-        Boxes that overlap are one detection, whatever their classes: the scores tell what it may be. Raises InputError
-        when the network's outputs are not NanoDet's, or are of another number of classes.
+        Overlapping boxes become one detection whatever their classes (class-agnostic suppression). Raises InputError
+        when the outputs do not have NanoDet's layout, or have another number of classes.
         """
         height, width = image.shape[:2]
         letterbox = letterboxed(image, self.settings.input_size)
@@ -96,7 +96,7 @@ class OnnxDetector:
 
 
 def read_class_names(path: Path) -> tuple[str, ...]:
-    """The classes of a detector, one a line, as in coco.names; raises InputError."""
+    """Read the class names of a detector, one per line, as in coco.names. Raises InputError."""
     remedy = "give a text file with one class name a line"
     names = tuple(line.strip() for line in read_text(path, remedy).splitlines() if line.strip())
     if not names or len(set(names)) != len(names):
@@ -105,7 +105,7 @@ def read_class_names(path: Path) -> tuple[str, ...]:
 
 
 def letterboxed(image: Bytes, size: int) -> Letterbox:
-    """An (H, W, 3) picture in the middle of a black (size, size, 3) square, its sides in proportion."""
+    """Letterbox an (H, W, 3) image into a black (size, size, 3) square, aspect ratio kept."""
     height, width = image.shape[:2]
     scale = size / max(height, width)
     inner = (max(round(width * scale), 1), max(round(height * scale), 1))
@@ -118,10 +118,10 @@ def letterboxed(image: Bytes, size: int) -> Letterbox:
 def nanodet_boxes(
     outputs: Sequence[Array], num_classes: int, settings: DetectorSettings, origin: str
 ) -> tuple[Array, Array]:
-    """(N, 4) boxes in the square's pixels and (N, C) scores of the cells that a class scores at least in.
+    """Decode NanoDet outputs: (N, 4) boxes in square pixels and (N, C) scores of cells above the least score.
 
-    Each grid has two outputs: (1, cells, C) scores, and (1, cells, 4 B) logits of each edge's distance, whose mean over
-    the bins 0 .. B - 1 counts in cells (generalized focal loss, Li et al. 2020, Eq. 5). Raises InputError.
+    Each grid has two outputs: (1, cells, C) scores, and (1, cells, 4 B) logits of each edge's distance. The distance is
+    the mean over the bins 0 .. B - 1, in cells (generalized focal loss, Li et al. 2020, Eq. 5). Raises InputError.
     """
     boxes, scores = [np.zeros((0, EDGES))], [np.zeros((0, num_classes))]
     for cell_scores, distances in _grids(outputs, num_classes, origin):
@@ -136,7 +136,7 @@ def nanodet_boxes(
 
 
 def without_overlaps(boxes: Array, scores: Array, largest_overlap: float) -> Index:
-    """Rows of (N, 4) boxes that overlap no better one by more than that (intersection over union), best first."""
+    """Non-maximum suppression: rows of (N, 4) boxes that overlap no better one by more than that IoU, best first."""
     area = np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0), axis=1)
     left = np.argsort(-scores, kind="stable")
     left, kept = left[area[left] > 0.0], []
@@ -150,7 +150,7 @@ def without_overlaps(boxes: Array, scores: Array, largest_overlap: float) -> Ind
 
 
 def _grids(outputs: Sequence[Array], num_classes: int, origin: str) -> list[tuple[Array, Array]]:
-    """(cells, C) scores and (cells, 4, B) logits of every grid; raises InputError."""
+    """(cells, C) scores and (cells, 4, B) logits of every grid. Raises InputError."""
     rows = [output[0] for output in outputs if output.ndim == 3 and len(output) == 1]
     paired = len(rows) // 2
     found = list(zip(rows[:paired], rows[paired:], strict=False))
@@ -167,7 +167,7 @@ def _grids(outputs: Sequence[Array], num_classes: int, origin: str) -> list[tupl
 
 
 def _mean_bins(logits: Array) -> Array:
-    """(N, 4, B) logits to the (N, 4) means of the bins' numbers under their softmax."""
+    """(N, 4) expected bin numbers under the softmax of (N, 4, B) logits."""
     weights = np.exp(logits - logits.max(axis=-1, keepdims=True))
     return np.asarray(weights @ np.arange(logits.shape[-1]) / weights.sum(axis=-1))
 

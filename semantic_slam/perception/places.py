@@ -1,8 +1,8 @@
-"""Detections that tell where things are, without a picture, as semantic measurements.
+"""Semantic measurements from detections that carry positions themselves, without an image.
 
-A place is a range and a bearing, a position in the body frame, or the box of a detector whose camera is known: then the
-bearing of the box's centre. Where nothing is told of a place's noise, its covariance is NaN and the configuration
-decides.
+A position is given as a range and a bearing, as a point in the body frame, or as the box of a detector whose camera is
+known (then only the bearing of the box centre). Where the noise is not given, the covariance is NaN and the
+configuration decides.
 """
 
 from collections import Counter
@@ -26,10 +26,10 @@ BAD_COVARIANCE = "covariance of a place that is not positive definite"
 
 
 class PlaceReader:
-    """Measures detections by the places that they tell; ``dropped`` counts, by reason, those that could not be used."""
+    """Measures detections by their reported positions; ``dropped`` counts unusable ones by reason."""
 
     def __init__(self, settings: PerceptionConfiguration, *, in_space: bool = False) -> None:
-        """``in_space``: positions are told as points, too."""
+        """``in_space``: positions are also reported as 3-D points."""
         self._settings, self._in_space = settings, in_space
         self.dropped: Counter[str] = Counter()
 
@@ -40,10 +40,10 @@ class PlaceReader:
         camera: CameraModel | None = None,
         T_base_camera: Array | None = None,
     ) -> SemanticMeasurements:
-        """Measurements of the usable detections; boxes need the ``camera`` and its (7,) pose in the body frame.
+        """Measure the usable detections; boxes need the ``camera`` and its (7,) pose in the body frame.
 
-        Range and bearing are preferred to a position, and both to a box. In a frame that has either of the first two,
-        every bearing is seen from the body's origin, so that boxes alone are not used there.
+        Range and bearing are preferred to a position, and both to a box. In a frame with either of the first two, all
+        bearings are relative to the body origin, so box-only detections are not used there.
         """
         places, sensor = _places(detections, camera, T_base_camera, whole=self._in_space)
         points = told_points(detections) if self._in_space else SpatialPoints.untold(len(detections))
@@ -83,7 +83,7 @@ class PlaceReader:
         return with_points(measured, points, mounted, camera, self._settings)
 
     def _usable(self, detections: Detections, places: Places, points: SpatialPoints) -> Flags:
-        """(D,) whether each can be used; the others are counted, each by its first reason."""
+        """(D,) whether each detection is usable; the others are counted by their first reason."""
         known = self._settings.labels
         faults = {
             f"unknown label '{label}'": np.array([label == other for other in detections.labels])
@@ -98,12 +98,12 @@ class PlaceReader:
         for reason, rows in faults.items():
             self.dropped[reason] += int((usable & rows).sum())
             usable &= ~rows
-        self.dropped += Counter()  # without a reason that counts none
+        self.dropped += Counter()  # removes reasons with count zero
         return usable
 
 
 def in_body_frame(detections: Detections, T_base_frame: Array, base_frame: str) -> Detections:
-    """Positions (D, 3) and their covariances (D, 3, 3) moved from a sensor's frame, whose (7,) pose is given."""
+    """Transform positions (D, 3) with covariances (D, 3, 3) from a sensor frame, of (7,) pose, to the body frame."""
     rotation = rotation_matrix(T_base_frame[3:])
     return replace(
         detections,
@@ -116,9 +116,9 @@ def in_body_frame(detections: Detections, T_base_frame: Array, base_frame: str) 
 def _places(
     detections: Detections, camera: CameraModel | None, T_base_camera: Array | None, *, whole: bool
 ) -> tuple[Places, Array]:
-    """The places of all detections, and the (3,) point in the body frame from which those without range are seen.
+    """Positions of all detections, and the (3,) origin, in the body frame, of bearings without range.
 
-    ``whole``: boxes that the image's border cuts go on beyond it.
+    ``whole``: boxes cut by the image border are extended beyond it.
     """
     places = told_places(detections)
     if np.isfinite(places.bearings_rad).any() or camera is None or T_base_camera is None:

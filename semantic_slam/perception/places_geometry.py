@@ -1,4 +1,4 @@
-"""Range in the plane, bearing and elevation of what a detector places, with covariances, all in the body frame."""
+"""In-plane range, bearing and elevation of detections, with covariances, in the body frame."""
 
 from dataclasses import dataclass
 
@@ -15,25 +15,25 @@ from semantic_slam.perception.range_bearing import viewing_rays
 
 @dataclass(frozen=True)
 class Places:
-    """D places; NaN where not told."""
+    """Positions of D detections as range, bearing and elevation; NaN where not given."""
 
     ranges_m: Array  # (D,) in the x-y plane
     bearings_rad: Array  # (D,) counter-clockwise from x
-    elevations_rad: Array  # (D,) how far the line of sight points down
+    elevations_rad: Array  # (D,) downward angle of the line of sight
     covariances: Array  # (D, 3, 3) of range in the plane, bearing, elevation
 
     @classmethod
     def untold(cls, count: int) -> "Places":
-        """No places, of so many detections."""
+        """All-NaN positions for ``count`` detections."""
         nothing = np.full(count, np.nan)
         return cls(nothing, nothing, nothing, np.full((count, 3, 3), np.nan))
 
     def take(self, rows: Index) -> "Places":
-        """The chosen places."""
+        """The selected positions."""
         return take(self, rows)
 
     def where(self, chosen: Flags, other: "Places") -> "Places":
-        """Places where ``chosen`` (D,) is true, else those of ``other``."""
+        """Own positions where ``chosen`` (D,) is True, else those of ``other``."""
         return Places(
             np.where(chosen, self.ranges_m, other.ranges_m),
             np.where(chosen, self.bearings_rad, other.bearings_rad),
@@ -42,7 +42,7 @@ class Places:
         )
 
     def are_covariances_usable(self) -> Flags:
-        """(D,) whether range and bearing have a positive definite covariance, or none is told."""
+        """(D,) whether the covariance of range and bearing is positive definite, or not given."""
         block = self.covariances[:, :2, :2]
         variances = np.diagonal(block, axis1=1, axis2=2)
         bearing_alone = np.isnan(self.ranges_m) & (variances[:, 1] >= LEAST_VARIANCE) & np.isfinite(variances[:, 1])
@@ -50,7 +50,7 @@ class Places:
 
 
 def told_places(detections: Detections) -> Places:
-    """What detections tell of their places themselves: range and bearing, which count before a position."""
+    """Positions carried by the detections themselves; range and bearing take precedence over a position."""
     if not np.isfinite(detections.bearings_rad).any() and np.isnan(detections.positions).all():
         return Places.untold(len(detections))
     ranged, positioned = places_of_ranges(detections), places_of_positions(detections)
@@ -58,9 +58,9 @@ def told_places(detections: Detections) -> Places:
 
 
 def places_of_ranges(detections: Detections) -> Places:
-    """From distances, bearings and elevations; without an elevation a line of sight counts as level.
+    """Convert distances, bearings and elevations; a missing elevation counts as zero.
 
-    A distance r at elevation e is r cos(e) in the plane, whose covariance follows to first order.
+    A distance r at elevation e is the in-plane range r cos(e); its covariance is propagated to first order.
     """
     elevations = np.nan_to_num(detections.elevations_rad, nan=0.0)
     distances = detections.ranges_m
@@ -77,7 +77,7 @@ def places_of_ranges(detections: Detections) -> Places:
 
 
 def places_of_positions(detections: Detections) -> Places:
-    """From positions x y z [m]; covariances follow to first order."""
+    """Convert positions x y z [m]; covariances are propagated to first order."""
     x, y, z = detections.positions.T
     ranges = np.hypot(x, y)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -96,7 +96,7 @@ def places_of_positions(detections: Detections) -> Places:
 
 
 def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array) -> Places:
-    """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where a box is none."""
+    """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where there is no box."""
     count = len(boxes)
     are_boxes = np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1) & ~are_in_shares(boxes)
     directions = np.full((count, 3), np.nan)
@@ -108,7 +108,7 @@ def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array) -> 
 
 
 def _transformed(covariances: Array, jacobians: Array) -> Array:
-    """(D, 3, 3) J C J^T; NaN where an entry depends on one that is not told."""
+    """(D, 3, 3) propagated covariances J C J^T; NaN where an entry depends on one that is not given."""
     unknown, used = np.isnan(covariances), (jacobians != 0.0).astype(np.float64)
     moved = jacobians @ np.where(unknown, 0.0, covariances) @ np.swapaxes(jacobians, 1, 2)
     hidden = used @ unknown.astype(np.float64) @ np.swapaxes(used, 1, 2) > 0.0

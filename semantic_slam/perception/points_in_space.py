@@ -1,4 +1,4 @@
-"""Where detections are in space, for runs in which all six of a pose are estimated: points of the body frame."""
+"""3-D points of detections in the body frame, for runs that estimate six-degree-of-freedom poses."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,34 +19,34 @@ from semantic_slam.perception.places_geometry import Places
 
 @dataclass(frozen=True)
 class SpatialPoints:
-    """D points; NaN where not told."""
+    """D points with covariances; NaN where not given."""
 
     points: Array  # (D, 3) metres in the body frame
-    covariances: Array  # (D, 3, 3) along its axes
+    covariances: Array  # (D, 3, 3) in the body frame
 
     @classmethod
     def untold(cls, count: int) -> "SpatialPoints":
-        """No points, of so many detections."""
+        """All-NaN points for ``count`` detections."""
         return cls(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
 
     @property
     def are_told(self) -> Flags:
-        """(D,) whether each is told."""
+        """(D,) whether each point is given."""
         return np.asarray(np.isfinite(self.points).all(axis=1))
 
     def take(self, rows: Index) -> "SpatialPoints":
-        """The chosen points."""
+        """The selected points."""
         return take(self, rows)
 
     def where(self, chosen: Flags, other: "SpatialPoints") -> "SpatialPoints":
-        """Points where ``chosen`` (D,) is true, else those of ``other``."""
+        """Own points where ``chosen`` (D,) is True, else those of ``other``."""
         return SpatialPoints(
             np.where(chosen[:, None], self.points, other.points),
             np.where(chosen[:, None, None], self.covariances, other.covariances),
         )
 
     def are_covariances_usable(self) -> Flags:
-        """(D,) whether each covariance is symmetric and positive definite, or none is told."""
+        """(D,) whether each covariance is symmetric and positive definite, or not given."""
         told = np.asarray(np.isfinite(self.covariances).all(axis=(1, 2)))
         if not told.any():
             return ~told
@@ -56,7 +56,7 @@ class SpatialPoints:
 
     @property
     def places(self) -> Places:
-        """Their ranges in the plane, bearings and elevations, as what is of the plane looks at them."""
+        """The points as in-plane ranges, bearings and elevations, for planar consumers."""
         ranges, bearings, elevations = place_of_point(self.points).T
         covariances = np.full((len(self.points), 3, 3), np.nan)
         for row in np.flatnonzero(np.isfinite(self.covariances).all(axis=(1, 2)) & self.are_told).tolist():
@@ -65,7 +65,7 @@ class SpatialPoints:
 
 
 def told_points(detections: Detections) -> SpatialPoints:
-    """Positions that detections tell, where they tell no range and bearing, which count before."""
+    """Points from the detections' positions; NaN where range and bearing are given, which take precedence."""
     has_range = np.isfinite(detections.bearings_rad)
     positions = SpatialPoints(detections.positions, detections.position_covariances)
     return SpatialPoints.untold(len(detections)).where(has_range, positions)
@@ -74,9 +74,9 @@ def told_points(detections: Detections) -> SpatialPoints:
 def points_of_boxes(
     boxes: Array, distances_m: Array, camera: CameraModel, T_base_camera: Array, settings: PerceptionConfiguration
 ) -> SpatialPoints:
-    """At distances along the rays through (D, 4) boxes, NaN where there is none.
+    """Points at given distances along the rays through (D, 4) boxes; NaN where there is no distance.
 
-    They err along their rays by sigma_range_m and sigma_range_per_m, and across as the boxes do.
+    The error along the ray is that of sigma_range_m and sigma_range_per_m; across, that of the boxes.
     """
     rays, across = ray_covariances(boxes, camera, T_base_camera, settings)
     along = rays[:, :, None] * rays[:, None, :]
@@ -92,9 +92,9 @@ def with_points(
     camera: CameraModel | None,
     settings: PerceptionConfiguration,
 ) -> SemanticMeasurements:
-    """Measurements with their points and where their camera is mounted, (7,) or empty: nobody knows.
+    """Add points and the camera mounting pose, (7,), or empty where unknown, to measurements.
 
-    Boxes that a known ``camera`` saw tell how large they are, and how well those without a range tell their rays.
+    With a known ``camera``, angular sizes are added, and ray covariances for boxes without a range.
     """
     told: dict[str, Any] = {"points": points.points, "point_covariances": points.covariances}
     pose = np.asarray(T_base_camera, dtype=np.float64)
@@ -114,7 +114,7 @@ def _with_rays(
     pose: Array,
     settings: PerceptionConfiguration,
 ) -> Array:
-    """(D, 3, 3) covariances of places, with those of bearings and elevations of boxes without a range."""
+    """(D, 3, 3) place covariances, with bearing and elevation filled in for boxes without a range."""
     untold = np.isnan(measured.place_covariances[:, 1, 1])
     alone = np.isnan(measured.ranges_m) & np.isnan(points.points[:, 0]) & untold
     shown = as_places(*ray_covariances(measured.boxes, camera, pose, settings))

@@ -12,11 +12,11 @@ from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.frame import CameraModel
 
 CENTRAL_FRACTION = 0.6
-"""Share of a box's width and height, about its centre, in which depth is read."""
+"""Central fraction of a box's width and height in which depth is read."""
 DEPTH_PERCENTILE = 30.0
-"""Percentile of the valid depths in a box: below the median, as background shows past an object, never before it."""
+"""Percentile of the valid depths in a box; below the median, as background is only ever farther than the object."""
 LEAST_READINGS = 5
-"""Valid depth pixels without which a box has no depth."""
+"""Smallest number of valid depth pixels at which a box has a depth."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def viewing_ray(box: Array, camera: CameraModel) -> Array:
 
 
 def viewing_rays(boxes: Array, camera: CameraModel) -> Array:
-    """(D, 3) those of (D, 4) boxes."""
+    """(D, 3) unit rays through the centres of (D, 4) boxes, in the optical frame, lens distortion removed."""
     rays = np.ones((len(boxes), 3))
     if len(boxes):
         intrinsics = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
@@ -60,7 +60,7 @@ def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -
 
 
 def elevation(box: Array, camera: CameraModel, T_base_camera: Array) -> float:
-    """How far the ray through the centre of ``box`` points down in the body frame [rad]: the camera over the object."""
+    """Downward angle [rad] of the ray through the box centre, in the body frame: camera elevation over the object."""
     direction = rotation_matrix(T_base_camera[3:]) @ viewing_ray(box, camera)
     return float(np.arcsin(np.clip(-direction[2], -1.0, 1.0)))
 
@@ -74,8 +74,8 @@ def range_and_bearing(
 ) -> RangeBearing:
     """Measurement of the object in ``box`` ((4,) pixels); ``T_base_camera`` is the (7,) pose of the optical frame.
 
-    The centre of the object lies behind its visible surface, along the viewing ray, by ``depth_to_width`` of the
-    width that it shows. One half is right for a cylinder and for a square box seen face on or corner on.
+    The object's centre is assumed behind its visible surface, along the viewing ray, by ``depth_to_width`` times its
+    visible width. One half is right for a cylinder and for a square box seen face on or corner on.
     """
     ray = viewing_ray(box, camera)
     depth = float("nan") if depth_m is None else depth_in_box(depth_m, box, configuration.max_depth_m)

@@ -1,4 +1,4 @@
-"""Scalar measures of what a cloud of class probabilities does not know."""
+"""Scalar uncertainty measures of class-probability samples."""
 
 import numpy as np
 
@@ -12,12 +12,12 @@ def entropy(probabilities: Array) -> Array:
 
 
 def predictive_entropy(samples: Array) -> Array:
-    """(..., T, C) dropout samples to the entropy of their mean: all of the uncertainty, in nats."""
+    """Predictive entropy [nats] of (..., T, C) dropout samples: entropy of their mean, the total uncertainty."""
     return entropy(samples.mean(axis=-2))
 
 
 def mutual_information(samples: Array) -> Array:
-    """(..., T, C) dropout samples to the part that the model itself is uncertain of, in nats.
+    """Mutual information [nats] of (..., T, C) dropout samples: the model (epistemic) part of the uncertainty.
 
     Predictive entropy minus the mean entropy of the passes; never negative (Jensen), rounding removed.
     """
@@ -25,7 +25,7 @@ def mutual_information(samples: Array) -> Array:
 
 
 def sample_covariance(samples: Array) -> Array:
-    """(..., T, F) to (..., F, F), unbiased; zero for one sample, which says nothing about a spread."""
+    """(..., F, F) unbiased covariance of (..., T, F) samples; zero for a single sample."""
     count, size = samples.shape[-2:]
     if count < 2:
         return np.zeros((*samples.shape[:-2], size, size))

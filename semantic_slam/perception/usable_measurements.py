@@ -1,4 +1,4 @@
-"""Measurements as they arrive, from a bag or over topics, without those that nothing can be inferred from."""
+"""Validation of incoming measurements, from a bag or from topics: unusable detections are removed."""
 
 from collections import Counter
 
@@ -9,11 +9,11 @@ from semantic_slam.geometry.small_matrices import LEAST_VARIANCE, are_covariance
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 FARTHEST_M = 1e6
-"""No sensor sees farther; numbers beyond are faults."""
+"""Largest plausible distance [m]; larger numbers are faults."""
 
 
 def usable(measurements: SemanticMeasurements, topic: str, dropped: Counter[str]) -> SemanticMeasurements:
-    """Without the detections that are no measurements; ``dropped`` counts them, each by its first reason."""
+    """Remove unusable detections; ``dropped`` counts each by its first reason."""
     kept = np.ones(len(measurements), dtype=np.bool_)
     for reason, faulty in faults(measurements).items():
         count = int((kept & faulty).sum())
@@ -24,7 +24,7 @@ def usable(measurements: SemanticMeasurements, topic: str, dropped: Counter[str]
 
 
 def faults(measurements: SemanticMeasurements) -> dict[str, Flags]:
-    """Reason -> (D,) whether each detection cannot be used for it."""
+    """For each reason, (D,) whether it makes a detection unusable."""
     ranges, bearings = measurements.ranges_m, measurements.bearings_rad
     sensor = not (np.abs(measurements.sensor_position) <= FARTHEST_M).all()
     return {
@@ -45,17 +45,17 @@ def _all_finite(rows: Array) -> Flags:
 
 
 def _are_probabilities(samples: Array) -> Flags:
-    """(D,) of (D, T, C)."""
+    """(D,) whether all (D, T, C) samples are finite and not negative."""
     return np.asarray(((samples >= 0.0) & (samples < np.inf)).all(axis=(1, 2)))
 
 
 def _are_positive(covariances: Array) -> Flags:
-    """(D,) of (D, F, F): finite, and no variance below zero."""
+    """(D,) whether (D, F, F) covariances are finite with no negative variance."""
     return _all_finite(covariances) & (np.diagonal(covariances, axis1=1, axis2=2) >= 0.0).all(axis=1)
 
 
 def _are_definite(measurements: SemanticMeasurements) -> Flags:
-    """(D,) whether range and bearing have a positive definite covariance, or none is told."""
+    """(D,) whether the covariance of range and bearing is positive definite, or not given."""
     block, alone = measurements.geometric_covariances, np.isnan(measurements.ranges_m)
     variances = np.diagonal(block, axis1=1, axis2=2)
     untold = np.isnan(variances[:, 1])

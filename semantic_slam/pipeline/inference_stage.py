@@ -40,7 +40,7 @@ class InferenceStage:
         self._views.add(belief, writer)
 
     def finish(self, writer: BagWriter) -> None:
-        """Write what shows the last belief."""
+        """Write the whole path and the markers of the last belief."""
         self._views.finish(writer)
 
     def _start(self, first: Keyframe, writer: BagWriter) -> Engine:

@@ -1,4 +1,4 @@
-"""Pose, path and markers in belief bags of offline runs, for RViz and Foxglove."""
+"""Writes pose, path and markers into the belief bags of offline runs, for RViz and Foxglove."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from semantic_slam.messages import topics
 from semantic_slam.pipeline.plain_views import MarkersView, path_view, pose_view
 
 EVERY = 20
-"""Keyframes from one path and one set of markers to the next: both grow with the run."""
+"""Interval in keyframes between recorded paths and marker sets, whose sizes grow with the run."""
 NEWEST = 1000
-"""Poses of a path before the last one, which has all."""
+"""Maximum number of poses in a path; the last path has all poses."""
 
 
 class RecordedViews:

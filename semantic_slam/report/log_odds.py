@@ -1,4 +1,4 @@
-"""How sure a belief is of one class against another, in nats, also where probabilities have long become 0 and 1."""
+"""Log odds between classes in a belief, in nats, also where probabilities have saturated at 0 and 1."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What a run found out, in plain words."""
+"""Summary of a run's results in plain words."""
 
 import math
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Node ``classifier``: takes images and detections, publishes semantic measurements.
 
-Without images it uses the positions in the detections, loads no network and waits for no other topic.
+Without images it uses the positions in the detections, loads no network and waits for no images.
 
 Parameters, besides those of config/default.yaml:
   has_images       classify the image crops in the boxes (default true); false: use the positions in the detections, or

@@ -1,4 +1,4 @@
-"""``demo``: replays a bag through all nodes, each its own process, and reports the belief they publish."""
+"""``demo``: replays a bag through all nodes, each in its own process, and reports the beliefs they publish."""
 
 import argparse
 import os
@@ -21,7 +21,7 @@ REPLAY_TIMEOUT_S = 3600.0
 
 
 def parse(words: list[str] | None = None) -> argparse.Namespace:
-    """Arguments of the command line; raises InputError."""
+    """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Replay a bag through all nodes, each its own process, and report the belief they publish."
     )

@@ -1,4 +1,4 @@
-"""What fits the models that a robot runs with; nothing that runs on the robot imports it.
+"""Training of the models used at run time; no code that runs on the robot imports this package.
 
 classifier fits the network of perception (augmentation makes turntable views look like a room); viewpoint fits the
 class models of ``semantic_slam.viewpoint``; latent fits extractor, decoder, encoder and noise of

@@ -1,4 +1,4 @@
-"""Fits what known objects look like, and how novel pictures of them seem that were left out of the fit."""
+"""Fitting of the appearance of known objects, with novelty scores calibrated on held-out images."""
 
 from dataclasses import replace
 
@@ -8,11 +8,11 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.viewpoint.appearance import KnownAppearance, hellinger, unit
 
 SHRINKAGE = 0.1
-"""Share of a covariance that is replaced by its mean variance in all directions: pictures are few for the features."""
+"""Shrinkage of covariances towards their mean variance: there are few images for the number of features."""
 LEFT_OUT = 5
-"""One direction of view of so many is left out of the fit: its pictures tell how novel known objects may seem."""
+"""One in this many viewing directions is held out of the fit, to calibrate the novelty of known objects."""
 LEAST_VIEWS = 2 * LEFT_OUT
-"""Directions of view without which nothing is said of novelty."""
+"""Smallest number of viewing directions for a novelty model."""
 MOST_SCORES = 2000
 """Scores of pictures left out that are kept; of more, evenly spaced quantiles."""
 MOST_PICTURES = 2000

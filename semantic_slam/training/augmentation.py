@@ -1,4 +1,4 @@
-"""Turntable views as a robot's camera would see them in a room: background, light, blur, boxes that are not exact."""
+"""Augmentation of turntable views to room images: background, lighting, blur and inexact boxes."""
 
 import cv2
 import numpy as np

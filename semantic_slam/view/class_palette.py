@@ -1,4 +1,4 @@
-"""Colours of classes while a run goes on: who has one keeps it."""
+"""Class colours in the live view: an assigned colour is kept."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The report's charts of the newest keyframes of a run that goes on."""
+"""Report charts of the newest keyframes of a running run."""
 
 import threading
 from collections import deque

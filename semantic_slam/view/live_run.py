@@ -1,4 +1,4 @@
-"""What a page that follows a run has to know, in bounded memory; filled by one thread, read by many."""
+"""State of a live run for the page, in bounded memory; written by one thread, read by many."""
 
 import secrets
 import threading

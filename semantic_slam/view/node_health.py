@@ -1,4 +1,4 @@
-"""What the nodes say of themselves, as the page lists it."""
+"""Node diagnostics as listed on the page."""
 
 import time
 from typing import Any

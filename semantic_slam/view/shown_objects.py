@@ -1,4 +1,4 @@
-"""The objects of a run by their places in the page's list."""
+"""Assignment of a run's objects to slots of the page's list."""
 
 from collections.abc import Iterable
 from typing import Any

@@ -1,4 +1,4 @@
-"""The newest keyframes of a run as the page draws them, each with the number of the change that it came with."""
+"""Newest keyframes of a run as drawn by the page, each with the number of the change that added it."""
 
 from dataclasses import dataclass
 from typing import Any

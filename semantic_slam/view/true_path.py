@@ -1,4 +1,4 @@
-"""Where the robot truly was, of late."""
+"""Recent ground-truth path of the robot."""
 
 import math
 from collections import deque

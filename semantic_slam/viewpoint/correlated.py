@@ -1,13 +1,13 @@
-"""Class models whose error repeats: the views of an object under one class are jointly Gaussian (Eqs. 3.13-3.17).
+"""Correlated class models: the views of an object under one class are jointly Gaussian (Eqs. 3.13-3.17).
 
-The scores of V views are N(mu_s, Sigma_s + Sigma_e) (the coherent noisy process), with Sigma_s the posterior
-covariance of the process. The error Sigma_e of a view is the noise of single views and the network's own uncertainty
-Sigma_z, which is about its weights and so the same in a view that repeats: both have the kernel's correlation between
-views. What differs between views from one direction is the same for all classes: if it were not, a hundred equal
-images would speak for the class that expects the least of it.
+The scores of V views are N(mu_s, Sigma_s + Sigma_e) (the coherent noisy process), where Sigma_s is the posterior
+covariance of the process. The error Sigma_e of a view combines the single-view noise and the network's own uncertainty
+Sigma_z. The latter concerns the network's weights and so repeats when a view repeats; both are correlated between views
+by the kernel. The variation between views from one direction (``sigma_view``) is equal for all classes: otherwise a
+hundred equal images would favour the class that expects the least variation.
 
-Components are taken one by one. They sum to one, so where a view confuses two classes, what one component gains the
-other loses: counted as independent they would tell every error twice. Log densities are therefore shared between two.
+Score components are treated one by one. They sum to one, so where a view confuses two classes, one component gains what
+the other loses; treated as independent, every error would count twice. Log densities are therefore scaled by ``share``.
 """
 
 from dataclasses import dataclass
@@ -20,32 +20,32 @@ from semantic_slam.geometry.rows import take
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, even_azimuths, gram, kernel
 
 MAX_BATCH_NUMBERS = 4_000_000
-"""Matrices of so many numbers altogether are factored at once."""
+"""Total number of matrix entries that are factored in one batch."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """log p of V views along B tracks under C classes, and what the newest of them adds."""
+    """Log evidence of V views along B tracks under C classes, and the contribution of the newest view."""
 
     log_likelihood: Array  # (B, C) of all views
-    newest: Array  # (B, C) of the newest given the others
+    newest: Array  # (B, C) of the newest view given the others
     innovation: Array  # (B, C, F) newest feature minus its prediction from the others
     variance: Array  # (B, C, F) of that prediction, without the newest view's own dropout variance
-    share: float  # by which the components' log densities count
+    share: float  # factor by which the components' log densities are scaled
 
     def of_newest(self, offsets: Array) -> Array:
-        """(B, C, M) log density of the newest feature moved by (M, F) offsets, known exactly."""
+        """(B, C, M) log density of the newest feature shifted by (M, F) offsets, without dropout variance."""
         moved = self.innovation[:, :, None, :] + offsets
         variance = self.variance[:, :, None, :]
         return np.asarray(self.share * -0.5 * (moved**2 / variance + np.log(variance) + LOG_2PI).sum(axis=-1))
 
     def rows(self, selection: slice) -> "Evidence":
-        """Evidence of the chosen rows among the B."""
+        """Evidence of the selected rows of the B tracks."""
         return take(self, selection, ("log_likelihood", "newest", "innovation", "variance"))
 
 
 def joined(parts: list[Evidence]) -> Evidence:
-    """Evidence of several batches, one after the other along B."""
+    """Concatenate the evidence of several batches along B."""
     return Evidence(
         np.concatenate([part.log_likelihood for part in parts]),
         np.concatenate([part.newest for part in parts]),
@@ -56,7 +56,7 @@ def joined(parts: list[Evidence]) -> Evidence:
 
 
 class CorrelatedModel:
-    """Tables over azimuth of mean and noise, and over pairs of azimuths of the covariance, of every class."""
+    """Per class: mean and noise tabulated over azimuth, and covariance over pairs of azimuths."""
 
     def __init__(self, model: GaussianProcessModel, sigma_view: float) -> None:
         """``sigma_view``: standard deviation of a score between views from the same direction."""
@@ -121,5 +121,5 @@ def _noise_variance(fit: ClassFit) -> Array:
 
 
 def _correlation(fit: ClassFit) -> Array:
-    """(F, GRID) of the kernel between directions that lie so many cells apart."""
+    """(F, GRID) kernel correlation between directions, by their separation in grid cells."""
     return np.stack([kernel(even_azimuths(GRID), np.zeros(1), 1.0, float(length))[:, 0] for length in fit.length_scale])

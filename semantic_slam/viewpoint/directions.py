@@ -1,4 +1,4 @@
-"""Directions that objects are seen from: around them, or on the sphere about them."""
+"""Viewing directions of objects: azimuth only, or azimuth and elevation."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from semantic_slam.geometry.arrays import Array
 
 @dataclass(frozen=True)
 class Directions:
-    """M directions; without elevations they are of one height, which counts nothing."""
+    """M viewing directions; without elevations all are taken as of one height, which is ignored."""
 
     azimuth_rad: Array  # (M,)
     elevation_rad: Array | None = None  # (M,)
@@ -18,7 +18,7 @@ class Directions:
         return len(self.azimuth_rad)
 
     def cosines(self, others: "Directions") -> Array:
-        """(M, B) cosines of the angles to B others."""
+        """(M, B) cosines of the angles to B other directions."""
         around = np.cos(self.azimuth_rad[:, None] - others.azimuth_rad[None, :])
         if self.elevation_rad is None or others.elevation_rad is None:
             return np.asarray(around)
@@ -27,7 +27,7 @@ class Directions:
         return np.asarray(found + np.outer(up, np.sin(others.elevation_rad)))
 
     def points(self) -> Array:
-        """(M, 2 or 3) on the unit circle, or on the unit sphere."""
+        """(M, 2 or 3) points on the unit circle, or on the unit sphere."""
         around = np.stack([np.cos(self.azimuth_rad), np.sin(self.azimuth_rad)], axis=-1)
         if self.elevation_rad is None:
             return around

@@ -1,4 +1,4 @@
-"""Gaussian process class models over the direction of view, independent between views (Eqs. 3.8-3.17, 3.47)."""
+"""Gaussian process class models over the viewing direction, independent between views (Eqs. 3.8-3.17, 3.47)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from semantic_slam.viewpoint.directions import Directions
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 GRID = 360
-"""Azimuths at which the posterior is evaluated once; between them it is interpolated."""
+"""Number of azimuths at which the posterior is tabulated; it is interpolated between them."""
 
 
 @dataclass(frozen=True)
 class ClassFit:
-    """What is known about one class: M training views, F feature components, G azimuths of the noise."""
+    """Fitted Gaussian process of one class: M training views, F feature components, noise at G azimuths."""
 
     azimuth_rad: Array  # (M,) of the training views
     targets: Array  # (M, F) mean feature of each view
@@ -25,7 +25,7 @@ class ClassFit:
     length_scale: Array  # (F,) of the kernel, a chord on the unit circle
     noise_covariance: Array  # (G, F, F) spread of single views about the mean, at azimuths 2 pi g / G
     coverage_rad: float  # largest angle to a training view that counts as covered
-    elevation_rad: Array | None = None  # (M,) of the views; None: of one height. Else the noise is (E, A, F, F)
+    elevation_rad: Array | None = None  # (M,) of the views; None: all of one height. With it the noise is (E, A, F, F)
 
     @property
     def directions(self) -> Directions:
@@ -39,13 +39,13 @@ def kernel(first_rad: Array, second_rad: Array, signal_sigma: float, length_scal
 
 
 def kernel_of(cosines: Array, signal_sigma: float, length_scale: float) -> Array:
-    """The kernel between directions by the cosines of their angles."""
+    """Squared-exponential kernel between directions, from the cosines of the angles between them."""
     squared_chord = 2.0 - 2.0 * cosines
     return np.asarray(signal_sigma**2 * np.exp(-0.5 * squared_chord / length_scale**2))
 
 
 def gram(fit: ClassFit, component: int) -> Array:
-    """(M, M) covariance of what one component's training views measured."""
+    """(M, M) covariance of one component's training targets (kernel plus noise)."""
     sigma, length = float(fit.signal_sigma[component]), float(fit.length_scale[component])
     directions = fit.directions
     shared = kernel_of(directions.cosines(directions), sigma, length)
@@ -66,7 +66,7 @@ def posterior(fit: ClassFit, component: int, azimuth_rad: Array) -> tuple[Array,
 
 @dataclass(frozen=True)
 class PosteriorTable:
-    """The posterior of one class at GRID azimuths: kept in the file, so that no machine has to invert anything."""
+    """Posterior of one class at GRID azimuths; stored in the file, so that loading needs no matrix inversion."""
 
     mean: Array  # (GRID, F)
     slope: Array  # (GRID, F) of the mean, 1/rad
@@ -74,13 +74,13 @@ class PosteriorTable:
 
 
 def tabulate(fit: ClassFit) -> PosteriorTable:
-    """The posterior of every component at all azimuths of the grid."""
+    """Tabulate the posterior of every component at all azimuths of the grid."""
     parts = [posterior(fit, component, even_azimuths(GRID)) for component in range(fit.targets.shape[1])]
     return PosteriorTable(*(np.stack([part[index] for part in parts], axis=-1) for index in range(3)))
 
 
 class FittedClasses:
-    """What fitted class models have in common."""
+    """Common base of fitted class models."""
 
     def __init__(self, class_names: tuple[str, ...], feature_names: tuple[str, ...], fits: Sequence[ClassFit]) -> None:
         """One ``ClassFit`` per class; ``feature_names`` (F,) are the classifier's."""
@@ -101,7 +101,7 @@ class FittedClasses:
 
 
 class GaussianProcessModel(FittedClasses):
-    """The class models, tabulated over azimuth: a prediction costs a look-up, whatever the number of views.
+    """Class models tabulated over azimuth: a prediction is a table look-up, whatever the number of training views.
 
     The covariance is that of the noise of single views plus the posterior variance of the mean.
     """
@@ -148,20 +148,20 @@ def _cell(azimuth_rad: Array) -> tuple[Index, Array]:
 
 
 def split_at(position: Array) -> tuple[Index, Array]:
-    """(B,) whole parts of positions and what is left of them, 0..1."""
+    """(B,) integer parts of positions, and their fractional parts 0..1."""
     floor: Array = np.floor(position)
     return floor.astype(np.int64), position - floor
 
 
 def even_azimuths(count: int) -> Array:
-    """(count,) azimuths from 0 all around."""
+    """(count,) evenly spaced azimuths from 0 over a full turn."""
     return np.asarray(np.arange(count) * (2.0 * np.pi / count), dtype=np.float64)
 
 
 def _cubics(fit: ClassFit, table: PosteriorTable) -> Array:
-    """(GRID, 2 F + F F, 4) polynomials of each cell: mean, its slope, and the covariance by rows.
+    """(GRID, 2 F + F F, 4) cubic polynomials of each cell: mean, its slope, and the row-major covariance.
 
-    The mean is the cubic Hermite interpolant, and the slope is its derivative: a Jacobian must be that of the mean.
+    The mean is the cubic Hermite interpolant; the slope is its exact derivative, so that the Jacobian is consistent.
     """
     mean, slope, size = table.mean, table.slope * (2.0 * np.pi / GRID), table.mean.shape[1]
     next_mean, next_slope = np.roll(mean, -1, axis=0), np.roll(slope, -1, axis=0)
@@ -176,7 +176,7 @@ def _cubics(fit: ClassFit, table: PosteriorTable) -> Array:
 
 
 def _noise_on_grid(noise: Array) -> Array:
-    """(G, F, F) at G azimuths to (GRID, F, F), linear between them: a mixture of covariances is a covariance."""
+    """Interpolate (G, F, F) noise linearly to (GRID, F, F); a convex mixture of covariances is a covariance."""
     position = np.arange(GRID) * (len(noise) / GRID)
     low = np.floor(position).astype(int)
     share = (position - low)[:, None, None]

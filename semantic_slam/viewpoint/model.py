@@ -11,9 +11,9 @@ from semantic_slam.geometry.small_matrices import cholesky, forward
 
 @dataclass(frozen=True)
 class Viewpoints:
-    """B directions from which objects are seen: the camera's position in the object's frame, in spherical form."""
+    """B viewpoints: the camera's position in the object's frame, in spherical coordinates."""
 
-    azimuth_rad: Array  # (B,) about the object's z from its x axis, its front
+    azimuth_rad: Array  # (B,) about the object's z axis, from its x axis (its front)
     elevation_rad: Array  # (B,)
     range_m: Array  # (B,)
 
@@ -28,7 +28,7 @@ class Prediction:
 
 
 class ViewpointModel(Protocol):
-    """C classes, F feature components. A new model is one file and one subclass of the contract test."""
+    """Interface of a viewpoint model: C classes, F feature components. A new one also subclasses the contract test."""
 
     @property
     def class_names(self) -> tuple[str, ...]:
@@ -36,7 +36,7 @@ class ViewpointModel(Protocol):
 
     @property
     def num_features(self) -> int:
-        """F, what a classifier's feature must have."""
+        """Number of feature components F, which the classifier must match."""
 
     def predict(self, classes: Index, viewpoints: Viewpoints) -> Prediction:
         """Prediction for class ``classes[b]`` at viewpoint b; (B,) class indices."""
@@ -46,13 +46,13 @@ class ViewpointModel(Protocol):
 
 
 def feature_names(model: ViewpointModel) -> tuple[str, ...]:
-    """(F,) what the features are called: as the model says, or as its classes; () where it has others than these."""
+    """(F,) feature names: those of the model, or its class names; () where the number does not match."""
     names: tuple[str, ...] = getattr(model, "feature_names", model.class_names)
     return names if len(names) == model.num_features else ()
 
 
 def all_around(model: ViewpointModel, count: int) -> tuple[Index, Viewpoints]:
-    """Every class from ``count`` azimuths, a metre away, at each height that it was fitted at, or level."""
+    """Every class from ``count`` azimuths at 1 m range, at each fitted elevation, or at zero elevation."""
     heights: tuple[float, ...] = getattr(model, "elevations_rad", (0.0,))
     names = len(model.class_names)
     azimuth = np.tile(2.0 * np.pi / count * np.arange(count), names * len(heights))
@@ -74,7 +74,7 @@ def log_likelihood(model: ViewpointModel, feature: Array, feature_covariance: Ar
 
 
 def log_density(residual: Array, covariance: Array) -> Array:
-    """(B,) log N(residual; 0, covariance) of (B, F) and (B, F, F), in nats."""
+    """(B,) log N(residual; 0, covariance) [nats] of (B, F) residuals and (B, F, F) covariances."""
     root = cholesky(covariance)
     squared = (forward(root, residual[..., None]) ** 2).sum(axis=(-2, -1))
     logdet = 2.0 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)

@@ -1,4 +1,4 @@
-"""Whether any class model knows a measurement: the viewpoint is not known to who only sees the picture."""
+"""Novelty test: whether any class model explains a feature from any viewpoint, which an image alone leaves unknown."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from semantic_slam.viewpoint.model import ViewpointModel, all_around
 
 NUM_AZIMUTHS = 72
 QUANTILE = 0.999
-"""Share of the views that the class models describe which counts as known."""
+"""Share of the views described by the class models that must count as known (chi-squared gate)."""
 
 
 class KnownViews:
-    """What C class models predict in the directions that they were fitted on."""
+    """Predictions of C class models in the directions that they were fitted on."""
 
     def __init__(self, model: ViewpointModel) -> None:
         classes, viewpoints = all_around(model, NUM_AZIMUTHS)
@@ -23,7 +23,7 @@ class KnownViews:
         self._limit = float(chi_squared_quantile(QUANTILE, model.num_features))
 
     def explain(self, feature: Array, feature_covariance: Array) -> bool:
-        """Whether a feature (F,) with its dropout covariance (F, F) is one that some class shows in some direction."""
+        """Whether some class in some direction explains a feature (F,) with its dropout covariance (F, F)."""
         residual = feature - self._mean
         whitened = np.linalg.solve(self._covariance + feature_covariance, residual[..., None])[..., 0]
         return bool(np.any((residual * whitened).sum(axis=-1) <= self._limit))

@@ -1,4 +1,4 @@
-"""The mirror-symmetric two-class model of Eq. 4.22, in space by the angle off the object's front."""
+"""Parametric two-class viewpoint model of Eq. 4.22, mirror-symmetric; in 3-D by the angle from the object's front."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from semantic_slam.viewpoint.model import Prediction, Viewpoints
 class ParametricModel:
     """h_1 = [a sin^2(t/2) + 1 - a, a - a sin^2(t/2)] over azimuth t; class 2 swaps the components.
 
-    From above or below, t is the angle to the front: its cosine is that of the azimuth times that of the elevation.
+    With an elevation, t is the angle to the front: cos t = cos(azimuth) cos(elevation).
 
     ``alpha`` (a, 0..1) is the strength of the viewpoint dependency. The covariance is (R^T R)^-1 with
     R = ``concentration`` [[1, -0.5], [0, 1]], for every viewpoint.
@@ -43,5 +43,5 @@ class ParametricModel:
         return Prediction(mean, np.broadcast_to(covariance, (count, 2, 2)), jacobian)
 
     def in_coverage(self, classes: Index, viewpoints: Viewpoints) -> Flags:
-        """Always inside: the model holds for every viewpoint."""
+        """Always True: the model holds for every viewpoint."""
         return np.ones(len(viewpoints.azimuth_rad), dtype=bool)

@@ -1,13 +1,13 @@
-"""What the boxes of an object tell of its size, and so of what it is; and which object a box is of.
+"""Size likelihood: what an object's boxes say of its size, and thereby of its class and of association.
 
-The logarithm of an object's size is a Gaussian about what its class is known for. A view shows that size but for how
-the object is turned and what stands before it, and but for what is not known of its range; some views, of halves or of
-two things as one, show any size at all:
+The log size of an object is Gaussian around the typical size of its class. A view measures that size up to the effects
+of orientation, occlusion and range uncertainty; some views, of half an object or of two merged into one, show an
+arbitrary size:
 
-    P(view | class, earlier) = (1 - e) N(view; mean, variance + of the view) + e N(view; of anything).
+    P(view | class, earlier) = (1 - e) N(view; mean, variance + view variance) + e N(view; arbitrary size).
 
-Views count one after the other. Whether one is an outlier is averaged over: mean and variance of the size are matched
-to the mixture.
+Views are processed sequentially. The outlier indicator is marginalised by moment matching: mean and variance of the
+size are those of the mixture.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,12 +20,12 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import LOG_2PI
 
 MEAN_OF_ANY, SIGMA_OF_ANY = float(np.log(0.25)), 1.0
-"""Mean and standard deviation of the logarithm of a size [m] that is not known: mostly a tenth to seven tenths."""
+"""Mean and standard deviation of the log of an unknown size [m]: mostly 0.1 to 0.7 m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SizeRecord:
-    """What the boxes of one object have told, if it is of each of C classes."""
+    """Size estimate and likelihood of one object under each of C classes."""
 
     log_likelihood: Array  # (C,) of all views
     mean: Array  # (C,) of the logarithm of its size in metres
@@ -34,18 +34,18 @@ class SizeRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class SizeModel:
-    """Sizes of C classes, and how views show them."""
+    """Size priors of C classes, and the measurement model of views."""
 
     means: Array  # (C,) of the logarithm of a size in metres
     variances: Array  # (C,)
-    view_variance: float  # of the logarithm of the size that a view shows
+    view_variance: float  # of the log size measured by a view
     outlier_share: float  # e
 
     @classmethod
     def of(
         cls, class_names: Sequence[str], sizes_m: Mapping[str, float], sigma: float, sigma_view: float, share: float
     ) -> Self:
-        """With the sizes [m] that some classes, in lower case, are known for, and the ``sigma`` of their logarithms."""
+        """Model from the known sizes [m] of some classes (names in lower case), ``sigma`` being that of log sizes."""
         known = [sizes_m.get(name.lower()) for name in class_names]
         return cls(
             means=np.array([MEAN_OF_ANY if size is None else np.log(size) for size in known]),
@@ -55,16 +55,16 @@ class SizeModel:
         )
 
     def start(self) -> SizeRecord:
-        """Nothing seen yet."""
+        """Record of an object not yet seen."""
         return SizeRecord(log_likelihood=np.zeros(len(self.means)), mean=self.means, variance=self.variances)
 
     def log_densities(self, means: Array, variances: Array, log_size: Array, variance: Array) -> Array:
-        """(...,) of views that show sizes, with the variances of their ranges' logarithms, of what is known so."""
+        """(...,) log densities of views' log sizes, with log-range variances, given size means and variances."""
         inlier, outlier = self._log_parts(means, variances, log_size, variance)
         return np.asarray(np.logaddexp(inlier, outlier))
 
     def after(self, record: SizeRecord, log_size: float, variance: float) -> SizeRecord:
-        """With one more view, whose range has a ``variance`` of its logarithm."""
+        """Record with one more view, whose log range has ``variance``."""
         inlier, outlier = self._log_parts(record.mean, record.variance, log_size, variance)
         density = np.logaddexp(inlier, outlier)
         share = np.exp(inlier - density)
@@ -79,7 +79,7 @@ class SizeModel:
     def _log_parts(
         self, means: Array, variances: Array, log_size: Array | float, variance: Array | float
     ) -> tuple[Array, Array]:
-        """(...,) log joint densities of views with being no outlier, and with being one."""
+        """(...,) log joint densities of views as inliers, and as outliers."""
         inlier = _log_normal(log_size - means, variances + self.view_variance + variance)
         outlier = _log_normal(log_size - MEAN_OF_ANY, SIGMA_OF_ANY**2 + variance)
         return inlier + np.log1p(-self.outlier_share), outlier + np.log(self.outlier_share)

@@ -1,7 +1,7 @@
-"""Gaussian process class models over azimuth and elevation: those of one height, on the sphere of directions.
+"""Gaussian process class models over azimuth and elevation, the spherical form of the azimuth-only models.
 
-The kernel is the squared exponential of chords of the unit sphere (Eq. 3.12), so that views from above are alike
-whatever their azimuth. The posterior is tabulated, and its mean interpolated by bicubic patches whose slopes are exact.
+The kernel is the squared exponential of chord lengths on the unit sphere (Eq. 3.12), so that views from above are alike
+whatever their azimuth. The posterior is tabulated; its mean is interpolated by bicubic patches with exact slopes.
 """
 
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ from semantic_slam.viewpoint.gaussian_process import (
 from semantic_slam.viewpoint.model import Prediction, Viewpoints
 
 AZIMUTHS, ELEVATIONS = 72, 37
-"""Sizes of the table: every five degrees around, and from straight below to straight above."""
+"""Table size: every five degrees of azimuth, and of elevation from straight below to straight above."""
 STEP_RAD = 2.0 * np.pi / AZIMUTHS
 HERMITE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-3.0, 3.0, -2.0, -1.0], [2.0, -2.0, 1.0, 1.0]])
-"""From values and slopes at both ends of a cell to the cubic between them."""
+"""Hermite basis: from values and slopes at both ends of a cell to the cubic's coefficients."""
 
 
 def grid_directions() -> Directions:
-    """The directions of the table, elevation by elevation."""
+    """Directions of the table, ordered by elevation, then azimuth."""
     elevation = -0.5 * np.pi + STEP_RAD * np.arange(ELEVATIONS, dtype=np.float64)
     azimuth = STEP_RAD * np.arange(AZIMUTHS, dtype=np.float64)
     return Directions(np.tile(azimuth, ELEVATIONS), np.repeat(elevation, AZIMUTHS))
@@ -37,24 +37,24 @@ def grid_directions() -> Directions:
 
 @dataclass(frozen=True)
 class SphericalTable:
-    """The posterior of one class at all directions of the grid: kept in the file."""
+    """Posterior of one class at all directions of the grid, as stored in the file."""
 
     mean: Array  # (ELEVATIONS, AZIMUTHS, F)
-    by_azimuth: Array  # likewise, slopes of the mean, 1/rad
+    by_azimuth: Array  # of the same shape, slope of the mean, 1/rad
     by_elevation: Array
-    twist: Array  # by both
+    twist: Array  # mixed derivative by azimuth and elevation
     variance: Array  # of the mean
 
 
 def tabulate_sphere(fit: ClassFit) -> SphericalTable:
-    """The posterior of every component at all directions of the grid."""
+    """Tabulate the posterior of every component at all directions of the grid."""
     parts = [spherical_posterior(fit, component, grid_directions()) for component in range(fit.targets.shape[1])]
     shape = ELEVATIONS, AZIMUTHS, len(parts)
     return SphericalTable(*(np.stack([part[row] for part in parts], axis=-1).reshape(shape) for row in range(5)))
 
 
 def spherical_posterior(fit: ClassFit, component: int, at: Directions) -> tuple[Array, Array, Array, Array, Array]:
-    """Mean of one component at B directions, its slopes by azimuth, by elevation and by both, and its variance."""
+    """Posterior of one component at B directions: mean, slopes by azimuth, elevation and both, and variance."""
     assert fit.elevation_rad is not None and at.elevation_rad is not None
     sigma, length = float(fit.signal_sigma[component]), float(fit.length_scale[component])
     known = gram(fit, component)
@@ -72,7 +72,7 @@ def spherical_posterior(fit: ClassFit, component: int, at: Directions) -> tuple[
 
 
 class SphericalProcessModel(FittedClasses):
-    """The class models, tabulated over azimuth and elevation: a prediction costs a look-up.
+    """Class models tabulated over azimuth and elevation: a prediction is a table look-up.
 
     The covariance is that of the noise of single views plus the posterior variance of the mean.
     """
@@ -94,13 +94,13 @@ class SphericalProcessModel(FittedClasses):
 
     @property
     def elevations_rad(self) -> tuple[float, ...]:
-        """Heights of the views that the models were fitted on, in steps of the table."""
+        """Elevations of the training views, rounded to the table's step."""
         told = [fit.elevation_rad for fit in self.fits if fit.elevation_rad is not None]
         steps = {round(own / STEP_RAD) for elevations in told for own in elevations.tolist()}
         return tuple(STEP_RAD * step for step in sorted(steps))
 
     def predict(self, classes: Index, viewpoints: Viewpoints) -> Prediction:
-        """Mean, covariance and slopes for (B,) class indices; the range does not matter to these models."""
+        """Mean, covariance and slopes for (B,) class indices; independent of the range."""
         count, size = len(classes), self.num_features
         at, azimuth, elevation = _cells(viewpoints)
         patches = self._patches.take(at + AZIMUTHS * (ELEVATIONS - 1) * classes, axis=0)
@@ -128,14 +128,14 @@ class SphericalProcessModel(FittedClasses):
 def fitted_classes(
     class_names: tuple[str, ...], feature_names: tuple[str, ...], fits: Sequence[ClassFit]
 ) -> GaussianProcessModel | SphericalProcessModel:
-    """Class models over azimuth, or over both angles where the fits tell heights apart."""
+    """Class models over azimuth, or over both angles where the fits have elevations."""
     if any(fit.elevation_rad is not None for fit in fits):
         return SphericalProcessModel(class_names, feature_names, fits)
     return GaussianProcessModel(class_names, feature_names, fits)
 
 
 def _cells(viewpoints: Viewpoints) -> tuple[Index, Array, Array]:
-    """(B,) cells of the table, elevation by elevation, and places 0..1 in them along azimuth and elevation."""
+    """(B,) flat cell indices of the table, and positions 0..1 within the cells along azimuth and elevation."""
     around, azimuth = split_at(viewpoints.azimuth_rad / STEP_RAD)
     height = np.clip((viewpoints.elevation_rad + 0.5 * np.pi) / STEP_RAD, 0.0, ELEVATIONS - 1.0)
     row = np.minimum(np.floor(height), ELEVATIONS - 2.0)
@@ -143,7 +143,7 @@ def _cells(viewpoints: Viewpoints) -> tuple[Index, Array, Array]:
 
 
 def _corners(at: Index, azimuth: Array, elevation: Array) -> tuple[Index, Array]:
-    """(B, 4) grid directions about each place of a cell, and the share that each has."""
+    """(B, 4) indices of the grid directions around each position in a cell, and their bilinear weights."""
     row, column = np.divmod(at, AZIMUTHS)
     beside = row * AZIMUTHS + (column + 1) % AZIMUTHS
     corners = np.stack([at, beside, at + AZIMUTHS, beside + AZIMUTHS], axis=1)
@@ -152,14 +152,14 @@ def _corners(at: Index, azimuth: Array, elevation: Array) -> tuple[Index, Array]
 
 
 def _powers(t: Array) -> tuple[Array, Array]:
-    """(B, 4) powers of places in a cell, and their slopes per radian."""
+    """(B, 4) powers of positions in a cell, and their derivatives per radian."""
     one, square = np.ones_like(t), t * t
     slopes = np.stack([np.zeros_like(t), one, 2.0 * t, 3.0 * square], axis=1)
     return np.stack([one, t, square, square * t], axis=1), slopes / STEP_RAD
 
 
 def _patches(table: SphericalTable) -> Array:
-    """(cells, F, 4, 4) bicubic polynomials by powers of azimuth and of elevation in each cell."""
+    """(cells, F, 4, 4) bicubic coefficients by powers of azimuth and elevation in each cell."""
     size = table.mean.shape[2]
     scales = 1.0, STEP_RAD, STEP_RAD, STEP_RAD**2
     values, by_azimuth, by_elevation, twist = (
@@ -178,7 +178,7 @@ def _patches(table: SphericalTable) -> Array:
 
 
 def _covariances(fit: ClassFit, table: SphericalTable) -> Array:
-    """(grid, F F) of single views."""
+    """(grid, F F) covariance of single views: noise plus posterior variance of the mean."""
     size = table.mean.shape[2]
     whole = fit.noise_covariance + table.variance[..., None] * np.eye(size)
     return np.asarray(whole.reshape(-1, size * size))

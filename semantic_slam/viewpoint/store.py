@@ -1,4 +1,4 @@
-"""Viewpoint model files: arrays and a JSON description in one safetensors file; nothing in it is executed."""
+"""Viewpoint model files: arrays and a JSON description in one safetensors file; loading executes no code from it."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,19 +16,19 @@ FORMAT = ModelFormat(
     kind="gp_independent", schema_version=1, remedy="check semantic_model.path, or make one with fit_viewpoint_models"
 )
 FittedModel = GaussianProcessModel | SphericalProcessModel
-"""Class models over one angle of view, or over two."""
+"""Class models over azimuth, or over azimuth and elevation."""
 APPEARANCE = "appearance."
-"""What names of arrays begin with that tell what the objects look like; older files have none."""
+"""Prefix of the names of arrays that describe the objects' appearance; older files have none."""
 EARLIER = APPEARANCE + "class_means"
-"""A name that files have which tell it as an earlier version did; they count as files that do not tell."""
+"""Array name that marks the appearance format of an earlier version; such files count as having none."""
 
 
 def save_model(
     model: FittedModel, path: Path, provenance: dict[str, Any], appearance: KnownAppearance | None = None
 ) -> None:
-    """Write the model, with what its objects look like where that is known.
+    """Write the model, with the appearance of its objects where that is known.
 
-    ``provenance`` (command, seed, data, network, report) is kept with it as it is.
+    ``provenance`` (command, seed, data, network, report) is stored unchanged.
     """
     arrays: dict[str, Any] = {}
     for index, (fit, table) in enumerate(zip(model.fits, model.tables, strict=True)):
@@ -46,7 +46,7 @@ def save_model(
 
 
 def read_model(path: Path) -> FittedModel:
-    """The model in a file, over one angle or two. Raises InputError naming the file, what is wrong and the remedy."""
+    """Read the model of a file, over one angle or two. Raises InputError naming the file, the fault and the remedy."""
     arrays, description = FORMAT.read(path)
     try:
         class_names = tuple(str(name) for name in description["class_names"])
@@ -63,7 +63,7 @@ def read_model(path: Path) -> FittedModel:
 
 
 def read_appearance(path: Path) -> KnownAppearance | None:
-    """What the objects look like that the models in a file are of; None in a file that does not tell.
+    """Read the appearance of the objects that a file's models describe; None where the file has none.
 
     Raises InputError naming the file, what is wrong and the remedy.
     """
@@ -80,17 +80,17 @@ def read_appearance(path: Path) -> KnownAppearance | None:
 
 
 def read_provenance(path: Path) -> dict[str, Any]:
-    """What the file says of its own making. Raises InputError."""
+    """Provenance stored in the file. Raises InputError."""
     return dict(FORMAT.read(path)[1].get("provenance", {}))
 
 
 @dataclass(frozen=True)
 class _Tabulated:
-    """What a file holds of the posterior, and in which shapes."""
+    """Layout of the tabulated posterior in a file: its arrays and their shapes."""
 
     table: type[Any]
     grid: tuple[int, ...]  # of the posterior
-    optional: tuple[str, ...]  # fields of a fit that are not there
+    optional: tuple[str, ...]  # fields of a fit that are absent
 
 
 _CIRCLE = _Tabulated(PosteriorTable, (GRID,), ("elevation_rad",))
@@ -98,7 +98,7 @@ _SPHERE = _Tabulated(SphericalTable, (ELEVATIONS, AZIMUTHS), ())
 
 
 def _class_parts(arrays: dict[str, Any], index: int, num_features: int, told: _Tabulated) -> tuple[ClassFit, Any]:
-    """The arrays of one class, their shapes checked; raises KeyError or ValueError."""
+    """Arrays of one class with their shapes checked. Raises KeyError or ValueError."""
     names = [item.name for part in (ClassFit, told.table) for item in fields(part) if item.name not in told.optional]
     values = {name: arrays[f"{index}.{name}"] for name in names}
     views = len(values["azimuth_rad"])

@@ -1,1 +1,1 @@
-"""Why does a map believe this? The evidence behind one object, inferred again from what a belief bag records."""
+"""Explanation of a belief: the evidence behind one object, by re-running the inference of a belief bag."""

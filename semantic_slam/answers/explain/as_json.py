@@ -1,4 +1,4 @@
-"""An explanation as plain values, every number to its last digit; NaN and infinities as None."""
+"""An explanation as JSON-compatible values at full precision; NaN and infinities as None."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ SCHEMA_VERSION = 1
 
 
 def as_json(told: Explanation) -> dict[str, Any]:
-    """The belief in the object, and history by history what it is made of: the likeliest class against every other."""
+    """Belief in the object, and its composition per history: the most likely class against every other."""
     return {
         "schema_version": SCHEMA_VERSION,
         "object": told.object_id,

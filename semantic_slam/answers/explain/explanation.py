@@ -1,4 +1,4 @@
-"""``explain``: everything that a recorded run can say for what it believes of one object."""
+"""``explain``: the evidence in a recorded run for its belief about one object."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,23 +22,23 @@ from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
 @dataclass(frozen=True, kw_only=True)
 class HistoryExplained:
-    """One history of associations of the last belief, and what it makes of the object."""
+    """One association history of the last belief, and its account of the object."""
 
     ledger: ClassLedger
     weight: float
-    pair: PairLedger | None  # None without class models
+    pair: PairLedger | None  # None: there are no class models
     views: tuple[Sighting, ...]
     rivals: tuple[Rival, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """What is believed of an object, and why: histories by weight, the heaviest first."""
+    """Belief about an object and its explanation; histories sorted by weight, heaviest first."""
 
     object_id: int
     name: str
     belief: HybridBelief  # the last one
-    classes: tuple[int, int] | None  # which two are compared, the likelier first unless they were asked for
+    classes: tuple[int, int] | None  # the two compared classes, the likelier first unless given by the user
     histories: tuple[HistoryExplained, ...]
     run: ReplayedRun
 
@@ -48,14 +48,14 @@ class Explanation:
         return int(np.flatnonzero(self.belief.object_ids == self.object_id)[0])
 
     def name_of(self, number: int) -> str:
-        """Name of an object; those that only histories given up had have a number alone."""
+        """Name of an object; objects that only pruned histories had are named by number."""
         if number < 0:
             return "no object"
         known = number in self.belief.object_ids
         return object_name(self.belief, number) if known else f"{number} (given up)"
 
     def alone(self, history: HistoryExplained) -> Array:
-        """(V,) nats of each view of a history by itself between the two classes, at its poses; NaN without classes."""
+        """(V,) log likelihood ratio [nats] of the two classes for each view alone; NaN without classes."""
         if self.classes is None:
             return np.full(len(history.views), np.nan)
         index = {keyframe.belief.keyframe: k for k, keyframe in enumerate(self.run.keyframes)}
@@ -64,9 +64,9 @@ class Explanation:
 
 
 def explain(bag: Path, object_name: str, classes: tuple[str, str] | None = None) -> Explanation:
-    """Why the run in a belief bag believes what it does of an object, by its number or name. Raises InputError.
+    """Explain the belief about an object (by number or name) in a belief bag. Raises InputError.
 
-    The run's inference is done again. ``classes``: two to be compared; None: the likeliest and its nearest rival.
+    The run's inference is repeated. ``classes``: two to compare; None: the most likely one and its nearest rival.
     """
     record = read_record(bag)
     object_id = _object_id(record.beliefs[-1], object_name)
@@ -75,7 +75,7 @@ def explain(bag: Path, object_name: str, classes: tuple[str, str] | None = None)
 
 
 def explanations(bag: Path, object_ids: Sequence[int]) -> list[Explanation]:
-    """The heaviest history of the run in a belief bag, object by object, at the cost of one. Raises InputError."""
+    """Explanations of several objects by the heaviest history, with a single replay of the bag. Raises InputError."""
     record = read_record(bag)
     run = _replayed(bag, record, object_ids)
     return [explanation_of(record, run, object_id, most=1) for object_id in object_ids]
@@ -89,9 +89,9 @@ def _replayed(bag: Path, record: Record, object_ids: Sequence[int]) -> ReplayedR
 def explanation_of(
     record: Record, run: ReplayedRun, object_id: int, classes: tuple[int, int] | None = None, most: int | None = None
 ) -> Explanation:
-    """What a run that was replayed with an eye on the object says of it; ``classes`` by number.
+    """Explanation of an object from a run that was replayed with it watched; ``classes`` by number.
 
-    ``most``: so many histories, the heaviest; None: all.
+    ``most``: number of heaviest histories to include; None: all.
     """
     last = record.beliefs[-1]
     ledgers = [class_ledger(run, object_id, members) for members in histories(run)[:most]]
@@ -121,7 +121,7 @@ def explanation_of(
 
 
 def compared_classes(ledger: ClassLedger) -> tuple[int, int]:
-    """The likeliest class and its nearest rival: the likeliest of the others, or else the one that went last."""
+    """The most likely class and its nearest rival: the next likely one, or else the one pruned last."""
     best = int(np.argmax(ledger.log_posterior))
     others = [cls for cls in range(len(ledger.log_prior)) if cls != best]
 
@@ -134,7 +134,7 @@ def compared_classes(ledger: ClassLedger) -> tuple[int, int]:
 
 
 def _object_id(belief: HybridBelief, name: str) -> int:
-    """Number of an object that is named, or numbered. Raises InputError."""
+    """Object id of an object given by name or number. Raises InputError."""
     for row, own in enumerate(belief.object_names):
         if name in (own, str(int(belief.object_ids[row]))):
             return int(belief.object_ids[row])
@@ -146,7 +146,7 @@ def _object_id(belief: HybridBelief, name: str) -> int:
 
 
 def _classes(belief: HybridBelief, names: tuple[str, str]) -> tuple[int, int]:
-    """Numbers of two classes. Raises InputError."""
+    """Indices of two class names. Raises InputError."""
     for name in names:
         if name not in belief.class_names:
             known = ", ".join(belief.class_names) or "none: its class models name no classes"

@@ -1,12 +1,12 @@
-"""What each keyframe told of an object's class, in nats, along one history of associations.
+"""Class evidence of each keyframe for an object, in nats, along one association history.
 
-Hypotheses with one history of associations differ in classes and modes. Their mass, class by class, is
+Hypotheses with the same association history differ in classes and modes. Their total weight per class is
 
     M_k(c) = sum_h w_h P(c | h),    P(c | associations, Z_1:k) ~ M_k(c),
 
-and what keyframe k says is log p(Z_k | c, Z_1:k-1) = log M'_k(c) - log M_k-1(c), up to a constant, with M' the mass
-before anything is pruned. Keyframes that see the object are its views. What remains is one account: what other
-keyframes told of earlier views (where the robot was, how the detector is set), pruning, and histories revised.
+and the evidence of keyframe k is log p(Z_k | c, Z_1:k-1) = log M'_k(c) - log M_k-1(c), up to a constant, where M' is
+the mass before pruning. Keyframes that observe the object are its views. Everything else is summed in one item: later
+information about earlier views (robot poses, detector settings), pruning, and revised histories.
 """
 
 from collections.abc import Sequence
@@ -24,63 +24,61 @@ from semantic_slam.geometry.log_space import log_sum_exp
 class PairLedger:
     """Class c against class c' in nats: ``prior`` + the sum of ``views`` + ``revised`` = ``log_odds``; V views."""
 
-    views: Array  # (K,) NaN in keyframes without a view, and after ``until``
+    views: Array  # (K,) NaN at keyframes without a view, and after ``until``
     prior: float
-    revised: float  # earlier views revised
-    log_odds: float  # in the last belief with both classes
+    revised: float  # net revision of earlier views
+    log_odds: float  # in the last belief that has both classes
     until: int  # row of that belief; -1: before the first one
-    last_nats: (
-        float  # of the keyframe after, in which one of them was given up; NaN: nothing of it was weighed any more
-    )
+    last_nats: float  # of the next keyframe, in which one class was pruned; NaN: it was not weighed there
 
     @property
     def is_pruned(self) -> bool:
-        """Whether one of the classes is not in the last belief."""
+        """Whether one of the classes is missing from the last belief."""
         return self.until < len(self.views) - 1
 
     @property
     def was_weighed(self) -> bool:
-        """Whether the keyframe in which one of them was given up weighed both."""
+        """Whether both classes were still weighed in the keyframe in which one was pruned."""
         return bool(np.isfinite(self.last_nats))
 
     @property
     def gone(self) -> float:
-        """Log odds by which one of the classes went; NaN: both are in the last belief."""
+        """Log odds at which one of the classes was pruned; NaN: both are in the last belief."""
         return self.log_odds + float(np.nan_to_num(self.last_nats)) if self.is_pruned else float("nan")
 
     @property
     def total(self) -> float:
-        """What the rows add up to."""
+        """Sum of the rows."""
         return self.prior + float(np.nansum(self.views)) + self.revised
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClassLedger:
-    """Class by class; K keyframes, C classes."""
+    """Class evidence along one history; K keyframes, C classes."""
 
     object_id: int
-    steps: tuple[LiveHistory | None, ...]  # (K,) one hypothesis with this history after every keyframe; None: none yet
+    steps: tuple[LiveHistory | None, ...]  # (K,) a hypothesis with this history after each keyframe; None: not yet
     log_weight: float  # of this history in the last belief
     log_prior: Array  # (C,)
-    log_mass: Array  # (K, C) log M_k, which differ between classes by their log odds
-    evidence: Array  # (K, C) log M'_k - log M_k-1; NaN from where a class has no mass on
+    log_mass: Array  # (K, C) log M_k; differences between classes are log odds
+    evidence: Array  # (K, C) log M'_k - log M_k-1; NaN once a class has no mass
     rest: Array  # (K, C) log M_k - log M'_k
-    is_view: Flags  # (K,) the keyframe sees the object
-    alone: Array  # (K, C) log p(z | c) of views at the poses of the hypothesis, NaN in other keyframes
+    is_view: Flags  # (K,) whether the keyframe observes the object
+    alone: Array  # (K, C) log p(z | c) of single views at the hypothesis's poses; NaN elsewhere
 
     @property
     def log_posterior(self) -> Array:
-        """(C,) log probabilities of the classes after the last keyframe, if this history holds."""
+        """(C,) log class probabilities after the last keyframe, given this history."""
         last: Array = self.log_mass[-1]
         return last - log_sum_exp(last) if len(last) else last
 
     def last_with(self, cls: int) -> int:
-        """Last keyframe after which a class has mass; -1: it had some before the first one alone."""
+        """Last keyframe after which a class has mass; -1: only before the first one."""
         there = np.flatnonzero(np.isfinite(self.log_mass[:, cls]))
         return int(there[-1]) if len(there) else -1
 
     def pair(self, one: int, other: int) -> PairLedger:
-        """Class ``one`` against class ``other``, up to the last belief in which both are."""
+        """Ledger of class ``one`` against class ``other``, up to the last belief that has both."""
         until = min(self.last_with(one), self.last_with(other))
         known = np.arange(len(self.log_mass)) <= until
         with np.errstate(invalid="ignore"):
@@ -98,7 +96,7 @@ class ClassLedger:
 
 
 def histories(run: ReplayedRun) -> list[tuple[int, ...]]:
-    """Hypothesis ids of the last belief, those with one history of associations together; the heaviest first."""
+    """Hypothesis ids of the last belief grouped by association history, heaviest first."""
     groups: dict[int, list[int]] = {}
     last = run.keyframes[-1].live
     for number, own in last.items():
@@ -111,7 +109,7 @@ def _log_weight(live: dict[int, LiveHistory], numbers: Sequence[int]) -> float:
 
 
 def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) -> ClassLedger:
-    """What was told of one object along the history that some hypotheses of the last belief have."""
+    """Class ledger of one object along the history shared by ``member_ids`` of the last belief."""
     path = run.path(member_ids[0])
     ratios = _log_ratios(path, object_id)
     prior = run.log_class_prior[object_id] if ratios is None else run.log_class_prior[object_id] + ratios
@@ -121,12 +119,12 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
     before: Array = prior
     parents = frozenset(run.root_ids)
     for k, own in enumerate(path):
-        if own is None:  # what came before is nothing that is known
+        if own is None:  # nothing is known of earlier keyframes
             mass[k], evidence[k], rest[k] = before, 0.0, 0.0
             continue
         told, live = own.objects[object_id], {} if is_replayed else run.keyframes[k].live
         members = {n: other for n, other in live.items() if other.history == own.history}
-        if ratios is not None and told.log_likelihood is None:  # it is not there yet
+        if ratios is not None and told.log_likelihood is None:  # the object does not exist yet
             mass[k], evidence[k], rest[k], parents = before, 0.0, 0.0, frozenset(members)
             continue
         same = list(members.values()) or [own]
@@ -157,7 +155,7 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
 
 
 def _weighed(run: ReplayedRun, k: int, object_id: int, parents: frozenset[int], own: LiveHistory) -> Array:
-    """(C,) log mass of all continuations by one association, those included that were pruned then."""
+    """(C,) log mass of all continuations with one association, including those pruned in that keyframe."""
     keyframe, logs = run.keyframes[k], list[Array]()
     candidates = keyframe.candidates
     same = (candidates.associations == np.array(own.association, dtype=int)).all(axis=1)
@@ -169,7 +167,7 @@ def _weighed(run: ReplayedRun, k: int, object_id: int, parents: frozenset[int], 
 
 
 def _log_class(run: ReplayedRun, k: int, row: int, object_id: int) -> Array | None:
-    """(C,) log class probabilities in a candidate; None where it was pruned, and only its component would tell them."""
+    """(C,) log class probabilities in a candidate; None where it was pruned and its component is unavailable."""
     keyframe = run.keyframes[k]
     number = int(keyframe.candidates.ids[row])
     if number in keyframe.live:
@@ -195,13 +193,13 @@ def _parent(run: ReplayedRun, keyframe: ReplayedKeyframe, k: int, row: int, obje
 
 
 def _log_ratios(path: Sequence[LiveHistory | None], object_id: int) -> Array | None:
-    """(C,) by which the prior of an object's class was another one when it was added; None: it never is."""
+    """(C,) log ratios of the object's class prior when it was added to the base prior; None: never different."""
     every = (own.objects[object_id].log_ratios for own in path if own is not None)
     return next((ratios for ratios in every if ratios is not None), None)
 
 
 def _alone(parent: LiveHistory | None, own: LiveHistory, object_id: int) -> Array:
-    """(C,) what the record of a hypothesis gained with the keyframe, NaN where it has none."""
+    """(C,) log likelihood gained by the hypothesis's record in the keyframe; NaN where it has no record."""
     told = own.objects[object_id]
     if told.newest is not None:
         return told.newest

@@ -1,4 +1,4 @@
-"""What one hypothesis knows after a keyframe, and what it did in it."""
+"""State of one hypothesis after a keyframe, and its association in it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,30 +12,30 @@ from semantic_slam.inference.smoothing.component import Component
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectOfHistory:
-    """What one hypothesis knows of the class of one object; C classes."""
+    """Class knowledge of one hypothesis about one object; C classes."""
 
     log_class: Array  # (C,) log probabilities
-    log_likelihood: Array | None  # (C,) of its views from where this hypothesis has them; None: it has none on record
-    newest: Array | None  # (C,) of the newest of them given the others, where that is not what it added
-    log_ratios: Array | None  # (C,) in log_likelihood: how its class's prior differed when it was added; None: never
+    log_likelihood: Array | None  # (C,) of its views at this hypothesis's poses; None: no record
+    newest: Array | None  # (C,) of the newest view given the others, where that differs from its increment
+    log_ratios: Array | None  # (C,) part of log_likelihood: prior log ratios when the object was added; None: none
 
 
 @dataclass(frozen=True, kw_only=True)
 class LiveHistory:
     """A hypothesis after a keyframe."""
 
-    parent_id: int  # of the keyframe before, as beliefs tell it
+    parent_id: int  # parent hypothesis in the previous keyframe, as in beliefs
     log_weight: float
-    history: int  # equal for hypotheses with the same associations since the start, whatever their classes and modes
+    history: int  # equal for hypotheses with equal associations since the start
     association: tuple[int, ...]  # (D,) object ids in this keyframe, -1 clutter
-    is_revised: bool  # its history was not its parent's
-    changes: tuple[tuple[int, int, int], ...]  # keyframe, detection, object or -1: where it differs from its parent's
-    pose: Array  # (7,) robot in map
+    is_revised: bool  # its history differs from its parent's
+    changes: tuple[tuple[int, int, int], ...]  # keyframe, detection, object or -1: differences to the parent
+    pose: Array  # (7,) robot pose in the map frame
     objects: Mapping[int, ObjectOfHistory]
 
 
 def object_of(component: Component, names: Sequence[int], log_prior: Array) -> ObjectOfHistory:
-    """What a component knows of an object that it may have under some numbers, with the (C,) prior of its class."""
+    """Class knowledge of a component about an object, listed under any of ``names``; ``log_prior`` (C,)."""
     record = next((component.views[n] for n in names if n in component.views), None)
     known = record is not None and len(record.log_likelihood) == len(log_prior)
     likelihood = record.log_likelihood if record is not None and known else None

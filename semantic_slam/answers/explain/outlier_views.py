@@ -1,4 +1,4 @@
-"""How probably a view is one that tells nothing of its object: a score that no class explains."""
+"""Outlier probability of views whose scores no class explains."""
 
 from dataclasses import dataclass
 
@@ -14,14 +14,14 @@ from semantic_slam.viewpoint.outliers import OutlierScores
 
 @dataclass(frozen=True, kw_only=True)
 class OutlierViews:
-    """The second part of the density (1 - e) p + e p_out under which a run took its views."""
+    """Outlier component e p_out of the view density (1 - e) p + e p_out used by a run."""
 
     scores: OutlierScores
     tempering: float
 
     @classmethod
     def of(cls, settings: SemanticModelConfiguration) -> "OutlierViews | None":
-        """As a run was configured; None where its views cannot be outliers, or are no scores."""
+        """From a run's configuration; None where views cannot be outliers or are not scores."""
         kind = class_model_kind(settings)
         model = load_model(settings) if kind.has_factors else None
         if model is None or settings.outlier_share <= 0.0:
@@ -30,7 +30,7 @@ class OutlierViews:
         return cls(scores=OutlierScores.of(model, settings.outlier_share), tempering=tempering)
 
     def probability(self, told: SemanticMeasurements, detection_id: int, log_likelihood: float) -> float:
-        """How probably a detection is one, from the log of its density under the object's class; NaN where unknown."""
+        """Outlier probability of a detection, from its log density under the object's class; NaN where unknown."""
         rows = np.flatnonzero(told.detection_ids == detection_id)
         if not len(rows) or not np.isfinite(log_likelihood):
             return float("nan")

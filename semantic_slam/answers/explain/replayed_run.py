@@ -1,7 +1,7 @@
-"""A recorded run inferred again: it tells, besides its beliefs, what was pruned and what each view said.
+"""Replay of a recorded run's inference, which also yields pruned candidates and per-view evidence.
 
-Inference is a function of the recorded configuration, measurements and odometry, so that nothing has to be recorded for
-this; hypotheses have the ids that they had, by which the run is known to be the same.
+Inference is a deterministic function of the recorded configuration, measurements and odometry, so nothing extra has to
+be recorded; hypotheses get the ids that they had, by which the replay is verified.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -28,61 +28,61 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.world.problem import Problem
 
 SAME_NATS = 1e-6
-"""Largest difference of log weights and log odds between a run and its replay."""
+"""Largest difference [nats] of log weights and log odds at which a replay counts as identical."""
 MOST_REPLAYED = 5
-"""Hypotheses of the last belief whose revised histories are replayed from the start, the heaviest ones."""
+"""Number of heaviest final hypotheses whose revised histories are replayed from the start."""
 COMPARED_PROBABILITY = 1e-12
-"""Class probabilities below this are not compared: their logarithms are rounded where they are recorded."""
+"""Class probabilities below this are not compared: their recorded logarithms are rounded."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WeighedCandidates:
-    """All candidates of a keyframe, before copies are merged and before the light ones are pruned; D detections."""
+    """All candidates of a keyframe, before duplicates are merged and light ones pruned; D detections."""
 
     ids: NDArray[np.uint64]  # (K,)
     parent_ids: NDArray[np.uint64]  # (K,)
     associations: NDArray[np.int32]  # (K, D) object ids, -1 clutter
-    classes: NDArray[np.int32]  # (K, D) -1 where a class is not enumerated, or stays open
+    classes: NDArray[np.int32]  # (K, D) -1 where a class is not enumerated or undecided
     log_weights: Array  # (K,) not normalised
 
     @classmethod
     def of(cls, answers: Sequence[Candidates]) -> Self:
-        """What backends answered, without the states."""
+        """Candidates from the backends' answers, without the states."""
         table = CandidateTable.of(answers)
         return cls(**{name: getattr(table, name) for name in cls.__dataclass_fields__})
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayedKeyframe:
-    """One keyframe as it was recorded, and what was weighed in it."""
+    """One recorded keyframe and the candidates weighed in it."""
 
-    belief: HybridBelief  # recorded, or as it was inferred now
+    belief: HybridBelief  # recorded, or from the replay where not recorded
     candidates: WeighedCandidates
     live: dict[int, LiveHistory]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayedRun:
-    """All keyframes of a run with what was said of some objects."""
+    """All keyframes of a replayed run, with class information on the watched objects."""
 
     problem: Problem
     root_ids: tuple[int, ...]
     log_class_prior: dict[int, Array]  # object id -> (C,)
     keyframes: tuple[ReplayedKeyframe, ...]  # K
-    revised: Mapping[int, tuple[LiveHistory, ...]]  # hypothesis of the last belief -> (K,) as it would have been
-    largest_difference: float  # nats, of log weights and log class probabilities, to what was recorded
+    revised: Mapping[int, tuple[LiveHistory, ...]]  # final hypothesis -> (K,) its history as revised
+    largest_difference: float  # nats, of log weights and log class probabilities, to the recording
 
     @property
     def is_same(self) -> bool:
-        """Whether the replay gives what was recorded."""
+        """Whether the replay reproduces the recording."""
         return self.largest_difference <= SAME_NATS
 
     def on_map(self, object_id: int) -> int:
-        """The number under which an object is reported, wherever a hypothesis has it."""
+        """Reported id of an object, which a hypothesis may hold under another id (displaced objects)."""
         return self.problem.displaced.on_map.get(object_id, object_id)
 
     def path(self, number: int) -> list[LiveHistory | None]:
-        """(K,) a hypothesis of the last belief after every keyframe; None where it had no history yet."""
+        """(K,) history of a final hypothesis after every keyframe; None where it had none yet."""
         if number in self.revised:
             return list(self.revised[number])
         numbers = ancestors(self.keyframes, number)
@@ -90,7 +90,7 @@ class ReplayedRun:
 
 
 class _WatchedPool:
-    """One backend in this process, whose newest candidates and components can be looked at."""
+    """In-process pool with one backend, whose newest candidates and components can be inspected."""
 
     def __init__(self) -> None:
         self.backend_ids: tuple[int, ...] = (0,)
@@ -116,10 +116,10 @@ class _WatchedPool:
 
 
 def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection[int]) -> ReplayedRun:
-    """Infer a recorded run again and note what is said of the objects asked for.
+    """Replay a recorded run and collect class information on the given objects.
 
-    Beliefs that were not recorded, before the last one, are taken to be those inferred now. Raises InputError where
-    keyframes or hypotheses are not those recorded.
+    Beliefs before the last one that were not recorded are taken from the replay. Raises InputError where keyframes or
+    hypotheses differ from the recording.
     """
     pool = _WatchedPool()
     engine = Engine.of_run(record.run, pool)
@@ -162,13 +162,13 @@ def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection
 
 
 def _names(problem: Problem, object_id: int) -> tuple[int, ...]:
-    """Numbers that hypotheses may have an object under."""
+    """Ids under which hypotheses may hold an object."""
     elsewhere = problem.displaced.elsewhere.get(object_id)
     return (object_id,) if elsewhere is None else (object_id, elsewhere)
 
 
 def _live(own: Hypothesis, before: dict[int, int], pose: Array, objects: dict[int, ObjectOfHistory]) -> LiveHistory:
-    """One hypothesis after a keyframe; ``before``: the histories of those that were live before it."""
+    """State of one hypothesis after a keyframe; ``before``: histories of the previously live hypotheses."""
     association = own.lineage[-1].association
     is_revised = own.parent_id not in before or own.revises is not None
     history = 0 if is_revised else before[own.parent_id]
@@ -189,7 +189,7 @@ def _live(own: Hypothesis, before: dict[int, int], pose: Array, objects: dict[in
 def _revised(
     engine: Engine, told: Sequence[ReplayedKeyframe], names: dict[int, tuple[int, ...]], prior: dict[int, Array]
 ) -> dict[int, tuple[LiveHistory, ...]]:
-    """The heaviest hypotheses at the end whose histories were not followed from the start, as they ended."""
+    """Replayed histories of the heaviest final hypotheses whose histories were revised on the way."""
     if not engine.steps or enumerates_classes(engine.problem):
         return {}
     found = {}
@@ -201,7 +201,7 @@ def _revised(
 
 
 def ancestors(told: Sequence[ReplayedKeyframe], number: int) -> list[int | None]:
-    """A hypothesis of the last belief before it, keyframe by keyframe; None where it had no history yet."""
+    """Ancestor ids of a final hypothesis, keyframe by keyframe; None where it had no history yet."""
     path: list[int | None] = []
     own: int | None = number
     for keyframe in reversed(told):
@@ -212,18 +212,18 @@ def ancestors(told: Sequence[ReplayedKeyframe], number: int) -> list[int | None]
 
 
 def enumerates_classes(problem: Problem) -> bool:
-    """Whether each hypothesis has one class for an object, and others have the other ones."""
+    """Whether hypotheses enumerate object classes, one class per object and hypothesis."""
     return int(getattr(problem.model, "num_classes", 0)) > 0
 
 
 def _difference_of_end(some: LiveHistory, other: LiveHistory) -> float:
-    """Largest difference, in nats, of the log class probabilities of a history that was replayed to those it has."""
+    """Largest difference [nats] between the final log class probabilities of two histories."""
     pairs = [(own.log_class, other.objects[number].log_class) for number, own in some.objects.items()]
     return max((float(np.abs(one - two).max(initial=0.0)) for one, two in pairs), default=0.0)
 
 
 def _difference(record: Record, belief: HybridBelief, again: HybridBelief) -> float:
-    """Largest difference, in nats, of log weights and of log class probabilities. Raises InputError."""
+    """Largest difference [nats] of log weights and log class probabilities. Raises InputError."""
     if sorted(belief.hypothesis_ids.tolist()) != sorted(again.hypothesis_ids.tolist()):
         raise _not_the_same(record, belief)
     places = {number: row for row, number in enumerate(again.hypothesis_ids.tolist())}

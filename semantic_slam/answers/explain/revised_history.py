@@ -1,4 +1,4 @@
-"""A history that was not followed from the start, replayed as it ended: it was revised, or placed on the map later."""
+"""Replay of a history that was revised, or located on the map later, in its final form from the start."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,9 +11,9 @@ from semantic_slam.inference.revision.replay import Lineage, Replay
 def replayed_history(
     engine: Engine, lineage: Lineage, names: Mapping[int, Sequence[int]], log_prior: Mapping[int, Array]
 ) -> tuple[LiveHistory, ...]:
-    """(K,) what a hypothesis of the engine would have known after every keyframe, had it always been followed.
+    """(K,) states that a hypothesis would have had after every keyframe, had its final history held from the start.
 
-    ``names``: object id -> numbers that the hypothesis may have it under.
+    ``names``: object id -> ids under which the hypothesis may hold it.
     """
     replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), engine.steps)
     own, found = replay.begun(lineage), list[LiveHistory]()

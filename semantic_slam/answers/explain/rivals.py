@@ -1,4 +1,4 @@
-"""What else a detection might have been: how probable that was, and how it ended."""
+"""Alternative associations of detections: their probability, and how they ended."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -12,27 +12,27 @@ from semantic_slam.answers.explain.sightings import object_name
 from semantic_slam.geometry.arrays import Flags
 
 LEAST_PROBABLE = 0.01
-"""Alternatives that were less probable than this are not told."""
+"""Smallest probability of a reported alternative."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rival:
-    """One alternative of one detection."""
+    """One alternative association of one detection."""
 
     keyframe: int
     detection: int
-    taken_id: int  # what the history takes it for; -1: no object
-    object_id: int  # what it might have been of
-    then: float  # probability among all that was weighed in the keyframe
-    now: float  # weight of the histories of the last belief that have it
-    gone: int | None  # keyframe in which the last history with it was given up; None: one is in the last belief
-    log_odds_before: float  # of the best history with it against the best of all, one keyframe before; NaN: none yet
-    log_odds: float  # against the best of all when it was given up; -inf: nothing continued it any more
-    by: tuple[str, ...]  # what the best history saw in that keyframe
+    taken_id: int  # object in the history; -1: clutter
+    object_id: int  # alternative object
+    then: float  # probability among all candidates weighed in the keyframe
+    now: float  # weight of the final histories that have it
+    gone: int | None  # keyframe in which the last history with it was pruned; None: one survives
+    log_odds_before: float  # best history with it against the best of all, one keyframe earlier; NaN: none yet
+    log_odds: float  # against the best of all when pruned; -inf: nothing continued it
+    by: tuple[str, ...]  # objects that the best history observed in that keyframe
 
 
 def rivals(run: ReplayedRun, ledger: ClassLedger) -> tuple[Rival, ...]:
-    """What views of an object might have been of, and views of others that might have been of it."""
+    """Alternatives of the object's views, and views of others that might have been of this object."""
     found = []
     for k, own in enumerate(ledger.steps):
         for detection, number in enumerate(() if own is None else own.association):
@@ -44,7 +44,7 @@ def rivals(run: ReplayedRun, ledger: ClassLedger) -> tuple[Rival, ...]:
 
 
 def _alternatives(run: ReplayedRun, k: int, detection: int) -> list[tuple[int, float]]:
-    """Object and probability of whatever a detection may have been, the likeliest first."""
+    """Possible objects of a detection with probabilities, most likely first."""
     candidates = run.keyframes[k].candidates
     weights = np.exp(candidates.log_weights - candidates.log_weights.max())
     numbers, places = np.unique(candidates.associations[:, detection], return_inverse=True)
@@ -55,7 +55,7 @@ def _alternatives(run: ReplayedRun, k: int, detection: int) -> list[tuple[int, f
 
 
 def _rival(run: ReplayedRun, k: int, detection: int, numbers: tuple[int, int], then: float) -> Rival:
-    """``numbers``: what the detection is taken for, and what it might have been of."""
+    """Evaluate one alternative; ``numbers``: the associated object and the alternative one."""
     taken, other = numbers
     place = run.keyframes[k].belief.keyframe, detection
     at, parents = k, frozenset[int]()
@@ -91,7 +91,7 @@ def _rival(run: ReplayedRun, k: int, detection: int, numbers: tuple[int, int], t
 
 
 def _has(run: ReplayedRun, own: LiveHistory, place: tuple[int, int], other: int, parents: Collection[int]) -> bool:
-    """Whether a history has the alternative, as one of its ``parents`` did or since it was revised."""
+    """Whether a history has the alternative, inherited from one of ``parents`` or by revision."""
     changed = [number for keyframe, detection, number in own.changes if (keyframe, detection) == place]
     return run.on_map(changed[0]) == other if changed else own.parent_id in parents
 

@@ -1,4 +1,4 @@
-"""An explanation in three sentences."""
+"""Text summary of an explanation in three sentences."""
 
 from collections.abc import Sequence
 
@@ -9,13 +9,13 @@ from semantic_slam.answers.explain.rivals import Rival
 from semantic_slam.answers.explain.sightings import Sighting
 
 LITTLE_NATS = 0.25
-"""Views that tell less between two classes than this are said to tell them hardly apart."""
+"""Log likelihood ratio [nats] below which views are said to hardly separate two classes."""
 OUTLIER = 0.5
-"""Probability from which on a view is said to be judged an outlier."""
+"""Probability above which a view is called an outlier."""
 
 
 def sentences(told: Explanation, own: HistoryExplained) -> list[str]:
-    """What is believed and what else it might be; which views said so; which object they were of."""
+    """Sentences on the belief and its rival, on the decisive views, and on their association."""
     return [_belief(told, own), _views(told, own), _association(told, own)]
 
 
@@ -54,7 +54,7 @@ def _views(told: Explanation, own: HistoryExplained) -> str:
 
 
 def _trust(views: Sequence[Sighting]) -> str:
-    """How far the views are to be trusted."""
+    """Phrase on the reliability of the views."""
     strange, last = sum(not view.in_coverage for view in views), views[-1].mutual_information
     told = [f"{strange} outside what the class models know"]
     if np.isfinite([view.outlier for view in views]).any():
@@ -86,7 +86,7 @@ def _association(told: Explanation, own: HistoryExplained) -> str:
 
 
 def _of_others(told: Explanation, found: Sequence[Rival]) -> str:
-    """Detections that are taken for something else."""
+    """Phrase on detections associated with something else."""
     most = max(found, key=lambda rival: rival.then)
     return (
         f"{_count(found)} taken for something else might have been of it, most of all that of keyframe {most.keyframe},"
@@ -99,7 +99,7 @@ def _count(found: Sequence[Rival]) -> int:
 
 
 def _ended(rival: Rival) -> str:
-    """How an alternative ended."""
+    """Phrase on how an alternative ended."""
     if rival.gone is None:
         return f"and {rival.now:.4f} now"
     seen = " and ".join(rival.by) or "nothing"
@@ -115,7 +115,7 @@ def _was(rival: Rival) -> str:
 
 
 def _directions(views: Sequence[Sighting]) -> str:
-    """The range of directions, across the widest gap between them."""
+    """Phrase on the range of viewing directions, cut at the widest gap."""
     angles = np.sort(np.mod([view.direction_rad for view in views], 2.0 * np.pi))
     gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
     widest = int(np.argmax(gaps))

@@ -1,4 +1,4 @@
-"""From where an object was seen along one history, and how far each view was to be trusted."""
+"""Viewing directions of an object along one history, and the reliability of each view."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,27 +15,27 @@ from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 KNOWN_HEADING_RAD = 0.5
-"""Standard deviation of an object's heading up to which directions are told from its front."""
+"""Largest standard deviation [rad] of an object's heading at which directions are relative to its front."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sighting:
-    """One detection that the history has as the object."""
+    """One detection associated with the object by the history."""
 
     keyframe: int
     stamp_ns: int
-    detection: int  # column among those of the keyframe
+    detection: int  # index within the keyframe
     direction_rad: float  # from the object to the camera, counter-clockwise
-    from_front: bool  # the direction is told from the object's front, not from the x axis of map
+    from_front: bool  # direction relative to the object's front, not to the map's x axis
     range_m: float
-    mutual_information: float  # nats, between class and the network's weights, in the belief; NaN: models draw nothing
-    in_coverage: bool  # the picture is one of those that the class models know
-    no_object: float  # probability that the detection is of no object that is known; NaN in an open world
-    outlier: float  # probability that the view tells nothing of its object; NaN where views cannot be outliers
+    mutual_information: float  # nats, between class and network weights; NaN: not sampled by the models
+    in_coverage: bool  # the class models know such images
+    no_object: float  # probability that it is of no known object; NaN in an open world
+    outlier: float  # outlier probability; NaN where views cannot be outliers
 
     @property
     def degrees(self) -> str:
-        """The direction in whole degrees, 0 to 359."""
+        """Direction in whole degrees, 0 to 359, as text."""
         return str(round(float(np.rad2deg(self.direction_rad))) % 360)
 
 
@@ -54,7 +54,7 @@ def sightings(
     found = []
     for k in np.flatnonzero(ledger.is_view).tolist():
         belief, own = run.keyframes[k].belief, ledger.steps[k]
-        assert own is not None  # it has seen something
+        assert own is not None  # the object has views
         association = [run.on_map(n) for n in own.association]
         told = measurements.get(belief.stamp_ns)
         robot = planar_from_pose_vector(own.pose)
@@ -81,7 +81,7 @@ def sightings(
 
 
 def _range(robot: Array, place: Array, sensor: Array) -> float:
-    """Metres between camera and object."""
+    """Planar distance [m] between camera and object."""
     cosine, sine = np.cos(robot[2]), np.sin(robot[2])
     camera = robot[:2] + np.array([[cosine, -sine], [sine, cosine]]) @ sensor
     return float(np.hypot(*(place[:2] - camera)))
@@ -106,6 +106,6 @@ def _outlier(
 
 
 def object_name(belief: HybridBelief, object_id: int) -> str:
-    """What a belief calls an object; its number where it does not know it."""
+    """Name of an object in a belief; its number where the belief does not have it."""
     rows = np.flatnonzero(belief.object_ids == object_id)
     return belief.object_names[rows[0]] if len(rows) else str(object_id)

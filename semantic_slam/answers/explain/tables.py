@@ -1,4 +1,4 @@
-"""An explanation in tables: rows of text, the header first."""
+"""Tables of an explanation: rows of text, the header first."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from semantic_slam.answers.explain.sightings import Sighting
 from semantic_slam.geometry.arrays import Array
 
 MOST_RIVALS = 12
-"""Alternatives in the table, the most probable ones."""
+"""Largest number of alternatives in the table."""
 MOST_HISTORIES = 5
 DOUBTS = ("no object", "model [nats]", "outlier")
 COLUMNS = (
@@ -25,9 +25,9 @@ COLUMNS = (
 
 
 def views_table(told: Explanation, own: HistoryExplained) -> list[list[str]]:
-    """Header, and a row for what was known before, each view, what was revised, and the sum, in columns with content.
+    """Header, then rows for the prior, each view, the revision and the sum; empty columns are dropped.
 
-    Without class models the views alone.
+    Without class models only the views.
     """
     pair = own.pair
     if pair is None or told.classes is None:
@@ -45,7 +45,7 @@ def views_table(told: Explanation, own: HistoryExplained) -> list[list[str]]:
         total += gained
         beside = (
             _signed(by_itself) if enumerates_classes(told.run.problem) else ""
-        )  # else that is what the view brought
+        )  # else it equals the view's own contribution
         rows.append(_view_row(view, _signed(gained), _signed(total), beside))
     rows.append(["earlier views revised", "", "", f"{pair.revised:+.3f}", "", "", "", "", ""])
     rows.append([*_end(told, pair), "", "", "", ""])
@@ -53,7 +53,7 @@ def views_table(told: Explanation, own: HistoryExplained) -> list[list[str]]:
 
 
 def _end(told: Explanation, pair: PairLedger) -> list[str]:
-    """What the rows above add up to."""
+    """Row with the sum of the rows above."""
     if pair.is_pruned:
         at = told.run.keyframes[pair.until + 1].belief.keyframe
         end = "given up" if pair.was_weighed else "not weighed any more"
@@ -67,7 +67,7 @@ def _view_row(view: Sighting, gained: str, total: str, alone: str) -> list[str]:
 
 
 def histories_table(told: Explanation) -> list[list[str]]:
-    """Header, and a row for each history of associations in the last belief, and one for all of them."""
+    """Header, a row per association history in the last belief, and one for all of them."""
     header = ["history", "weight", "views", *(f"P({name})" for name in told.belief.class_names)]
     rows = [
         [str(1 + number), f"{own.weight:.4f}", str(len(own.views)), *_probabilities(np.exp(own.ledger.log_posterior))]
@@ -80,7 +80,7 @@ def histories_table(told: Explanation) -> list[list[str]]:
 
 
 def rivals_table(told: Explanation, own: HistoryExplained) -> list[list[str]]:
-    """Header, and a row for each of the likeliest alternatives."""
+    """Header, and a row per most likely alternative."""
     if not own.rivals:
         return []
     chosen = sorted(own.rivals, key=lambda rival: -rival.then)[:MOST_RIVALS]
@@ -114,6 +114,6 @@ def _probabilities(values: Array) -> list[str]:
 
 
 def _filled(rows: list[list[str]]) -> list[list[str]]:
-    """The columns with content; the first row is the header."""
+    """Drop columns without content; the first row is the header."""
     columns = [column for column in zip(*rows, strict=True) if set(column[1:]) - {"", "-"}]
     return [list(row) for row in zip(*columns, strict=True)]

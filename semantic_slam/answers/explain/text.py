@@ -6,7 +6,7 @@ from semantic_slam.answers.explain.tables import MOST_RIVALS, histories_table, r
 
 
 def lines_of(told: Explanation, history: int = 0) -> list[str]:
-    """All that is printed; ``history``: which of the explanation's, from 0 on."""
+    """Lines of the printed explanation; ``history``: index of the history, from 0."""
     own = told.histories[history]
     left = len(own.rivals) - MOST_RIVALS
     parts = [
@@ -19,7 +19,7 @@ def lines_of(told: Explanation, history: int = 0) -> list[str]:
 
 
 def replay_line(told: Explanation) -> str:
-    """Whether the numbers are those of the run."""
+    """Line that says whether the replay reproduces the run's numbers."""
     if told.run.is_same:
         return f"Inferred again: as recorded, to {told.run.largest_difference:.0e} nats."
     return (
@@ -29,7 +29,7 @@ def replay_line(told: Explanation) -> str:
 
 
 def _aligned(rows: list[list[str]]) -> list[str]:
-    """Columns to the right, the first one to the left."""
+    """Align columns to the right, the first one to the left."""
     columns = list(zip(*rows, strict=True))
     widths = [max(map(len, column)) for column in columns]
     lines = [[row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))] for row in rows]

@@ -1,4 +1,4 @@
-"""Variables of a MATLAB file, with a bound on what its compressed parts unpack to before any of them is read."""
+"""Reading of MATLAB files, with the uncompressed size bounded before anything is read."""
 
 import struct
 import zlib

@@ -1,4 +1,4 @@
-"""Where the objects in boxes stand, from depth, in the level body of the camera, and how well that is known.
+"""Positions of objects from boxes and depth, in the camera's level body frame, with their covariances.
 
 A box shows an object's outline: the middle of what it stands on lies in the middle half of the box, and behind the
 surface that is seen by between nothing (flat things) and half the width that is seen (round and square ones), all

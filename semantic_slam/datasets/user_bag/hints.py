@@ -1,4 +1,4 @@
-"""What of an imported bag a run would stumble over: said when it is imported, with what to do about it."""
+"""Hints given at import about contents of a bag that would cause trouble in a run, with remedies."""
 
 from typing import Any
 

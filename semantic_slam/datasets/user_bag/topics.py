@@ -1,4 +1,4 @@
-"""Which topics of a user's bag are the image, the odometry and so on: by name when told, by type when unique."""
+"""Selection of a user bag's topics (image, odometry, ...): by given name, or by type where unique."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

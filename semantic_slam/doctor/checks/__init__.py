@@ -1,1 +1,1 @@
-"""What may be wrong with an input, one kind a file: summary in, findings out."""
+"""Checks of an input, one kind of fault per file: each maps a summary to findings."""

@@ -1,4 +1,4 @@
-"""Boxes in shares of the picture, outside of it, or of a picture of another size."""
+"""Check of boxes: in normalised coordinates, outside the image, or for an image of another size."""
 
 from collections.abc import Iterator
 
@@ -11,9 +11,9 @@ from semantic_slam.perception.crops import are_in_shares
 
 NAME = "boxes"
 SOME, MOST = 0.05, 0.5
-"""Share of boxes that is worth a word, and that is most of them."""
+"""Smallest share of faulty boxes that is reported, and the share that counts as most of them."""
 BEYOND = 0.1
-"""Share of the picture by which boxes of things at its edge may reach beyond it."""
+"""Share of the image size by which boxes at its border may extend beyond it."""
 CORNER, LEAST_BOXES = 0.6, 100
 """So many boxes that all lie within that share of width and height are of a smaller picture."""
 

@@ -1,4 +1,4 @@
-"""Clocks that disagree: of odometry and detections, of messages and of whoever records them."""
+"""Check of clocks: disagreement between odometry and detections, or between senders and the recorder."""
 
 from collections.abc import Iterator
 
@@ -11,9 +11,9 @@ from semantic_slam.pipeline.assembly.keyframe_assembler import MAX_EXTRAPOLATION
 
 NAME = "clocks"
 MOST_OUTSIDE = 0.02
-"""Share of detections at whose time there is no odometry, as at the ends of any recording."""
+"""Tolerated share of detections outside the time span of odometry, as at the ends of any recording."""
 EARLY_S, LATE_S = 0.5, 10.0
-"""No message comes before it is made, and no detector takes longer."""
+"""Tolerated arrival of a message before its stamp, and largest plausible detector delay [s]."""
 REMEDY = "synchronise the clocks (chrony, PTP); have detectors copy the image's stamp; use_sim_time the same everywhere"
 
 

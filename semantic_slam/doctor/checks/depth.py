@@ -1,4 +1,4 @@
-"""Depth in another unit, of another size, or that says nothing of the detections."""
+"""Check of depth images: wrong unit, wrong size, or no range for the detections."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from semantic_slam.messages.images import FARTHEST_MEDIAN_M, NEAREST_MEDIAN_M
 
 NAME = "depth"
 LEAST_RANGED = 0.2
-"""Share of detections that have a range where there is depth."""
+"""Smallest acceptable share of detections with a range where there is depth."""
 LEAST_DETECTIONS = 20
 
 

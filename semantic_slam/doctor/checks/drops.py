@@ -1,4 +1,4 @@
-"""What the pipeline does not use of the first frames, as far as no other check has said why."""
+"""Check of inputs dropped by the pipeline in the first frames, as far as no other check explains them."""
 
 from collections.abc import Iterator
 
@@ -46,7 +46,7 @@ def check(summary: InputSummary) -> Iterator[Finding]:
 
 
 def check_last(summary: InputSummary, found: list[Finding]) -> Iterator[Finding]:
-    """That no keyframe was made, where nothing found so far explains it."""
+    """Report that no keyframe was made, where no earlier finding explains it."""
     if summary.keyframes or any(each.severity == Severity.ERROR for each in found):
         return
     if not len(summary.detections.scores) and not summary.dropped:

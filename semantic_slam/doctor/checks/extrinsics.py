@@ -1,4 +1,4 @@
-"""Where the camera looks from: transforms that are missing, and cameras that look the wrong way."""
+"""Check of extrinsics: missing transforms, and cameras with a wrong orientation."""
 
 from collections.abc import Iterator
 
@@ -14,9 +14,9 @@ from semantic_slam.messages.sensor import plain_frame, sensor_pose
 NAME = "extrinsics"
 STEEP = np.sin(np.radians(60.0))
 UPRIGHT = 0.3
-"""Least component along z of a camera's upward direction."""
+"""Smallest plausible z component of a camera's up direction in the body frame."""
 FARTHEST_M = 10.0
-"""No camera sits farther from its robot's origin."""
+"""Largest plausible distance [m] of a camera from the robot's origin."""
 OPTICAL = (
     "give the pose of the optical frame (z forward, x right, y down; for a camera that looks ahead the quaternion"
     " -0.5 0.5 -0.5 0.5), in /tf_static or perception.extrinsics"

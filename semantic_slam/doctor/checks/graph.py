@@ -1,4 +1,4 @@
-"""What is wrong with a running system besides its messages: quality of service, nodes that are missing, or complain."""
+"""Check of a running system's ROS graph: quality of service, missing nodes, and nodes that report faults."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Gravity by topic imu: another type, no transform, and accelerations or orientations that have up elsewhere."""
+"""Check of the IMU: wrong type, missing transform, and accelerations or orientations with a wrong up direction."""
 
 from collections.abc import Iterator
 
@@ -16,13 +16,13 @@ from semantic_slam.pipeline.gravity.imu_use import TYPE, unused_because
 
 NAME = "imu"
 MOST_OFF_M_S2 = 1.5
-"""By how much the mean of a whole recording may differ from gravity."""
+"""Tolerated difference [m/s^2] of the mean acceleration of a recording from gravity."""
 LEAST_M_S2 = 3.0
-"""Below it nothing of gravity is left."""
+"""Mean acceleration [m/s^2] below which gravity has been removed."""
 DISAGREE_RAD = np.radians(20.0)
-"""Between up by orientations and by accelerations, whose means are of steady motion."""
+"""Tolerated angle between up from orientations and up from mean accelerations."""
 ON_ITS_SIDE_RAD, UPSIDE_DOWN_RAD = np.radians(60.0), np.radians(120.0)
-"""Between up and the body's z axis."""
+"""Angles between up and the body's z axis from which the sensor counts as tilted, and as upside down."""
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 SHOWS = "a level sensor shows +9.81 m/s^2 along its axis that points up (REP 145)"
 MOUNT = "give its pose in the body by /tf_static or imu.extrinsics"

@@ -1,4 +1,4 @@
-"""Intrinsics against the size of the pictures, and against themselves."""
+"""Check of intrinsics: consistency with the image size, and internal plausibility."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ CENTRAL = (0.3, 0.7)
 NARROWEST_RAD, WIDEST_RAD = np.radians(8.0), np.radians(150.0)
 """Field of view of a pinhole camera on a robot."""
 MOST_UNEQUAL = 1.3
-"""fx and fy of square pixels are one."""
+"""Largest plausible ratio of fx and fy; square pixels have 1."""
 
 
 def check(summary: InputSummary) -> Iterator[Finding]:

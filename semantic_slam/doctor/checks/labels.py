@@ -1,4 +1,4 @@
-"""Labels that no class means, and lists of labels that the detector does not know."""
+"""Check of labels: unknown to the class models, or configured labels unknown to the detector."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""A map whose classes, or whose frame, are not the run's."""
+"""Check of the prior map: its classes or frame do not match the run."""
 
 from collections.abc import Iterator
 

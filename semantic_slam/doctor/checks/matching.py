@@ -1,4 +1,4 @@
-"""Detections that no picture, and no depth, is of."""
+"""Check of time matching: detections without an image or depth image of their stamp."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Noise that the data contradict, or that nothing on earth has."""
+"""Check of noise settings: contradicted by the data, or implausibly small."""
 
 from collections.abc import Iterator
 
@@ -15,11 +15,11 @@ SOME, MUCH = 2.0, 6.0
 """By so much farther than stated detections of one thing lie apart; 0.1 to 0.6 on twelve healthy drives, 3 to 5 in
 stretches where most of what is seen moves."""
 LEAST_MOTION_M = 0.02
-"""Shorter motions tell nothing of a share of the way."""
+"""Motions shorter than this are ignored for distance-proportional errors."""
 EXACT_SHARE = 2e-4
-"""Share of the way driven by which no odometry errs so little."""
+"""Odometry error per distance below which the odometry is implausibly exact."""
 EXACT_M, EXACT_RAD = 1e-3, 1e-4
-"""No detector is as good in range and in bearing."""
+"""Range and bearing errors below which detections are implausibly exact."""
 
 
 def check(summary: InputSummary) -> Iterator[Finding]:

@@ -1,4 +1,4 @@
-"""Odometry that is too slow for the keyframes."""
+"""Check of rates: odometry too slow for the keyframes."""
 
 from collections.abc import Iterator
 
@@ -9,9 +9,9 @@ from semantic_slam.doctor.input_summary import InputSummary
 
 NAME = "rates"
 SLOWER = 2.0
-"""So much slower than detections odometry may be."""
+"""Tolerated ratio of the odometry period to the detection period."""
 LONG_M, LONG_RAD = 0.2, 0.2
-"""Motion between two samples from which on a straight line between them is wrong."""
+"""Motion between two samples above which linear interpolation is inaccurate."""
 
 
 def check(summary: InputSummary) -> Iterator[Finding]:

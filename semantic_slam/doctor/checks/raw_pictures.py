@@ -1,4 +1,4 @@
-"""Raw pictures that are lost on their way: larger than what a writer of stock Fast DDS keeps until it is read."""
+"""Check of lost raw images: larger than the shared memory of a default Fast DDS writer."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from semantic_slam.messages.topics import TYPES
 
 NAME = "raw pictures"
 KEPT_BYTES = 512 * 1024
-"""Shared memory of a writer, unless its process is told otherwise."""
+"""Default shared memory of a Fast DDS writer, in bytes."""
 NEAR = 0.5
 """What is stamped farther from any picture than this share of the usual step is of one that has not come."""
 SOME, MOST = 0.05, 0.5

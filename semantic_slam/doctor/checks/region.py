@@ -1,4 +1,4 @@
-"""Detections outside of the region in which the configuration expects any."""
+"""Check of the sensor region: detections outside the configured one."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Scores that say nothing, where the configuration goes by them."""
+"""Check of scores: uninformative although the configuration uses them."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Stamps that go back, leap or repeat, and odometry that is missing for a while."""
+"""Check of stamps: backward steps, jumps, repetitions, and gaps of odometry."""
 
 from collections import Counter
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Topics that are missing, silent, of another type, or under another name."""
+"""Check of topics: missing, silent, of another type, or under another name."""
 
 from collections.abc import Iterator
 

@@ -1,14 +1,14 @@
-"""How well boxes tell the directions of their objects.
+"""Directions of objects from their boxes: unit rays and their covariances.
 
-A detector puts a box's centre wrong by a share of the box's size, besides what any direction is wrong by. A box that
-the image's border cuts goes on beyond it: what a detector finds all the same shows a third at least, and if every share
-from there on is as likely, the centre of the whole is off that of what shows, outwards, by 0.3 of it on average, with a
-standard deviation of a quarter. That repeats while the border goes on cutting the thing: it counts four times as large,
-so that sixteen views in a row tell as much as one does.
+The error of a box centre is proportional to the box size, plus a constant directional error. A box cut by the image
+border continues beyond it. A detected cut box shows at least a third of the object; with all visible fractions from
+there on equally likely, the true centre lies outwards of the visible centre by 0.3 of the visible size on average, with
+a standard deviation of a quarter of it. This error persists while the border cuts the object, so its standard deviation
+is taken four times as large: sixteen views in a row then count as one.
 
-Both sides of a whole box count as the larger one: how its two errors differ is a guess, for the centre of a thing seen
-from above or aslant is off that of its box by what it shows of its depth, either way; and a ray that errs alike in all
-directions is one of GTSAM's own factors, many times as fast as one that Python works out.
+For a whole box, the larger side determines the error in both directions. How the two errors differ would be a guess:
+seen from above or at an angle, an object's centre is displaced from the box centre by its visible depth, in either
+direction. Besides, an isotropic ray error can use one of GTSAM's own factors, many times as fast as a Python factor.
 """
 
 import numpy as np
@@ -21,17 +21,17 @@ from semantic_slam.perception.boxes.box_sizes import are_cut, pixel_rays, shown_
 from semantic_slam.perception.frame import CameraModel
 
 CUT_SHIFT, CUT_SHARE = 0.3, 1.0
-"""Shares of what a cut box shows by which the centre of the whole lies beyond, and that this errs by."""
+"""Shift of a cut box's true centre beyond the border, and standard deviation, as shares of the visible size."""
 DOWN = np.array([0.0, 1.0, 0.0])
-"""In the optical frame."""
+"""Downward direction in the optical frame."""
 
 
 def ray_covariances(
     boxes: Array, camera: CameraModel, T_base_camera: Array, settings: PerceptionConfiguration
 ) -> tuple[Array, Array]:
-    """(D, 3) unit rays through the centres of (D, 4) boxes and their (D, 3, 3) covariances, along the body's axes.
+    """(D, 3) unit rays through the centres of (D, 4) boxes and their (D, 3, 3) covariances, in the body frame.
 
-    Across the rays alone, that is; NaN where a box is none.
+    The covariances are transverse to the rays only; NaN where there is no box.
     """
     rays = pixel_rays(_centres(whole_boxes(boxes, camera)), camera)
     shown, cut = shown_sizes(boxes, camera), are_cut(boxes, camera).any(axis=2)
@@ -46,7 +46,7 @@ def ray_covariances(
 
 
 def whole_boxes(boxes: Array, camera: CameraModel) -> Array:
-    """(D, 4) boxes with what the image's border is taken to cut off; as they show where both borders cut."""
+    """(D, 4) boxes extended by the part assumed cut off by the image border; unchanged where both borders cut."""
     cut, sizes = are_cut(boxes, camera), boxes[:, 2:] - boxes[:, :2]
     outwards = 2.0 * CUT_SHIFT * sizes
     low = np.where(cut[..., 0] & ~cut[..., 1], outwards, 0.0)
@@ -59,7 +59,7 @@ def _centres(boxes: Array) -> Array:
 
 
 def as_places(rays: Array, covariances: Array) -> Array:
-    """(D, 3, 3) of [range, bearing, elevation], NaN of the range, from unit rays (D, 3) and their covariances."""
+    """(D, 3, 3) covariances of [range, bearing, elevation], range NaN, from unit rays (D, 3) with covariances."""
     x, y, _ = rays.T
     level = x**2 + y**2
     slopes = np.zeros((len(rays), 2, 3))

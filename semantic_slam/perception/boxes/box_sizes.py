@@ -1,4 +1,4 @@
-"""How large boxes are, seen from the camera: the angles between opposite edges."""
+"""Angular sizes of boxes: the angles between opposite edges, seen from the camera."""
 
 import cv2
 import numpy as np
@@ -7,24 +7,24 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.perception.frame import CameraModel
 
 BORDER_PX = 2.0
-"""Nearer to the image's border than that a box counts as cut by it."""
+"""Distance [px] to the image border below which a box counts as cut by it."""
 EDGES = np.array([[0.0, 0.5], [1.0, 0.5], [0.5, 0.0], [0.5, 1.0]])
-"""Middles of a box's left, right, upper and lower edge, in shares of its width and height."""
+"""Midpoints of a box's left, right, upper and lower edge, as fractions of its width and height."""
 
 
 def angular_sizes(boxes: Array, camera: CameraModel) -> Array:
-    """(D, 2) width and height [rad] of (D, 4) boxes; NaN where the image's border cuts one, or where it is none."""
+    """(D, 2) width and height [rad] of (D, 4) boxes; NaN where the image border cuts the box, or there is none."""
     return np.where(are_cut(boxes, camera).any(axis=2), np.nan, shown_sizes(boxes, camera))
 
 
 def are_cut(boxes: Array, camera: CameraModel) -> Flags:
-    """(D, 2, 2) whether the image's border cuts (D, 4) boxes, at the left and right, and above and below."""
+    """(D, 2, 2) whether the image border cuts (D, 4) boxes: axis 1 is left/top and right/bottom, axis 2 is x and y."""
     size = np.array([camera.width, camera.height])
     return np.stack([boxes[:, :2] < BORDER_PX, boxes[:, 2:] > size - BORDER_PX], axis=2)
 
 
 def shown_sizes(boxes: Array, camera: CameraModel) -> Array:
-    """(D, 2) width and height [rad] of (D, 4) boxes as far as the image shows them; NaN where one is none."""
+    """(D, 2) width and height [rad] of the visible part of (D, 4) boxes; NaN where there is no box."""
     sizes = boxes[:, 2:] - boxes[:, :2]
     is_box = np.isfinite(boxes).all(axis=1) & (sizes > 0.0).all(axis=1)
     pixels = (boxes[is_box, None, :2] + EDGES * sizes[is_box, None]).reshape(-1, 2)

@@ -1,8 +1,8 @@
-"""Boxes that follow one another from frame to frame: a camera that gives thirty frames a second shows which are of one
-thing.
+"""Frame-to-frame tracking of boxes, for cameras with a frame rate of about 30 Hz.
 
-Each box goes on where its track lets expect it, by the share that both overlap; what a detector misses for a while goes
-on as it moved last. A track knows no names and no map, and ends where nothing goes on with it.
+A box continues the track whose predicted box it overlaps (intersection over union); a track that the detector misses
+for a while is extrapolated with its last velocity. Tracks use neither labels nor the map, and end when no box continues
+them.
 """
 
 from dataclasses import dataclass, replace
@@ -16,44 +16,44 @@ from semantic_slam.perception.boxes.same_outline import overlaps
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 LEAST_OVERLAP = 0.4
-"""Intersection over union with the expected box, from which on a box goes on with a track."""
+"""Smallest intersection over union with the predicted box at which a box continues a track."""
 NANOSECONDS = 1e9
-"""In a second."""
+"""Nanoseconds per second."""
 LONGEST_S = 0.6
-"""For how long a track waits for its next box."""
+"""Longest time [s] that a track waits for its next box."""
 NEW_PACE = 0.2
-"""Share of the newest step in how fast a track is taken to move."""
+"""Weight of the newest step in a track's exponentially smoothed velocity."""
 
 
 @dataclass(frozen=True)
 class _Tracks:
-    """The newest boxes of T tracks."""
+    """State of T tracks: names, newest boxes and velocities."""
 
     names: tuple[str, ...]  # (T,)
     stamps_ns: Index  # (T,)
     boxes: Array  # (T, 4) x_min y_min x_max y_max
-    paces: Array  # (T, 4) pixels per second by which the boxes move
+    paces: Array  # (T, 4) velocities of the boxes, pixels per second
 
     @classmethod
     def begun(cls, names: tuple[str, ...], stamp_ns: int, boxes: Array) -> "_Tracks":
-        """With their first boxes (T, 4)."""
+        """New tracks with their first boxes (T, 4) and zero velocity."""
         return cls(names, np.full(len(names), stamp_ns), boxes, np.zeros(boxes.shape))
 
     def alive(self, stamp_ns: int) -> "_Tracks":
-        """The tracks that still wait for a box at an instant."""
+        """Tracks that still wait for a box at time ``stamp_ns``."""
         ages = stamp_ns - self.stamps_ns
         return self.take(np.flatnonzero((ages > 0) & (ages <= LONGEST_S * NANOSECONDS)))
 
     def take(self, rows: Index) -> "_Tracks":
-        """Some of them."""
+        """The selected tracks."""
         return with_rows(self, rows, whole=())
 
     def expected(self, stamp_ns: int) -> Array:
-        """(T, 4) the boxes at an instant."""
+        """(T, 4) predicted boxes at time ``stamp_ns``."""
         return np.asarray(self.boxes + self.paces * self._waited_s(stamp_ns))
 
     def gone_on(self, stamp_ns: int, boxes: Array) -> "_Tracks":
-        """With their next boxes (T, 4), which move as their middles do: their edges tremble."""
+        """Tracks updated with their next boxes (T, 4); velocities follow the centres, as edges jitter."""
         steps = (boxes - self.boxes) / self._waited_s(stamp_ns)
         paces = np.tile(0.5 * (steps[:, :2] + steps[:, 2:]), (1, 2))
         stamps_ns = np.full(len(boxes), stamp_ns)
@@ -65,14 +65,14 @@ class _Tracks:
 
 
 class BoxTracks:
-    """Gives the boxes of one camera, frame by frame, the names of their tracks."""
+    """Assigns track names to the boxes of one camera, frame by frame."""
 
     def __init__(self) -> None:
         self._tracks = _Tracks.begun((), 0, np.zeros((0, 4)))
         self._count = 0
 
     def named(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """With track ids of the boxes; as they are where detections carry some, or none has a box."""
+        """Measurements with track ids; unchanged where detections carry some already, or none has a box."""
         boxes = measurements.boxes
         rows = np.flatnonzero(np.isfinite(boxes).all(axis=1))
         if any(measurements.track_ids) or not len(rows):
@@ -83,7 +83,7 @@ class BoxTracks:
         return replace(measurements, track_ids=tuple(names))
 
     def _follow(self, stamp_ns: int, boxes: Array) -> list[str]:
-        """(n,) names of the tracks that n boxes go on with, or begin."""
+        """(n,) names of the tracks that n boxes continue or begin."""
         alive = self._tracks.alive(stamp_ns)
         shared = overlaps(alive.expected(stamp_ns), boxes)
         tracks, rows = linear_sum_assignment(-shared)

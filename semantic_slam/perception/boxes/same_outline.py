@@ -1,8 +1,7 @@
-"""Boxes of one frame that show one thing, which a detector calls by several names: a laptop, and the same one a tv.
+"""Merging of boxes in one frame that show one object under several labels, such as a laptop also called a tv.
 
-Solid things that stand apart do not share an outline and the surface that it encloses: the nearer one hides the other.
-What is split, or merged with its neighbour, has other outlines than the thing: that stays to births, misses and false
-alarms.
+Separate solid objects do not share one image outline: the nearer one occludes the other. Split objects, and objects
+merged with a neighbour, have other outlines than the object; these are left to births, misses and false alarms.
 """
 
 from dataclasses import replace
@@ -14,8 +13,9 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 
 def overlaps(boxes: Array, others: Array) -> Array:
-    """(D, E) intersection over union of boxes (D, 4) and (E, 4), x_min y_min x_max y_max; 0 where one is not given or
-    empty.
+    """(D, E) intersection over union of boxes (D, 4) and (E, 4), x_min y_min x_max y_max.
+
+    It is 0 where a box is missing or empty.
     """
     low = np.maximum(boxes[:, None, :2], others[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
@@ -27,16 +27,16 @@ def overlaps(boxes: Array, others: Array) -> Array:
 
 
 def _area(sides: Array) -> Array:
-    """(...,) of rectangles with two sides (..., 2); 0 where one is below 0."""
+    """(...,) areas of rectangles with side lengths (..., 2); 0 where a side is negative."""
     longer = np.maximum(sides, 0.0)
     return np.asarray(longer[..., 0] * longer[..., 1])
 
 
 def joined(measurements: SemanticMeasurements, least_overlap: float) -> SemanticMeasurements:
-    """One detection for each outline: the one with the best score, with the classes and scores of all.
+    """Merge detections of one outline into the best-scored one, which keeps the class scores of all.
 
-    A box is joined to the best one that it overlaps by ``least_overlap`` or more; boxes with different identities stay
-    apart.
+    A box is merged into the best one that it overlaps by ``least_overlap`` or more; boxes with different track ids
+    stay separate.
     """
     boxes = measurements.boxes
     if len(measurements) < 2 or least_overlap >= 1.0 or not np.isfinite(boxes).any():
@@ -54,7 +54,7 @@ def joined(measurements: SemanticMeasurements, least_overlap: float) -> Semantic
 
 
 def _leaders(measurements: SemanticMeasurements, same: Flags) -> Index:
-    """(D,) for each detection the best one of its outline: itself where there is none better."""
+    """(D,) index of the best detection with the same outline; the detection itself where none is better."""
     scores = np.nan_to_num(measurements.scores, nan=-np.inf)
     leaders, leading = np.arange(len(scores)), list[int]()
     for row in np.argsort(-scores, kind="stable").tolist():
@@ -68,7 +68,7 @@ def _leaders(measurements: SemanticMeasurements, same: Flags) -> Index:
 
 
 def _with_all_names(measurements: SemanticMeasurements) -> SemanticMeasurements:
-    """With the score of each label among those of the classes, where classes are the detector's and not a network's."""
+    """Add each label's score to the class scores, where the classes are the detector's and not a network's."""
     if measurements.class_probability_samples.shape[1] > 0:
         return measurements
     names = tuple(dict.fromkeys((*measurements.class_names, *sorted({*measurements.labels} - {""}))))

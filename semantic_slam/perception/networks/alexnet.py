@@ -1,4 +1,4 @@
-"""AlexNet in plain torch, with the module names of torchvision, so that its state dicts load strictly."""
+"""AlexNet in plain torch, with torchvision's module names, so that its state dicts load strictly."""
 
 import torch
 from torch import nn

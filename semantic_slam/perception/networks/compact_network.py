@@ -46,7 +46,7 @@ class CompactNetwork(nn.Module):  # type: ignore[misc]  # torch is not followed 
     def appearance(self, images: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """The descriptors, and the (N, 576) means and standard deviations over the maps of the four convolutions.
 
-        Its last map alone tells its few classes apart, and little else: what is no furniture shows before.
+        The last map alone separates the few classes and little else; novelty shows in earlier maps.
         """
         parts = []
         for layer in self.features:

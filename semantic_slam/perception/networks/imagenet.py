@@ -1,4 +1,4 @@
-"""Classes of ImageNet by name: which of a network's thousand outputs are reported, alone or in groups."""
+"""ImageNet classes by name: which of a network's 1000 outputs are reported, singly or in groups."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ GROUPS_REMEDY = "list 'group: [ImageNet class, ...]', see config/imagenet_groups
 
 
 def reported_classes(settings: PerceptionConfiguration) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:
-    """Names of the reported classes and the outputs that each sums up, the rest of all outputs last.
+    """Names of the reported classes and the outputs that each sums; the last class sums all other outputs.
 
     Groups come first, as their file lists them, then single classes. Raises InputError.
     """
@@ -34,7 +34,7 @@ def reported_classes(settings: PerceptionConfiguration) -> tuple[tuple[str, ...]
 
 
 def output_of(name: str, origin: str) -> int:
-    """The output that a class has, by one of its names or its number. Raises InputError, for names of several, too."""
+    """Output index of a class, by name or number. Raises InputError, also for a name that is ambiguous."""
     if name.isdecimal():
         if int(name) < NUM_CLASSES:
             return int(name)
@@ -50,7 +50,7 @@ def output_of(name: str, origin: str) -> int:
 
 
 def class_name(output: int) -> str:
-    """The first of a class's names."""
+    """First of the class names of an output."""
     return _names()[output][0]
 
 
@@ -67,7 +67,7 @@ def _groups(path: Path) -> dict[str, tuple[int, ...]]:
 
 
 def _add(members: dict[str, tuple[int, ...]], name: str, outputs: tuple[int, ...], origin: str) -> None:
-    """Raises InputError where a name or an output is there already: every output counts once."""
+    """Add a class. Raises InputError where the name or an output is used already: every output counts once."""
     taken = {output: other for other, theirs in members.items() for output in theirs}
     twice = [output for output in outputs if output in taken or outputs.count(output) > 1]
     if name in members or name == NONE_OF_THESE or not name.strip():
@@ -84,7 +84,7 @@ def _listed(outputs: Sequence[int]) -> str:
 
 @cache
 def _names() -> tuple[tuple[str, ...], ...]:
-    """(1000,) the names of every output."""
+    """(1000,) names of every output."""
     lines = read_text(shipped_file(NAMES_FILE), "install the package anew").splitlines()
     return tuple(tuple(line.split(", ")) for line in lines if not line.startswith("#"))
 

@@ -1,4 +1,4 @@
-"""Networks that were trained on ImageNet, from files of weights in the layouts that their sources have."""
+"""Networks pre-trained on ImageNet, loaded from weight files in their original layouts."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +12,13 @@ from semantic_slam.perception.networks.weight_files import load_strictly, read_w
 
 
 def load_imagenet_network(settings: PerceptionConfiguration) -> ClassifierNetwork:
-    """The configured network of those in ``NETWORKS``, with its reported classes. Raises InputError."""
+    """Load the configured network of ``NETWORKS`` with its reported classes. Raises InputError."""
     names, members = _reported(settings)
     return ClassifierNetwork(NETWORKS[settings.architecture](settings), names, members)
 
 
 def _reported(settings: PerceptionConfiguration) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:
-    """Classes by name, or AlexNet's components by number, without a rest. Raises InputError."""
+    """Reported classes by name; or AlexNet outputs by number, without a rest class. Raises InputError."""
     if settings.architecture != alexnet.ARCHITECTURE or settings.classes or settings.class_groups:
         return reported_classes(settings)
     components = settings.alexnet_components
@@ -64,4 +64,4 @@ NETWORKS: dict[str, Callable[[PerceptionConfiguration], DropoutNetwork]] = {
     squeezenet.ARCHITECTURE: _squeezenet,
     efficientnet_lite.ARCHITECTURE: _efficientnet_lite,
 }
-"""What loads each architecture's weights in evaluation mode; they raise InputError."""
+"""Loader of each architecture's weights in evaluation mode; loaders raise InputError."""

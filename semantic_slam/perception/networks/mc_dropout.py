@@ -1,4 +1,4 @@
-"""Monte Carlo dropout: the trunk once, the head T times in one batch, every draw keyed."""
+"""Monte Carlo dropout: the trunk runs once, the head T times in one batch, with reproducible masks."""
 
 import hashlib
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.networks.network import DropoutNetwork
 
 LEAST_WEIGHTS = 1_000_000
-"""Weights of a fully connected layer from which on its product takes longer than a millisecond."""
+"""Number of weights above which a fully connected layer takes longer than 1 ms."""
 
 
 def dropout_generator(seed: int, stamp_ns: int, detection_index: int) -> np.random.Generator:
-    """Generator of one detection's dropout masks.
+    """Random generator of one detection's dropout masks.
 
-    It depends on nothing else, so that neither the other detections of the frame nor the process matters.
+    It depends on the arguments alone: neither other detections of the frame nor the process matter.
     """
     text = f"dropout:{seed}:{stamp_ns}:{detection_index}"
     digest = hashlib.blake2b(text.encode(), digest_size=16).digest()
@@ -26,9 +26,9 @@ def dropout_generator(seed: int, stamp_ns: int, detection_index: int) -> np.rand
 
 @dataclass(frozen=True)
 class Seen:
-    """What the trunk makes of a picture, once for all dropout passes; no dropout lies in it."""
+    """Trunk output of an image, shared by all dropout passes; the trunk has no dropout."""
 
-    descriptor: torch.Tensor  # (1, ...) what the head is given
+    descriptor: torch.Tensor  # (1, ...) input of the head
     appearance: Array  # (K,) non-negative means over the trunk's maps
 
 
@@ -42,9 +42,9 @@ def class_probability_samples(
 
 
 def seen(network: DropoutNetwork, crop: Bytes) -> Seen:
-    """What the trunk makes of one (size, size, 3) crop.
+    """Run the trunk on one (size, size, 3) crop.
 
-    One detection at a time: a matrix product over several detections rounds differently with their number.
+    Crops are run one at a time: the rounding of a batched matrix product depends on the batch size.
     """
     with torch.inference_mode():
         descriptor, appearance = network.appearance(network.normalise(crop[None]))
@@ -54,7 +54,7 @@ def seen(network: DropoutNetwork, crop: Bytes) -> Seen:
 def samples_of_head(
     network: DropoutNetwork, descriptor: torch.Tensor, num_passes: int, generator: np.random.Generator
 ) -> Array:
-    """(T, C) class probabilities that the head makes of a (1, ...) descriptor, one row per dropout pass."""
+    """(T, C) class probabilities of the head for a (1, ...) descriptor, one row per dropout pass."""
     with torch.inference_mode():
         passes = descriptor.expand(num_passes, *descriptor.shape[1:])
         logits = _head_with_dropout(network.head(), passes, generator)
@@ -62,13 +62,13 @@ def samples_of_head(
 
 
 def trunk_features(network: DropoutNetwork, crops: Bytes) -> Array:
-    """(N, K) non-negative means over the trunk's maps, of (N, size, size, 3) RGB crops: what is seen, classes apart."""
+    """(N, K) class-independent features of (N, size, size, 3) RGB crops: non-negative means over trunk maps."""
     rows = [seen(network, crop).appearance for crop in crops]
     return np.array(rows) if rows else np.zeros((0, 0))
 
 
 def probe_features(network: DropoutNetwork) -> Array:
-    """(K,) features of a picture that is the same everywhere, a fan of colours: they tell one network from another."""
+    """(K,) features of a fixed synthetic probe image (a colour fan), which identify a network."""
     ramp = np.linspace(0.0, 255.0, network.input_size)
     columns, rows = np.meshgrid(ramp, ramp)
     picture = np.stack([columns, rows, (columns * rows / 255.0 * 7.0) % 256.0], axis=-1)
@@ -76,17 +76,17 @@ def probe_features(network: DropoutNetwork) -> Array:
 
 
 def _head_with_dropout(head: nn.Sequential, values: torch.Tensor, generator: np.random.Generator) -> torch.Tensor:
-    """(T, ...) to (T, C): what the head computes in training mode, with masks from ``generator``."""
+    """Run the head in training mode, (T, ...) to (T, C), with dropout masks from ``generator``."""
     for layer in head:
         values = _dropped(values, layer.p, generator) if isinstance(layer, nn.Dropout) else _applied(layer, values)
     return values
 
 
 def _applied(layer: nn.Module, values: torch.Tensor) -> torch.Tensor:
-    """What a layer makes of (T, ...) values.
+    """Apply one layer to (T, ...) values.
 
-    Products with many weights are oneDNN's, as convolutions are anyway: where torch's own BLAS is MKL and the processor
-    not Intel's, it takes half the time for tens of rows. Both are in float32 and sum in another order.
+    Products with many weights use oneDNN, as convolutions do anyway: where torch's BLAS is MKL and the processor is not
+    Intel's, oneDNN takes half the time for tens of rows. Both work in float32 but sum in a different order.
     """
     if not isinstance(layer, nn.Linear) or layer.weight.numel() < LEAST_WEIGHTS or not _has_onednn():
         return layer(values)

@@ -1,4 +1,4 @@
-"""What every classification network here is: a trunk that runs once and a head with dropout."""
+"""Interface of classification networks: a trunk that runs once, and a head with dropout."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -11,9 +11,9 @@ from semantic_slam.geometry.arrays import Array, Bytes
 
 
 class DropoutNetwork(Protocol):
-    """A network whose dropout layers all lie behind its convolutional trunk.
+    """A network whose dropout layers all come after its convolutional trunk.
 
-    Only then may the trunk run once for many dropout passes: the distribution of the outputs is the same.
+    Only then may the trunk run once for many dropout passes without changing the output distribution.
     """
 
     input_size: int  # pixels, crops are input_size x input_size
@@ -25,7 +25,7 @@ class DropoutNetwork(Protocol):
         """Layers from a descriptor to the logits; its nn.Dropout layers are the source of model uncertainty."""
 
     def appearance(self, images: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The descriptors, and (N, K) what pictures look like: non-negative means over maps of the trunk."""
+        """The descriptors, and (N, K) appearance features of the images: non-negative means over trunk maps."""
 
     def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, size, size, 3) RGB bytes to the (N, 3, size, size) input of the trunk."""
@@ -37,15 +37,15 @@ class ClassifierNetwork:
 
     network: DropoutNetwork
     class_names: tuple[str, ...]  # (C,) names of the classes that are reported
-    members: tuple[tuple[int, ...], ...]  # (C,) the network's outputs whose probabilities each of them sums up
+    members: tuple[tuple[int, ...], ...]  # (C,) network outputs whose probabilities each class sums
 
     def reported(self, probabilities: Array) -> Array:
-        """(..., C) probabilities of the reported classes of (..., outputs) of the network."""
+        """(..., C) probabilities of the reported classes from (..., outputs) network probabilities."""
         return np.stack([probabilities[..., list(outputs)].sum(axis=-1) for outputs in self.members], axis=-1)
 
 
 def each_alone(outputs: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
-    """Members of classes that are one output each."""
+    """``members`` of classes that consist of one output each."""
     return tuple((index,) for index in outputs)
 
 

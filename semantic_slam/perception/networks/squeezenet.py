@@ -12,7 +12,7 @@ from semantic_slam.perception.networks.network import normalised
 ARCHITECTURE = "squeezenet"
 NUM_CLASSES = 1000
 MEAN_BGR = (104.0, 117.0, 123.0)
-"""What the authors' weights were trained with: pixels minus these, blue first, not scaled."""
+"""Channel means (BGR) subtracted from unscaled pixels in the authors' training."""
 FIRES = (
     (64, 16, 64),
     (128, 16, 64),
@@ -23,13 +23,13 @@ FIRES = (
     (384, 64, 256),
     (512, 64, 256),
 )
-"""Channels of the fires: taken in, squeezed, and expanded in each of two halves."""
+"""Channels of the fire modules: input, squeezed, and expanded in each of two halves."""
 FIRES_OF_TORCHVISION = (3, 4, 6, 7, 9, 10, 11, 12)
-"""Where they stand among torchvision's ``features``."""
+"""Indices of the fire modules in torchvision's ``features``."""
 
 
 class Fire(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
-    """A squeezing 1 x 1 convolution, then 1 x 1 and 3 x 3 side by side."""
+    """Fire module: a squeezing 1 x 1 convolution, then 1 x 1 and 3 x 3 convolutions in parallel."""
 
     def __init__(self, inputs: int, squeezed: int, expanded: int) -> None:
         super().__init__()
@@ -44,10 +44,10 @@ class Fire(nn.Module):  # type: ignore[misc]  # torch is not followed by mypy
 
 
 class SqueezeNet(nn.Module):  # type: ignore[misc]
-    """SqueezeNet 1.1 (Iandola et al. 2016), 1,235,496 parameters; dropout lies before its last convolution.
+    """SqueezeNet 1.1 (Iandola et al. 2016), 1,235,496 parameters, with dropout before its last convolution.
 
     ``of_torchvision``: the weights were trained on 224 x 224 RGB pixels with ImageNet's channel means and deviations,
-    and not on the authors' 227 x 227 BGR pixels.
+    otherwise on the authors' 227 x 227 BGR pixels.
     """
 
     def __init__(self, *, of_torchvision: bool) -> None:
@@ -78,7 +78,7 @@ class SqueezeNet(nn.Module):  # type: ignore[misc]
         return descriptors, descriptors.mean(dim=(2, 3))
 
     def normalise(self, crops: Bytes) -> torch.Tensor:
-        """(N, size, size, 3) RGB bytes as the weights were trained on them."""
+        """(N, size, size, 3) RGB bytes normalised as in the training of the weights."""
         if self._of_torchvision:
             return normalised(crops, (0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
         values = crops[..., ::-1].astype(np.float32) - np.array(MEAN_BGR, dtype=np.float32)
@@ -96,7 +96,7 @@ def is_of_torchvision(names: set[str]) -> bool:
 
 
 def renamed(name: str) -> str:
-    """A name of torchvision's layout as this module has it; others stay as they are."""
+    """Convert a state-dict name from torchvision's layout to this module's; other names are unchanged."""
     fire = re.fullmatch(r"features\.(\d+)\.(squeeze|expand1|expand3)(?:x[13])?\.(weight|bias)", name)
     if fire and int(fire[1]) in FIRES_OF_TORCHVISION:
         return f"fires.{FIRES_OF_TORCHVISION.index(int(fire[1]))}.{fire[2]}.{fire[3]}"

@@ -1,4 +1,4 @@
-"""Files of weights: data only, nothing in them is ever executed."""
+"""Weight files: data only; loading executes no code from them."""
 
 import pickle
 from importlib import resources
@@ -35,7 +35,7 @@ def read_safetensors(path: Path) -> tuple[Tensors, dict[str, str]]:
 
 
 def load_strictly(network: nn.Module, tensors: Tensors, path: Path) -> None:
-    """Load, in evaluation mode and without gradients; raises InputError for another network's names or shapes."""
+    """Load tensors, set evaluation mode, disable gradients. Raises InputError where names or shapes do not match."""
     try:
         network.load_state_dict(tensors, strict=True)
     except RuntimeError as fault:

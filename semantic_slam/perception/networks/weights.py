@@ -1,4 +1,4 @@
-"""The configured network: the project's own, from a file that it saves, or one of ImageNet."""
+"""Loading of the configured network: the project's compact network from its file, or an ImageNet one."""
 
 import json
 from pathlib import Path
@@ -19,9 +19,9 @@ METADATA_KEY = "semantic_slam"
 
 
 def load_network(configuration: PerceptionConfiguration) -> ClassifierNetwork:
-    """The configured network in evaluation mode. Raises InputError naming file, fault and remedy.
+    """Load the configured network in evaluation mode. Raises InputError naming file, fault and remedy.
 
-    From here on torch uses one thread: two that fight for a core are many times slower than one.
+    Sets torch to one thread from here on: two threads that share a core are many times slower than one.
     """
     torch.set_num_threads(1)
     if configuration.architecture in NETWORKS:
@@ -31,7 +31,7 @@ def load_network(configuration: PerceptionConfiguration) -> ClassifierNetwork:
 
 
 def load_compact_network(path: Path) -> ClassifierNetwork:
-    """Weights written by ``save_compact_network``. Raises InputError."""
+    """Load weights written by ``save_compact_network``. Raises InputError."""
     tensors, metadata = read_safetensors(path)
     try:
         description = json.loads(metadata.get(METADATA_KEY, ""))

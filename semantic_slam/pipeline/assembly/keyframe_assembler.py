@@ -273,7 +273,7 @@ class KeyframeAssembler:
         return keyframe
 
     def _is_odometry_near(self, stamp_ns: int) -> bool:
-        """Whether there is odometry after an instant, or at most ``MAX_EXTRAPOLATION_S`` before it; prunes old ones."""
+        """Whether odometry is at or after an instant, or at most ``MAX_EXTRAPOLATION_S`` before; prunes old samples."""
         earlier, later = self._around(stamp_ns)
         oldest, _ = self._around(stamp_ns + min(self._instants_ns))
         if earlier is not None and oldest is not None:
@@ -283,7 +283,7 @@ class KeyframeAssembler:
         return earlier is not None and stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
 
     def _point(self, stamp_ns: int) -> OdometryPoint:
-        """Odometry at an instant: interpolated; before the first sample the first, after the last one with more noise."""
+        """Odometry at an instant: interpolated; before the first sample the first, after the last one with sigmas."""
         earlier, later = self._around(stamp_ns)
         if earlier is not None and later is None:
             return earlier.standing_until(stamp_ns)
@@ -346,7 +346,10 @@ class KeyframeAssembler:
         return last is None or driven[0] - last[0] >= policy.distance_m or driven[1] - last[1] >= policy.angle_rad
 
     def _inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """Without detections outside the open world's region, where new objects are not distinguished from known."""
+        """Without detections outside the open world's region, unless that region is learnt.
+
+        Outside it new objects could not be distinguished from known ones.
+        """
         if not self._association.counts_misses:
             return measurements
         if self._configuration.open_world.learn_region:

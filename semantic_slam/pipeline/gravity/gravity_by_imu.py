@@ -1,7 +1,8 @@
-"""Which way is up at keyframes, by topic imu.
+"""Gravity direction (roll and pitch) at keyframes, measured by topic imu.
 
-A run begins as tilted as the look of its first keyframe has it (``start_of``). Later looks would contradict another
-start: without the first one there is none. So a run does not begin just before its sensor is heard.
+The start pose of a run takes roll and pitch from the measurement in its first keyframe (``start_of``). Without it later
+measurements might contradict the start pose and are not used. Therefore a run does not start shortly before the first
+IMU message.
 """
 
 from collections import Counter
@@ -26,26 +27,26 @@ from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 SILENT_NS = 2 * NANOSECONDS
-"""A topic that lags behind odometry by more is silent."""
+"""Lag behind odometry above which the topic counts as silent."""
 START_NS = 5 * NANOSECONDS
-"""So long, by stamps, a run does not begin for want of the first message, and live of the transform to its frame."""
+"""Longest delay, by stamps, of a run's start for the first message and, live, for the transform to its frame."""
 LONGEST_NAME = 80
-"""Characters of somebody else's frame id that a reason repeats."""
+"""Characters of a foreign frame id that are quoted in a reason."""
 
 
 @dataclass(frozen=True)
 class ImuSource:
-    """An inertial sensor that a run listens to."""
+    """An IMU that a run uses."""
 
     transforms: TransformTree  # of /tf_static; may still grow
-    waits: bool = True  # for its messages, however late they are; False, live: what is silent is done without
+    waits: bool = True  # wait for its messages, however late; False, live: keyframes do without a silent IMU
 
 
 class GravityByImu:
-    """Readings that wait for their keyframe; ``dropped`` counts, by reason, what was not used."""
+    """Buffers IMU readings and measures gravity at keyframes; ``dropped`` counts, by reason, what was not used."""
 
     def __init__(self, configuration: Configuration, source: ImuSource, dropped: Counter[str]) -> None:
-        """Raises InputError for extrinsics that are none."""
+        """Raises InputError for invalid extrinsics."""
         self._settings, self._source, self._dropped = configuration.imu, source, dropped
         self._repeats_s = configuration.odometry.level_repeats_s
         self._base_frame = configuration.perception.base_frame
@@ -54,29 +55,29 @@ class GravityByImu:
         self._readings: StampedBuffer[ImuReading] = StampedBuffer(topics.IMU, dropped)
         self._last_look_ns: int | None = None
         self._has_begun = False
-        self._wanted_ns: int | None = None  # the first keyframe that there might have been
+        self._wanted_ns: int | None = None  # stamp of the first measurements that were to become a keyframe
         self.window_ns = round(configuration.imu.window_s * NANOSECONDS)
 
     def add(self, message: Any) -> None:
-        """sensor_msgs/Imu."""
+        """Take a sensor_msgs/Imu."""
         reading = imu_reading(message)
         if reading.fault:
             self._dropped[f"{topics.IMU}: {reading.fault}"] += 1
         self._readings.add(header_stamp_ns(message), reading)
 
     def is_known(self, stamp_ns: int, newest_odometry_ns: int) -> bool:
-        """Whether no more readings will come up to an instant, or none are waited for."""
+        """Whether all readings up to an instant have arrived, or, live, are not waited for any longer."""
         if self._readings.has_reached(stamp_ns):
             return True
         patience_ns = SILENT_NS if self._has_begun else START_NS
         return not self._source.waits and newest_odometry_ns - stamp_ns > patience_ns
 
     def is_silent(self, newest_odometry_ns: int) -> bool:
-        """Whether the topic lags far behind odometry."""
+        """Whether the topic lags behind odometry by more than ``SILENT_NS``."""
         return not self._readings.has_reached(newest_odometry_ns - SILENT_NS)
 
     def begins_later(self, stamp_ns: int) -> bool:
-        """Whether a run should not begin at this instant yet, for soon the sensor tells how it is tilted."""
+        """Whether to delay the start of the run past this instant, because roll and pitch can be measured soon."""
         if self._has_begun or not len(self._readings):
             return False
         self._wanted_ns = stamp_ns if self._wanted_ns is None else self._wanted_ns
@@ -87,19 +88,19 @@ class GravityByImu:
         return may_come and not self._is_placed(reading.frame_id)
 
     def release(self) -> None:
-        """No more will come."""
+        """Accept readings on hold, as no more will come."""
         self._readings.release()
 
     def go_on_from(self, former: "GravityByImu") -> None:
-        """Take what another one has refused because it is of this session."""
+        """Take the readings of this session that the object of the previous one has refused."""
         self._readings.go_on_from(former._readings)
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Remove what no keyframe after this instant asks for."""
+        """Remove the readings that no keyframe after this instant needs."""
         self._readings.forget_before(stamp_ns - self.window_ns)
 
     def level_at(self, stamp_ns: int, path: OdometryPath) -> Array | None:
-        """(4,) as of ``Keyframe.level``, at a keyframe to which odometry's ``path`` leads; None: nothing tells it."""
+        """(4,) ``Keyframe.level`` at a keyframe, with odometry's ``path`` up to it; None, counted, if not measured."""
         is_first, self._has_begun = not self._has_begun, True
         try:
             look = self._look(stamp_ns, path, is_first=is_first)
@@ -122,7 +123,7 @@ class GravityByImu:
         return look_of(readings, window, self._settings, is_first=is_first)
 
     def _is_placed(self, frame_id: str) -> bool:
-        """Whether its pose in the body is known."""
+        """Whether the sensor's pose in the body frame is known."""
         with suppress(InputError):
             self._pose(frame_id)
             return True

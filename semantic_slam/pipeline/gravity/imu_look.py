@@ -1,11 +1,10 @@
-"""One look at gravity, by what an inertial sensor has told in a window before a keyframe.
+"""Measures the gravity direction from the IMU readings in a window before a keyframe.
 
-Where messages state an orientation, the newest one counts. Else accelerations do, averaged along the axes of odom with
-weights that rise to the middle of the window and fall again: what of that mean is the robot's own acceleration, its
-odometry tells exactly, as the second difference of where the sensor was at the window's start, its middle and its end.
-Left out is a window that messages or odometry do not cover, one in which the robot accelerates much, and a mean that is
-not gravity's. What lasts, as an accelerometer's bias or a sensor that is mounted otherwise than stated, nothing here
-sees.
+If messages contain an orientation, the newest one is used. Otherwise accelerations are averaged along the axes of odom,
+with triangular weights over the window. The share of the robot's own acceleration in that mean is exactly the second
+difference of the sensor's positions, by odometry, at the start, the middle and the end of the window. Rejected are
+windows that messages or odometry do not cover, windows in which the robot accelerates too much, and means whose norm is
+not that of gravity. Constant errors, such as an accelerometer bias or wrong extrinsics, are not detected.
 """
 
 from collections.abc import Sequence
@@ -20,27 +19,27 @@ from semantic_slam.messages.inertial import GRAVITY_M_S2, ImuReading
 from semantic_slam.pipeline.gravity.imu_window import ImuWindow
 
 LEAST_VARIANCE = 1e-6
-"""[rad^2]: no sensor is mounted better than to a milliradian, whatever it states."""
+"""Lower limit [rad^2] of the variance: sensors are not mounted more accurately than to a milliradian."""
 MOST_AT_START_M_S2 = 3.0
-"""By how much what is shown at the first keyframe may differ from gravity, which makes its look rough."""
+"""Largest difference from gravity [m/s^2] of the rough measurement at the first keyframe."""
 
 
 class NoLookError(Exception):
-    """Why gravity is not told at a keyframe."""
+    """Raised with the reason why gravity cannot be measured at a keyframe."""
 
 
 @dataclass(frozen=True)
 class ImuLook:
-    """What is told."""
+    """A measured gravity direction."""
 
-    up: Array  # (3,) of unit length, along the body's axes
+    up: Array  # (3,) unit vector in the body frame
     variance: float  # [rad^2] about each of two axes across it
 
 
 def look_of(
     readings: Sequence[tuple[int, ImuReading]], window: ImuWindow, settings: ImuConfiguration, *, is_first: bool
 ) -> ImuLook:
-    """By readings with their stamps, in order; the first look of a run may be rough. Raises NoLookError."""
+    """Measure gravity from (stamp, reading) in stamp order; the first of a run may be rough. Raises NoLookError."""
     for stamp_ns, reading in reversed(readings):
         if reading.up is not None:
             stated = reading.variance if np.isfinite(reading.variance) else settings.sigma_level_rad**2
@@ -55,7 +54,7 @@ def look_of(
 def _by_accelerations(
     window: ImuWindow, stamps_ns: NDArray[np.int64], shown: Array, settings: ImuConfiguration, *, is_first: bool
 ) -> ImuLook:
-    """By accelerations (M, 3) of the sensor."""
+    """Measure gravity from accelerations (M, 3) [m/s^2] in the sensor frame. Raises NoLookError."""
     if window.has_gap(stamps_ns):
         if not is_first:
             raise NoLookError("messages or odometry do not cover imu.window_s before a keyframe")
@@ -71,14 +70,14 @@ def _by_accelerations(
 
 
 def _rough(window: ImuWindow, felt: Array, accelerates: float, settings: ImuConfiguration) -> ImuLook:
-    """Where odometry does not tell well how the robot accelerates."""
+    """Measurement with a larger variance, where the robot's own acceleration is large or not well known."""
     off = _check(felt, MOST_AT_START_M_S2)
     unknown = max(settings.most_acceleration_m_s2, accelerates, off) / GRAVITY_M_S2
     return ImuLook(window.in_body(felt / np.linalg.norm(felt)), settings.sigma_level_rad**2 + unknown**2)
 
 
 def _check(felt: Array, most_m_s2: float) -> float:
-    """By how much (3,) differs from gravity [m/s^2]. Raises NoLookError."""
+    """Difference [m/s^2] between the norm of (3,) and gravity. Raises NoLookError if it exceeds ``most_m_s2``."""
     off = abs(float(np.linalg.norm(felt)) - GRAVITY_M_S2)
     if off > most_m_s2:
         raise NoLookError(f"accelerations that do not come to gravity, {GRAVITY_M_S2} m/s^2")

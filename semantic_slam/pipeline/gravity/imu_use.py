@@ -1,4 +1,4 @@
-"""Whether a run listens to topic imu."""
+"""Decides whether a run uses topic imu."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ NAME, TYPE = absolute(topics.IMU), topics.TYPES[topics.IMU]
 
 
 def unused_because(configuration: Configuration) -> str:
-    """Why topic imu tells a run nothing; "" where it tells roll and pitch."""
+    """Why the configuration does not use topic imu; "" if it does, for roll and pitch."""
     if not configuration.is_spatial:
         return "a planar robot is level"
     if not strategy_of(configuration).tracks_objects:
@@ -22,7 +22,7 @@ def unused_because(configuration: Configuration) -> str:
 
 
 def left_out(configuration: Configuration, available: Mapping[str, str]) -> str:
-    """One line where topics (absolute name -> type) have an imu that a run with this configuration does not use."""
+    """Notice if there is a topic imu that the run does not use, else ""; ``available``: absolute name -> type."""
     kind = available.get(NAME, TYPE)
     if NAME in available and (reason := unused_because(configuration)):
         return f"{NAME} is not used: {reason}"

@@ -1,4 +1,4 @@
-"""Which way is up, by odometry whose frame is level."""
+"""Gravity direction from odometry whose frame is level."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from semantic_slam.pipeline.odometry.motion import OdometryPoint
 
 
 def level_at(point: OdometryPoint, before: OdometryPoint | None, settings: OdometryConfiguration) -> Array | None:
-    """(4,) as of ``Keyframe.level``, at a keyframe and after the one ``before``; None where nothing tells it."""
+    """(4,) ``Keyframe.level`` at a keyframe, after the one ``before``; None if odometry does not measure it."""
     if settings.sigma_level_rad <= 0.0 or point.sigma_rad > 0.0:  # the odometry was missing
         return None
     elapsed_s = np.inf if before is None else (point.stamp_ns - before.stamp_ns) / NANOSECONDS
@@ -19,9 +19,10 @@ def level_at(point: OdometryPoint, before: OdometryPoint | None, settings: Odome
 
 
 def repeated(variance: float, elapsed_s: float, repeats_s: float) -> float:
-    """Variance of a look so long after the one before it.
+    """Variance of a gravity measurement, given the time since the previous one.
 
-    Errors of one mount and one filter repeat: n looks within ``repeats_s`` have n times the variance, so that together
-    they count as one. That is an approximation: a lasting error averages out, over many times that time.
+    Errors of a sensor mount or filter are correlated in time: n measurements within ``repeats_s`` get n times the
+    variance, so that together they count as one. This is an approximation: over many times ``repeats_s`` even a
+    constant error averages out.
     """
     return max(repeats_s / max(elapsed_s, 1.0 / NANOSECONDS), 1.0) * variance

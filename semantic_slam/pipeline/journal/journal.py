@@ -53,7 +53,7 @@ class Journal(NoJournal):
     """Journal of one run in a folder, locked by one process at a time."""
 
     def __init__(self, folder: Path, run: str, *, resume: bool = True) -> None:
-        """``run`` identifies the run; without ``resume`` an old journal is renamed to journal.old. Raises InputError."""
+        """``run`` identifies the run; ``resume`` False: rename an old journal to journal.old. Raises InputError."""
         self._path = folder / FILE
         try:
             folder.mkdir(parents=True, exist_ok=True)

@@ -51,7 +51,7 @@ class KeptRun:
             self._ends.append(self.length)
 
     def keyframes(self, first: int, end: int) -> list[Keyframe]:
-        """Kept keyframes ``first`` to ``end`` - 1. Raises InputError if the file ends too early."""
+        """Kept keyframes ``first`` to ``end`` - 1. Raises InputError or OSError if they cannot be read."""
         last = min(end, self.num_keyframes)
         if first >= last:
             return []
@@ -69,7 +69,7 @@ class KeptRun:
 
 
 def read_kept(descriptor: int, length: int) -> tuple[RunConfiguration, list[Keyframe]]:
-    """Read the run's configuration and keyframes from the first ``length`` bytes of a file. Raises InputError."""
+    """Read configuration and keyframes from the first ``length`` bytes of a file. Raises InputError or OSError."""
     run, *keyframes = _records(descriptor, 0, length)
     types = topics.TYPES
     return decode(run, types[topics.RUN_CONFIGURATION]), [decode(own, types[topics.KEYFRAMES]) for own in keyframes]

@@ -46,7 +46,7 @@ class OdometryPoint:
         )
 
     def standing_until(self, stamp_ns: int) -> "OdometryPoint":
-        """The point at an instant after the last odometry; its sigmas grow with the pace, as the robot may have moved."""
+        """The point at an instant after the last odometry; its sigmas grow with time, as the robot may have moved."""
         late_s = (stamp_ns - self.stamp_ns) / NANOSECONDS
         sigma_m, sigma_rad = self.rate.pace_m_s * late_s, self.rate.pace_rad_s * late_s
         return replace(self, stamp_ns=stamp_ns, sigma_m=sigma_m, sigma_rad=sigma_rad)
@@ -161,7 +161,7 @@ def stated_motion(first: OdometryPoint, second: OdometryPoint) -> Array | None:
 
 
 def stated_between(first: OdometryPoint, second: OdometryPoint, pose: Array, share: float) -> Array | None:
-    """(6, 6) stated covariance along the axes of odom at a fraction of the way between two points; None if not stated."""
+    """(6, 6) stated covariance along the axes of odom, at a fraction of the way between two points; None if unknown."""
     motion = stated_motion(first, second)
     return None if motion is None else since_start(first.pose, _known(first.covariance), pose, share * motion)
 

@@ -1,4 +1,4 @@
-"""What changed from keyframe to keyframe, as plots with one common time axis."""
+"""Charts of quantities over keyframes, with a common time axis."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""The x-y part of covariances as a picture shows it."""
+"""Ellipses of the x-y part of covariances, for drawing."""
 
 import numpy as np
 

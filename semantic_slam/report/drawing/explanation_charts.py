@@ -1,4 +1,4 @@
-"""Whether the belief explains its data, keyframe by keyframe: evidence, innovations, and what explains none."""
+"""Charts of model fit per keyframe: evidence, innovations, and unexplained data."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What a run inferred of the noise of its robot and its sensor, keyframe by keyframe."""
+"""Charts of the inferred noise of robot and sensor, per keyframe."""
 
 import numpy as np
 

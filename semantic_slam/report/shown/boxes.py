@@ -1,4 +1,4 @@
-"""The boxes of a keyframe: what they were taken for, and what the detector calls them."""
+"""Boxes of a keyframe, with their associated objects and detector labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

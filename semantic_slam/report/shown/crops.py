@@ -1,4 +1,4 @@
-"""Which view shows best what an object is."""
+"""Selection of the best view of an object."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Why the run believes what it does of its objects: the views of each, their nats and its rivals, for the reader."""
+"""Evidence section of the report: each object's views, their contributions in nats, and its rival classes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Camera pictures of a run: some keyframes at large, those of the slider, and what each object looks like."""
+"""Camera images in the report: selected keyframes, slider images, and a crop of each object."""
 
 import base64
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""One keyframe of the map, as plain data that the page's script draws."""
+"""One keyframe of the map, as JSON-compatible data drawn by the page's script."""
 
 from typing import Any
 

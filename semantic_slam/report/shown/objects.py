@@ -1,4 +1,4 @@
-"""The objects of a map: the table's rows and how their class probabilities came about."""
+"""Object section of the report: table rows, and the course of the class probabilities."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

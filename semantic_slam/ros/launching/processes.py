@@ -49,7 +49,7 @@ class NodeProcesses:
         self.stop()
 
     def start(self, spec: NodeSpec, command: Sequence[str] = (), *, show_errors: bool = False) -> None:
-        """Start a node; ``command`` replaces its executable, ``show_errors`` leaves its stderr on the terminal."""
+        """Start a node's process; ``command`` replaces its executable, ``show_errors`` shows stderr on the terminal."""
         self._commands[spec.name] = (command, show_errors)
         parameters = self._logs / f"{spec.name}.yaml"
         # JSON is valid YAML; the key with the node's name keeps other nodes from taking these parameters.

@@ -22,7 +22,7 @@ SAY_AGAIN_S = 10.0
 
 
 class Diagnostics:
-    """Collects and publishes the statuses of one node."""
+    """Collects the statuses of one node and publishes them on /diagnostics."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

@@ -257,7 +257,7 @@ def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], A
 
 
 def run_node(make_node: Callable[[], PipelineNode]) -> None:
-    """Run a node until it ends or is interrupted. Raises InputError and whatever stopped its worker."""
+    """Run a node until it ends or is interrupted. Raises InputError, and the exception that stopped its worker."""
     remove_remains()
     _with_ros_arguments(rclpy.init)
     executor = SingleThreadedExecutor()

@@ -1,4 +1,4 @@
-"""The doctor's look at a running system: the checks of a bag on messages as they come, and those of the graph."""
+"""Examination of a running system for ``doctor``: the bag checks on live messages, and checks of the ROS graph."""
 
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,16 +36,16 @@ from semantic_slam.ros.wire.transport import is_installed
 
 ANSWER_S = 2.0
 NODES_TO_COME = Endpoint("any node of ours", "", is_reliable=True, is_latched=True)
-"""Who will read the latched inputs."""
+"""Assumed subscription, of a node that may start later, to latched inputs."""
 RELATIVE = {absolute(topic): topic for topic in READ_HERE}
 
 
 def examine_running_system(
     configuration: Path | None, map_prior: Path | None, seconds: float, ros_arguments: Sequence[str] = ()
 ) -> list[Finding]:
-    """All that is wrong with what runs here, looked at for so long. Raises InputError for wrong arguments.
+    """Findings on the running system, observed for some seconds. Raises InputError for invalid arguments.
 
-    Without a ``configuration`` that of the running nodes counts, and the default where there are none.
+    Without ``configuration`` the parameters of the running nodes are used, or the defaults if there are none.
     """
     given = read_map_prior(map_prior) if map_prior else None
     with observer(ros_arguments) as look:
@@ -76,7 +76,7 @@ def examine_running_system(
 
 
 def prior_of_manager(name: str) -> tuple[MapPrior | None, list[Finding]]:
-    """The map that a running manager started from, where its file is here, too; and what is wrong with that file."""
+    """The map prior of a running manager, if its file is accessible here, and findings on that file."""
     path = Path(name)
     try:
         return read_map_prior(path) if path.is_file() else None, []
@@ -85,7 +85,7 @@ def prior_of_manager(name: str) -> tuple[MapPrior | None, list[Finding]]:
 
 
 def _left_out(look: Observer, summary: InputSummary) -> Iterator[Finding]:
-    """Pictures that were too many to be kept: their stamps count as those of the others."""
+    """Findings on images that were too many to be kept; their stamps are added to the summary."""
     for topic, times in look.left_out.items():
         header_ns, arrival_ns = np.array(times, dtype=np.int64).T
         kept = summary.stamps_of(topic)
@@ -95,7 +95,7 @@ def _left_out(look: Observer, summary: InputSummary) -> Iterator[Finding]:
 
 
 def wanted(graph: Graph) -> dict[str, str]:
-    """Inputs that are published and can be received here, by relative names, with their types."""
+    """Types, by relative name, of inputs that are published and whose packages are installed."""
     kinds = published(graph)
     found = offered(kinds)
     unread = {found.image and absolute(topics.IMAGE), found.depth and absolute(topics.DEPTH)} - {
@@ -106,17 +106,17 @@ def wanted(graph: Graph) -> dict[str, str]:
 
 
 def _unheard(look: Observer, kinds: Mapping[str, str]) -> Iterator[Finding]:
-    """Inputs of packages that are not installed here."""
+    """Findings on inputs whose packages are not installed."""
     for topic, kind in kinds.items():
         if not is_installed(kind):
-            look.heard[topic] += 1  # or it would be said to be silent
+            look.heard[topic] += 1  # so that it is not also reported as silent
             package = kind.partition("/")[0]
             what = f"{topic} is {kind}, and its package is not installed here"
             yield error("topics", what, f"install ros-jazzy-{package.replace('_', '-')}, or give perception.extrinsics")
 
 
 def published(graph: Graph) -> dict[str, str]:
-    """Type of every input that has a publisher; measurements of a classifier count where nothing is detected."""
+    """Type of every input that has a publisher; measurements count only if detections are not published."""
     kinds = {topic: found[0].type_name for topic, found in graph.publishers.items() if found}
     if absolute(topics.DETECTIONS) in kinds:
         kinds.pop(topics.MEASUREMENTS, None)
@@ -124,7 +124,7 @@ def published(graph: Graph) -> dict[str, str]:
 
 
 def with_nodes_to_come(graph: Graph) -> Graph:
-    """Latched inputs are read by nodes that are not there yet, too."""
+    """The graph with assumed subscriptions to latched inputs, as nodes that start later receive them, too."""
     readers = {
         absolute(topic): [replace(NODES_TO_COME, type_name=TYPES[topic])]
         for topic in LATCHED & set(READ_HERE)
@@ -134,19 +134,19 @@ def with_nodes_to_come(graph: Graph) -> Graph:
 
 
 def unread_imu(summary: InputSummary, parameters: Mapping[str, Any]) -> Iterator[Finding]:
-    """Topic imu where the manager was not told that there is one."""
+    """Finding on a published topic imu that the manager is not configured to use."""
     if summary.found.imu and parameters.get("has_imu") is False and not unused_because(summary.configuration):
         what = f"{summary.found.imu} is published and {MANAGER} does not listen to it"
         yield warning("topics", what, f"start {MANAGER} with -p has_imu:=true")
 
 
 def _is_foreign(topic: str, kind: str) -> bool:
-    """Whether the classifier reads detections of another package."""
+    """Whether the topic has detections of another package, which the classifier can read."""
     return topic == absolute(topics.DETECTIONS) and kind in READERS
 
 
 def _read_preamble(look: Observer, preamble: Preamble) -> list[Finding]:
-    """Fill in what came of static transforms and of the initial pose; what is wrong with them."""
+    """Fill ``preamble`` with the received static transforms and initial pose; returns findings on them."""
     faults = []
     for message in look.messages:
         try:
@@ -161,14 +161,14 @@ def _read_preamble(look: Observer, preamble: Preamble) -> list[Finding]:
 
 
 def _parameters(look: Observer) -> dict[str, Any]:
-    """Dotted names and values of the configuration of the running nodes; what concerns sensing, the classifier's."""
+    """Configuration of the running nodes by dotted names; ``perception.*`` is read from the classifier."""
     names = [name for name, _, _ in leaves()]
     sensing = [name for name in names if name.startswith("perception.")]
     return {**_asked(look, MANAGER, [*names, "map_prior", "has_imu"]), **_asked(look, CLASSIFIER, sensing)}
 
 
 def _asked(look: Observer, node: str, names: Sequence[str]) -> dict[str, Any]:
-    """Parameters of a node; none where it is not there, or does not answer."""
+    """Parameters of a node; empty if it does not exist or does not answer."""
     client = look.node.create_client(GetParameters, f"{node}/get_parameters")
     try:
         if not client.service_is_ready():

@@ -1,4 +1,4 @@
-"""A node that looks on for a while: the graph, the messages of all inputs, and what our nodes say of themselves."""
+"""Node that observes for a while: the ROS graph, the messages of all inputs, and the diagnostics of our nodes."""
 
 import re
 import time
@@ -29,11 +29,11 @@ from semantic_slam.ros.wire.transport import receive, relative_name
 
 NAME = "doctor"
 LEAST_S, EMPTY_S = 4.0, 8.0
-"""So long we look at least, and where nothing is published. Others are found in 0.1 s as a rule, in 3 s at times."""
+"""Shortest observation, and its length if nothing is published. Discovery usually takes 0.1 s, sometimes 3 s."""
 LOOK_S = 0.25
-"""From one look at the graph to the next."""
+"""Period of polling the graph."""
 MOST_BYTES = 200_000_000
-"""So much is kept before pictures are left out. Raw colour and depth of 640 x 480 at 30 Hz are that in 4.3 s."""
+"""Size of kept messages above which images are left out; raw 640 x 480 colour and depth at 30 Hz fill it in 4.3 s."""
 PICTURES = frozenset(map(absolute, qos.PICTURES))
 LATCHED = frozenset(map(absolute, topics.LATCHED))
 READ_HERE = (
@@ -44,27 +44,27 @@ ALIVE = re.compile(r"/backend_\d+/alive$")
 
 
 class Observer:
-    """Looks at a running system without taking part in it."""
+    """Observes a running system without taking part in it."""
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         self.node = node
-        self.messages: list[RawMessage] = []  # of the topics that :meth:`listen` names, under these names
-        self.left_out: dict[str, list[tuple[int, int]]] = {}  # header stamp, arrival [ns] of pictures that are not kept
+        self.messages: list[RawMessage] = []  # of the observed topics, under their default absolute names
+        self.left_out: dict[str, list[tuple[int, int]]] = {}  # header stamp, arrival [ns] of images that are not kept
         self.heard: Counter[str] = Counter()
         resolved = {absolute(topic): self.resolved(topic) for topic in READ_HERE}
-        self.names = {known: name for known, name in resolved.items() if known != name}  # of topics, as they are here
+        self.names = {known: name for known, name in resolved.items() if known != name}  # of remapped topics
         self._executor, self._num_bytes, self._is_simulated = executor, 0, False
         self._said: dict[str, Said] = {}
         receive(node, topics.DIAGNOSTICS, self._note, qos.everything())
 
     def spin(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
-        """Let messages come, for a while, or until something is so."""
+        """Spin for some seconds, or until a condition holds."""
         give_up = time.monotonic() + seconds
         while time.monotonic() < give_up and not until():
             self._executor.spin_once(timeout_sec=0.05)
 
     def observe(self, seconds: float, wanted: Callable[[Graph], Mapping[str, str]]) -> Graph:
-        """Listen to topics (relative names and types) as they are found, for so long after the last one was."""
+        """Subscribe to topics (relative name -> type) as they appear; returns ``seconds`` after the last one did."""
         begin = time.monotonic()
         end, known = begin + EMPTY_S, set[str]()
         while True:
@@ -81,11 +81,11 @@ class Observer:
                 return graph
 
     def _follow_clock(self) -> None:
-        """Take the time of /clock where somebody publishes it."""
+        """Use simulated time once /clock has a publisher."""
         if not self._is_simulated and self.node.count_publishers(topics.CLOCK):
             self._is_simulated = True
             self.node.set_parameters([Parameter("use_sim_time", value=True)])
-            # The times of arrival were those of another clock; nobody looks at those of what is sent but once.
+            # Arrival times of another clock are useless; those of latched messages are not used at all.
             self.messages = [message for message in self.messages if message.topic in LATCHED]
             self._num_bytes = sum(len(message.cdr) for message in self.messages)
             self.left_out.clear()
@@ -95,7 +95,7 @@ class Observer:
         receive(self.node, topic, take, qos.sensor_input(topic, lossless=False), type_name)
 
     def graph(self) -> Graph:
-        """What is there by now."""
+        """Current state of the ROS graph."""
         publishers, readers = {}, {}
         for topic in READ_HERE:
             name = self.resolved(topic)
@@ -112,7 +112,7 @@ class Observer:
         )
 
     def resolved(self, topic: str) -> str:
-        """What a topic of ours is called here."""
+        """Resolved name of one of our topics, after remapping."""
         return str(self.node.resolve_topic_name(relative_name(topic)))
 
     def _endpoints(self, found: Sequence[Any]) -> list[Endpoint]:
@@ -129,7 +129,7 @@ class Observer:
 
     def _take(self, topic: str, type_name: str, data: bytes) -> None:
         self.heard[topic] += 1
-        if type_name not in topics.TYPES.values():  # of others it is enough to know that they come
+        if type_name not in topics.TYPES.values():  # messages of foreign types are only counted
             return
         arrival_ns = self.node.get_clock().now().nanoseconds
         if topic in PICTURES and self._num_bytes > MOST_BYTES:
@@ -151,7 +151,7 @@ class Observer:
 
 @contextmanager
 def observer(ros_arguments: Sequence[str]) -> Iterator[Observer]:
-    """An :class:`Observer` in a context of its own; raises InputError for wrong ROS arguments."""
+    """Context manager of an :class:`Observer` with its own rclpy context; raises InputError for bad ROS arguments."""
     context = Context()
     try:
         remove_remains()

@@ -1,8 +1,7 @@
-"""What ``semantic_slam view`` is besides its page: a node that listens, and slows nothing down.
+"""Node of ``semantic_slam view``, which subscribes without slowing the publishers down.
 
-All that goes on and on is read best effort, and nothing through shared memory. A reliable reader that is stopped
-(Ctrl-Z, a laptop that is closed) holds up the run until DDS forgets it, which takes 20 s; one that holds shared memory
-does so for good.
+Streamed topics are read BEST_EFFORT, and shared memory is not used. A stopped process (Ctrl-Z, a closed laptop) with a
+RELIABLE reader blocks the publishers until DDS drops it after 20 s; with shared memory it blocks them for good.
 """
 
 import os
@@ -29,7 +28,7 @@ from semantic_slam.view.live_run import LiveRun
 from semantic_slam.view.server import ViewServer
 
 LOOK_S = 0.5
-"""How often publishers are looked for."""
+"""Period [s] of polling for publishers."""
 PICTURES = (topics.IMAGE_COMPRESSED, topics.IMAGE)
 DEPTH, PICTURES_DEPTH = 200, 10
 WITHOUT_SHARED_MEMORY = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
@@ -39,17 +38,17 @@ OF_THE_MANAGER = (topics.BELIEF, topics.RUN_CONFIGURATION, topics.MANAGER_PROGRE
 
 
 def newest(depth: int) -> QoSProfile:
-    """Quality of service that no publisher waits for: what is lost on the way is lost."""
+    """BEST_EFFORT and KEEP_LAST: no publisher waits for this reader, and lost messages are not sent again."""
     return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depth)
 
 
 class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
-    """Hands what is published to a :class:`LiveRun`. Its name is known to the player, which does not wait for it."""
+    """Passes published messages to a :class:`LiveRun`; the player knows the node's name and does not wait for it."""
 
     def __init__(self, belief: str = topics.BELIEF, words: list[str] | None = None) -> None:
-        """``belief``: its topic, beside which the manager's other topics lie, and those of its namespace around it.
+        """``belief``: topic of the belief, from which the names of the manager's other topics and the namespace follow.
 
-        ``words``: ROS arguments.
+        ``words``: ROS arguments, the first being ``--ros-args``.
         """
         manager, _, _ = belief.rpartition("/")
         namespace = manager.rpartition("/")[0]
@@ -76,7 +75,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
         profile: QoSProfile,
         read: Callable[[bytes, str], Any] = decode,
     ) -> None:
-        """Have ``handle`` called with each message; one that cannot be used is counted."""
+        """Subscribe: ``handle`` is called with each decoded message; unusable ones are counted."""
         kind = topics.TYPES[topic]
 
         def taken(data: bytes) -> None:
@@ -84,7 +83,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
                 handle(read(data, kind))
             except MessageError as fault:
                 self.run.refused[f"{topic}: {fault.kind}"] += 1
-            except Exception as fault:  # whatever a message has in it, the page goes on with the next one
+            except Exception as fault:  # no message may end the page, which continues with the next one
                 self.run.refused[f"{topic}: message cannot be shown"] += 1
                 self.get_logger().warning(f"{topic}: {fault!r}", throttle_duration_sec=SAY_AGAIN_S)
 
@@ -92,11 +91,11 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
             self.create_subscription(ros_type(kind), self._name(topic), taken, profile, raw=True)
 
     def _name(self, topic: str) -> str:
-        """The topic's name in the namespace of the manager; what is of the manager itself is renamed by rules."""
+        """Topic name relative to the manager's namespace; the manager's own topics are renamed by remapping rules."""
         return topic if topic in OF_THE_MANAGER else relative_name(topic)
 
     def _look(self) -> None:
-        """Who publishes the belief, and which of the camera's topics speaks."""
+        """Count the publishers of the belief, and subscribe to the camera topic that has a publisher."""
         self.run.publishers = self.count_publishers(self.run.topic)
         for topic in PICTURES:
             if not self._has_camera and self.count_publishers(self.resolve_topic_name(topic)):
@@ -105,7 +104,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy is not followed by mypy
 
 
 def serve(host: str, port: int, belief: str, words: list[str]) -> None:
-    """Serve the page until interrupted. Raises InputError, and whatever ends the node."""
+    """Serve the page until interrupted. Raises InputError, and any exception that ended the node."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     os.environ.setdefault(*WITHOUT_SHARED_MEMORY)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
@@ -127,7 +126,7 @@ def serve(host: str, port: int, belief: str, words: list[str]) -> None:
 
 
 class Listener(threading.Thread):
-    """Calls the node back until the end; a fault ends the server, too."""
+    """Thread that spins the node; an exception there shuts the server down, too."""
 
     def __init__(self, node: ViewNode, server: ViewServer) -> None:
         super().__init__(daemon=True)

@@ -1,4 +1,4 @@
-"""Publishes the belief and the views derived from it: pose, path, markers and transforms."""
+"""Publishes the belief and the views derived from it: pose, path, markers, detections and transforms."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name,
 
 
 class BeliefPublisher:
-    """Publishes one belief per keyframe, with pose, path, markers and TF."""
+    """Publishes one belief per keyframe, with pose, path, markers, TF and, if vision_msgs is installed, detections."""
 
     def __init__(self, node: Node, frames: Frames, lossless: bool) -> None:
         self._map = frames.map
@@ -46,7 +46,8 @@ class BeliefPublisher:
     ) -> None:
         """Publish a belief; ``T_previous_current`` is its keyframe's odometry, from ``T_odom_start`` for the first one.
 
-        ``is_repeated``: belief and pose were published before; only path, markers and transforms are published.
+        ``is_repeated``: belief and pose were published before; only what shows the newest state is published: path,
+        markers, detections and transforms.
         """
         estimate = pose_view(belief, self._map)
         if not is_repeated:

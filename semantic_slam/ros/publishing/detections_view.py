@@ -11,22 +11,22 @@ from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.pipeline.plain_views import MAP
 
 NO_CLASS = "object"
-"""Class of every object where the run has no classes."""
+"""Class name of every object if the run has no classes."""
 
 
 class DetectionsView:
-    """Makes messages of ``vision_msgs`` (4.x) with the classes that ``make`` returns for the names of their types."""
+    """Makes messages of ``vision_msgs`` (4.x); ``make`` returns the message class of a type name."""
 
     def __init__(self, make: Callable[[str], Any], frame: str = MAP) -> None:
         self._make, self._frame = make, frame
 
     def objects(self, belief: HybridBelief) -> Any:
-        """vision_msgs/Detection3DArray of all objects that have a place.
+        """vision_msgs/Detection3DArray of all objects with a finite pose.
 
         ``id`` is the object's id in the belief, the same in every message of a run. Each class is one result:
         ``class_id`` is its name, ``score`` the probability that the object exists and is of that class. All results
-        have the same pose: mean and covariance of the mixture over the hypotheses. The size of the box is 0, for it is
-        not estimated.
+        have the same pose: mean and covariance of the mixture over the hypotheses. The box size is 0, since it is not
+        estimated.
         """
         header = self._header(belief.stamp_ns)
         rows = np.flatnonzero(np.isfinite(belief.object_poses).all(axis=1)).tolist()
@@ -34,7 +34,7 @@ class DetectionsView:
         return self._make("vision_msgs/msg/Detection3DArray")(header=header, detections=detections)
 
     def label_info(self, belief: HybridBelief) -> Any:
-        """vision_msgs/LabelInfo: the names of the classes, numbered as in the belief."""
+        """vision_msgs/LabelInfo with the class names, numbered as in the belief."""
         entry = self._make("vision_msgs/msg/VisionClass")
         class_map = [entry(class_id=n, class_name=name) for n, name in enumerate(_classes(belief))]
         header = self._header(belief.stamp_ns)

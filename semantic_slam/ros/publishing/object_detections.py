@@ -1,4 +1,4 @@
-"""Topics ``~/objects`` and ``~/label_info``, where package vision_msgs is installed."""
+"""Publishes the map on topics ``~/objects`` and ``~/label_info``, for which package vision_msgs must be installed."""
 
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
@@ -20,7 +20,7 @@ class ObjectDetections:
         self._known: tuple[str, ...] | None = None
 
     def publish(self, belief: HybridBelief) -> None:
-        """The objects, and the classes where they are others than before."""
+        """Publish the objects, preceded by the classes if they have changed."""
         if belief.class_names != self._known:
             self._known = belief.class_names
             self._labels.send(serialize_message(self._view.label_info(belief)))

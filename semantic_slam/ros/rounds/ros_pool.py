@@ -35,8 +35,8 @@ class RosPool:
     """A ``BackendPool`` over topics; rounds run on the worker's thread, answers arrive on the executor's thread.
 
     A backend without liveliness for ``PATIENCE_S``, or without an answer within ``timeout_s``, is given up: the manager
-    rebuilds its hypotheses on other backends. The last backend is not given up for lost liveliness, as it may be
-    restarted, but only after ``timeout_s``. A backend that was started late is sent the keyframes it has missed and
+    rebuilds its hypotheses on other backends. The last backend is given up only if it is late and not alive: it may be
+    restarted, and may then replay for long. A backend that was started late is sent the keyframes it has missed and
     takes part again from its first answer, at which it knows all keyframes.
     """
 
@@ -199,15 +199,21 @@ class RosPool:
         if not rclpy.ok():
             raise SemanticSlamError("interrupted while waiting for backends")
         late = time.monotonic() - self._since_s > self._timeout_s
-        gone = {n for n in self._awaited if self._watch.missing_s(n) > PATIENCE_S}
         for number in self._awaited:
-            if not late and (number not in gone or len(self.backend_ids) == 1):
+            is_gone = self._watch.missing_s(number) > PATIENCE_S
+            if not self._is_given_up(number, late=late, is_gone=is_gone):
                 continue
-            reason = "is gone" if number in gone else f"has not answered for {self._timeout_s:.0f} s"
+            reason = "is gone" if is_gone else f"has not answered for {self._timeout_s:.0f} s"
             self._logger.warning(f"backend_{number} {reason}; its hypotheses move to other backends")
             self._given_up |= {number}
             self._awaited = tuple(n for n in self._awaited if n != number)
             self.backend_ids = tuple(n for n in self.backend_ids if n != number)
+
+    def _is_given_up(self, number: int, *, late: bool, is_gone: bool) -> bool:
+        """Whether a backend is given up: the last one only if it is late and not alive, for a replay may take long."""
+        if len(self.backend_ids) > 1:
+            return late or is_gone
+        return late and (is_gone or not self._watch.was_seen(number))
 
     @staticmethod
     def _outlet(node: Node, topic: str, profile: Any) -> Outlet:

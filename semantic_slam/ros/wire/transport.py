@@ -20,7 +20,7 @@ RETRY_S = 0.01
 OVERRIDES = QoSOverridingOptions(
     (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 )
-"""QoS policies that parameters ``qos_overrides.*`` may change, of topics that other packages publish or read."""
+"""QoS policies that parameters ``qos_overrides.*`` may change, for topics shared with other packages."""
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """Node name reported while DDS has discovered an endpoint but not its node yet."""
 
@@ -142,7 +142,7 @@ def receive(
 
 @contextmanager
 def _named_overrides(node: Node) -> Iterator[None]:
-    """Turn rclpy's complaints about an override of a QoS policy into InputError; a wrong value is a RuntimeError."""
+    """Turn rclpy's errors on QoS overrides into InputError; for a wrong value rclpy raises RuntimeError."""
     try:
         yield
     except (InvalidQosOverridesError, InvalidParameterTypeException, InvalidParameterValueException, RuntimeError) as f:

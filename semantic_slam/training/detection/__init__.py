@@ -1,1 +1,1 @@
-"""How often a detector detects what is in view, learned from runs of the user's own."""
+"""Detection probabilities of a detector, learned from the user's own runs."""

@@ -1,9 +1,9 @@
-"""Directions in which a detector detects less, told by the looks of runs.
+"""Directional dependence of the detection probability, learned from the looks of runs.
 
-Each of a few even directions across the field of view has a share of the detection probability, linear between them.
-The likeliest shares are looked for one direction at a time, under the likeliest of the other settings, and these again
-under the shares. Shares of neighbours are expected to be alike, so that a direction in which nothing was in view has
-what those beside it have.
+Each of a few evenly spaced directions across the field of view has a share of the detection probability, linearly
+interpolated between them. The shares are maximised one direction at a time, under the best of the other settings, and
+these again under the shares (coordinate ascent). A smoothness prior couples neighbours, so that a direction without
+looks takes the values beside it.
 """
 
 from dataclasses import dataclass
@@ -16,22 +16,22 @@ from semantic_slam.training.detection.evidence import RunLooks
 from semantic_slam.training.detection.looks import NUM_DIRECTIONS
 
 LEVELS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
-"""Shares that are tried, of the one in the best direction."""
+"""Shares tried, relative to the best direction."""
 NEIGHBOUR_SIGMA = 0.5
-"""Standard deviation of the difference of the logarithms of neighbours' shares, before anything was seen."""
+"""Prior standard deviation of the difference of neighbouring log shares."""
 ROUNDS, MOST_SWEEPS = 2, 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class Directions:
-    """What looks tell of shares, and of the settings ``tried`` beside them."""
+    """Maximum-likelihood estimation of direction shares together with the settings ``tried``."""
 
     looks: RunLooks
     tried: DetectionRates  # G
-    alike: Array  # (B, F, G) log evidence where all directions are alike
+    alike: Array  # (B, F, G) log evidence with all directions equal
 
     def likeliest(self, counted: Flags) -> Array:
-        """(NUM_DIRECTIONS,) shares by the stretches that are ``counted`` (B, F), 1 in the best direction."""
+        """(NUM_DIRECTIONS,) most likely shares, from the stretches ``counted`` (B, F); 1 in the best direction."""
         shares, evidence = np.ones(NUM_DIRECTIONS), self.alike
         for _ in range(ROUNDS):
             best = int(np.argmax(evidence[counted].sum(axis=0)))
@@ -40,7 +40,7 @@ class Directions:
         return shares
 
     def log_evidence(self, shares: Array) -> Array:
-        """(B, F, G) of each stretch."""
+        """(B, F, G) log evidence of each stretch."""
         return self.looks.log_evidence(self.tried, shares[:, None])
 
     def _climbed(self, rates: DetectionRates, shares: Array, counted: Flags) -> Array:
@@ -53,7 +53,7 @@ class Directions:
         return np.asarray(shares / shares.max())
 
     def _improved(self, rates: DetectionRates, shares: Array, number: int, counted: Flags) -> Array:
-        """With the likeliest share in one of the directions."""
+        """Shares with the most likely value in one of the directions."""
         variants = np.repeat(shares[:, None], len(LEVELS), axis=1)
         variants[number] = LEVELS
         logs = self.looks.log_evidence(rates, variants)[counted].sum(axis=0)

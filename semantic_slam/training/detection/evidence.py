@@ -1,4 +1,4 @@
-"""How likely detections and misses of runs are: the forward algorithm of an open world over every object's looks."""
+"""Evidence of detections and misses in runs: the open-world forward algorithm over every object's looks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ LEAST_PROBABILITY = 1e-12
 
 @dataclass(frozen=True, kw_only=True)
 class RunLooks:
-    """The looks of B runs, None where a run tells nothing, whose drives are divided into as many stretches."""
+    """Looks of B runs (None where a run has none), each divided into ``num_stretches`` stretches."""
 
     runs: Sequence[Looks | None]  # B
     num_stretches: int  # F
 
     @property
     def num_in_view(self) -> int:
-        """Looks at objects that are known and probably in view."""
+        """Number of looks at known objects that are probably in view."""
         return sum(own.num_in_view for own in self.runs if own is not None)
 
     @property
     def of_one_view(self) -> bool:
-        """Whether all have one field of view, of which directions can be told."""
+        """Whether all runs have the same field of view, as needed to compare directions."""
         return len({own.field_of_view_rad for own in self.runs if own is not None}) == 1
 
     def log_evidence(self, rates: DetectionRates, shares: Array | None = None) -> Array:
-        """(B, F, G) of each stretch given those before; ``shares``: see :func:`log_evidence`."""
+        """(B, F, G) log evidence of each stretch given the earlier ones; ``shares``: see :func:`log_evidence`."""
         width = len(rates) if shares is None else max(len(rates), shares.shape[1])
         found = np.zeros((len(self.runs), self.num_stretches, width))
         for number, looks in enumerate(self.runs):
@@ -42,7 +42,7 @@ class RunLooks:
 
 
 def log_evidence(looks: Looks, rates: DetectionRates, shares: Array | None = None) -> Array:
-    """(K, G) of what was detected and missed in each keyframe, given those before.
+    """(K, G) log evidence of the detections and misses in each keyframe, given the earlier ones.
 
     ``shares`` (NUM_DIRECTIONS, G) or (NUM_DIRECTIONS, 1) of the detection probability, in place of those of ``rates``.
     """

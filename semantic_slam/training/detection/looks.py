@@ -1,7 +1,7 @@
-"""Looks of a run at the objects that it knows: from how far and where, whether in view, and whether they were detected.
+"""Looks of a run at its known objects: range, direction, whether in view, and whether detected.
 
-As the hypotheses that live at the end have it, by their weights. An object is looked at from the keyframe after its
-first detection on; the first one is what it exists by, and tells nothing of how often it is detected.
+Taken from the final hypotheses, by their weights. Looks at an object count from the keyframe after its first detection
+on: the first detection creates the object and says nothing of the detection rate.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,25 +21,25 @@ from semantic_slam.inference.open_world.planar.region import SensorRegion, senso
 from semantic_slam.inference.states.direction_shares import even_directions
 
 LEAST_WEIGHT = 0.01
-"""Hypotheses that are less likely are left out."""
+"""Smallest weight of a hypothesis that is used."""
 LEAST_EXISTENCE = 0.5
-"""Objects that are less likely to be there are left out."""
+"""Smallest existence probability of an object that is used."""
 NUM_DIRECTIONS = 7
-"""Directions from the right edge of the field of view to its left one, in which detection probabilities may differ."""
+"""Number of directions, from the right to the left edge of the field of view, with their own detection probability."""
 LEAST_SHARE = 1e-3
-"""Probability that what is detected is in view: where it seems not to be, its place was wrong."""
+"""Lower bound of the in-view probability of a detected object: where it seems out of view, its position was wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Looks:
-    """K keyframes of one run, and O objects; one that was detected in other keyframes by some is there for each."""
+    """Looks in K keyframes of one run at O objects; an object is listed once per distinct detection history."""
 
-    weights: Array  # (O,) probability that it exists, and was detected then
-    is_known: Flags  # (K, O) since an earlier keyframe
+    weights: Array  # (O,) probability of existence with this detection history
+    is_known: Flags  # (K, O) known since an earlier keyframe
     is_detected: Flags  # (K, O)
-    in_view: Array  # (K, O) probability of being inside the region and not hidden
+    in_view: Array  # (K, O) probability of being inside the region and unoccluded
     ranges_m: Array  # (K, O)
-    off_centre_rad: Array  # (K, O) bearings off the middle of the region
+    off_centre_rad: Array  # (K, O) bearings relative to the centre of the region
     field_of_view_rad: float  # of the region
 
     @property
@@ -49,13 +49,13 @@ class Looks:
 
     @cached_property
     def hats(self) -> Array:
-        """(K, O, NUM_DIRECTIONS) how far each look is in each of the directions; they add to 1."""
+        """(K, O, NUM_DIRECTIONS) linear interpolation weights of each look over the directions; they sum to 1."""
         nodes = even_directions(NUM_DIRECTIONS, self.field_of_view_rad)
         return np.stack([np.interp(self.off_centre_rad, nodes, own) for own in np.eye(NUM_DIRECTIONS)], axis=-1)
 
 
 def looks_of(record: Record, settings: Configuration) -> Looks | None:
-    """Looks of the hypotheses that live at the end; None where misses do not count in a region that was told."""
+    """Looks of the final hypotheses; None where the run has no configured region in which misses count."""
     beliefs = record.beliefs
     if not strategy_of(settings).counts_misses or settings.open_world.learn_region:
         return None

@@ -1,1 +1,1 @@
-"""What a detector calls things, learned from runs of the user's own: from their beliefs, without anybody's labels."""
+"""Label confusions of a detector, learned from the beliefs of the user's own runs, without annotations."""

@@ -1,8 +1,8 @@
-"""Models that are tried: what classes are called from all sides alike, and by the side that is seen.
+"""Candidate label models: independent of the visible side, and dependent on it.
 
-The heading of an object is not known. All headings are as likely as long as all sides are alike, so a search for what
-tells them apart has to begin somewhere: the object of each class that has the most views is taken to face ahead, and
-the sides of its class begin with what it is called there. The headings of all others follow from that.
+Object headings are unknown, and equally likely while all sides are equal, so the search must break this symmetry: the
+object with the most views of each class is assumed to face ahead, and the sides of its class are initialised with its
+words. The headings of all other objects follow from that.
 """
 
 from collections.abc import Sequence
@@ -23,11 +23,11 @@ from semantic_slam.viewpoint.labels.settings import LabelSettings
 REPEAT_SHARES, REPEAT_RADS, COUNT_FACTORS = (0.0, 0.5, 0.8, 0.95, 0.99), (0.25, 0.5, 1.0, 2.0), (1.0, 3.0, 10.0, 30.0)
 """Settings that are tried, besides whether scores count. What none of the labels means stays as unknown as it was."""
 SECTORS = 12
-"""Sides of an object; headings are as fine."""
+"""Number of sides of an object, and of its discrete headings."""
 BEGINNING = 4.0
-"""Times that the views of those objects count in the beginning, so that headings have something to agree with."""
+"""Initial weight of the views of those objects, which gives the headings an initial reference."""
 PATIENCE = 4
-"""Rounds in a row that sides may need before headings agree."""
+"""Consecutive rounds without gain allowed for side-dependent models, until headings agree."""
 
 
 def alike(start: LabelModel, before: BeforeFit, tracks: Sequence[Track]) -> Fitted:

@@ -1,8 +1,8 @@
-"""What the views of objects are expected to be, under a model so far: drawn from what their class is called, or not.
+"""E-step of the label-model fit: expected counts of words drawn from the class prior, under the current model.
 
-An answer that is new and no outlier is drawn from the words that an object has had already, or from what its class is
-called from there (Polya's urn). Only the latter tell of the class; each counts by its probability, over settings,
-classes, headings, and the hypotheses that the views are of one object.
+A new inlier answer is drawn either from the object's earlier words, or from its class prior for that side (Polya's
+urn). Only the latter are evidence for the class prior; each is weighted by its probability over settings, classes,
+headings, and the hypotheses that the views are of one object.
 """
 
 from collections.abc import Sequence
@@ -22,13 +22,13 @@ from semantic_slam.viewpoint.labels.views import LaterView
 
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
-    """Sums over tracks; R settings, S sectors of the object, L labels, W words."""
+    """Expected sufficient statistics summed over tracks; R settings, S sectors, L labels, W words."""
 
-    drawn: Array  # (R, S, L, W) words drawn from what a class is called
-    inliers: Array  # (R,) new answers that are no outliers, however drawn
+    drawn: Array  # (R, S, L, W) words drawn from the class prior
+    inliers: Array  # (R,) new inlier answers, however drawn
     outliers: Array  # (R,)
-    classes: Array  # (R, C) objects of each class that no map knows
-    habits: Array  # (R, H) objects by how their second words come
+    classes: Array  # (R, C) unmapped objects of each class
+    habits: Array  # (R, H) objects with each second-word habit
     log_evidence: Array  # (R,) of the views
 
     @classmethod

@@ -1,7 +1,7 @@
-"""Models by expectation and maximisation, repeated until held-out log evidence stops rising.
+"""Expectation-maximisation of label models, repeated until the held-out log evidence stops rising.
 
-Each stretch of the drives is held out once: the words in it are judged by the model that is fitted to all others, given
-the views of the same objects there.
+Each stretch of the drives is held out once: its words are evaluated by the model fitted to all other stretches, given
+the other views of the same objects.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,12 +16,12 @@ from semantic_slam.viewpoint.labels.model import LabelModel
 
 MOST_ROUNDS = 20
 LEAST_GAIN = 0.1
-"""Nats of held-out log evidence that a round has to add."""
+"""Smallest gain of held-out log evidence [nats] of a useful round."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fitted:
-    """Models of which each leaves a stretch out, the last one none; they share their settings."""
+    """Cross-validation models, each fitted without one stretch, the last to all; they share their settings."""
 
     passes: tuple[Pass, ...]  # of ``FOLDS``
     rounds: int

@@ -1,4 +1,4 @@
-"""What held-out stretches say of models: log evidence, and whether their words come as often as they are expected."""
+"""Evaluation of label models on held-out stretches: log evidence, and calibration of predicted words."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

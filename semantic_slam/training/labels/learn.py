@@ -1,4 +1,4 @@
-"""A detector's models from runs: what is tried, what held-out stretches say of it, and what the next run gets."""
+"""Learning of a detector's label model from runs: candidates, held-out evaluation, and the model handed on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

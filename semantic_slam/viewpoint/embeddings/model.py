@@ -1,22 +1,25 @@
-"""What vectors of appearance tell of whether views show one object, before anybody has fitted anything.
+"""Embedding likelihood: whether views show one object, by their appearance vectors, without any training.
 
-The views of an object spread about its mean direction, and objects about that of the background: on the tangent of
-the unit sphere at the latter, of the spread E|x - m|^2 of all vectors, a share s is that of an object's sides, which
-change smoothly with the place of view, n is each view's own, and the rest that of objects:
+The views of an object spread around its mean direction u, and objects spread around the background mean m, in the
+tangent space of the unit sphere at m. Of the total variance E|x - m|^2, a share s is variation between an object's
+sides, which changes smoothly with the viewpoint, a share n is noise of single views, and the rest is variation between
+objects:
 
     x_i = m + u + v_i,    Cov[x_i, x_j] = (1 - s - n) + s k_ij + n [i = j],
     k_ij = exp((cos a_ij - 1) / r^2 - l_ij^2 / (2 r^2)),
 
-with the turn a_ij about the object and the change l_ij of the logarithm of the distance (a Gaussian process on circle
-and line: smooth, so that views from one side alone tell little of how different the other sides are). Near-identical
-views so repeat themselves. All is even over the background's nu dimensions. The predictive density of a next view is
-exact, and stated relative to that of the background, so that the first view of a new object, and a false alarm, have
-the log ratio 0. A view is an outlier with probability e, and then like the background: no single one decides all.
+where a_ij is the angle between the views about the object and l_ij the change of log distance (a Gaussian process on
+circle x line; it is smooth, so views from one side say little about the other sides). Near-identical views are thus
+correlated rather than independent evidence. All covariances are isotropic over the background's nu dimensions. The
+predictive density of the next view is exact and stated relative to that of the background, so that the first view of a
+new object, and a false alarm, have log ratio 0. A view is an outlier with probability e and is then distributed as the
+background: no single view decides everything.
 
-Every object has its own s and n, out of a few settings. How usual these are is shared by all objects and learned from
-them: Dirichlet, by the probabilities that the objects' views give the settings. With outliers the posterior is not of
-one Gaussian: a view counts as far as it is none (assumed-density filtering). This is Gaussian probabilistic linear
-discriminant analysis on vectors of length one (Garcia-Romero, Espy-Wilson 2011), with correlated views.
+Every object has its own s and n, out of R settings. The frequencies of the settings are shared by all objects and
+learned from them: a Dirichlet updated with each object's posterior over the settings. With outliers the posterior is
+not one Gaussian, so a view counts by its inlier probability (assumed-density filtering). The model is Gaussian
+probabilistic linear discriminant analysis (PLDA) on unit vectors (Garcia-Romero, Espy-Wilson 2011), with correlated
+views.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,34 +32,34 @@ from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
 
 NUM_SECTORS = 24
-"""Around an object: its newest view from each is remembered."""
+"""Number of azimuth sectors around an object; its newest view from each is remembered."""
 REMEMBERED_RAD = 2.0 * np.pi / NUM_SECTORS
 SHARED_COUNTS = 1.0
-"""Objects that count for all settings alike, before any object was seen."""
+"""Dirichlet pseudo-count of objects, spread evenly over the settings, before any object was seen."""
 LEAST_INLIER = 0.05
-"""Probability of being no outlier below which a view is not remembered."""
+"""Inlier probability below which a view is not remembered."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EmbeddingModel:
-    """P(vectors of an object's views) relative to the background; R settings, L components."""
+    """Likelihood of an object's view vectors relative to the background; R settings, L components."""
 
     dimensions: int  # L
     spread_shares: tuple[float, ...]  # s
     noise_shares: tuple[float, ...]  # n
     repeat_rad: float  # r
     outlier_share: float  # e
-    shared_counts: tuple[float, ...] = ()  # (R,) objects that count for each setting before any was seen; (): alike
+    shared_counts: tuple[float, ...] = ()  # (R,) prior pseudo-count of objects per setting; (): even
 
     @cached_property
     def settings(self) -> tuple[Array, Array]:
-        """(R,) shares s and n of each setting."""
+        """(R,) variance shares s and (R,) n of the settings."""
         s, n = np.meshgrid(self.spread_shares, self.noise_shares, indexing="ij")
         return s.ravel(), n.ravel()
 
     @cached_property
     def within(self) -> Array:
-        """(R,) shares of the views of one object, about its mean direction."""
+        """(R,) shares s + n of the variance of one object's views around its mean direction."""
         return self.settings[0] + self.settings[1]
 
     @property
@@ -65,14 +68,14 @@ class EmbeddingModel:
         return f"embedding-{self.dimensions}"
 
     def start(self, mean: Array | None = None, spread: float = 0.0) -> "EmbeddingRecord":
-        """Nothing seen yet; ``mean`` (L,) with its expected squared error ``spread``: what a map knows."""
+        """Empty record; ``mean`` (L,), with its expected squared error ``spread``, is the prior from a map."""
         size = len(self.settings[0])
         return EmbeddingRecord(
             model=self, log_settings=np.zeros(size), told_settings=np.zeros(size), mean=mean, mean_spread=spread
         )
 
     def usual(self, told: Array) -> Array:
-        """(R,) log probabilities of the settings of an object, from the sum (R,) of what the others' views tell."""
+        """(R,) log prior of an object's settings, from the sum (R,) of the other objects' posteriors."""
         before = np.array(self.shared_counts) if self.shared_counts else SHARED_COUNTS / len(told)
         counts = before + np.maximum(told, 0.0)
         return np.asarray(np.log(counts / counts.sum()))
@@ -83,34 +86,34 @@ class EmbeddingModel:
         return float(finite_log_sum_exp(before + self.with_outliers(log_ratios)) - finite_log_sum_exp(before))
 
     def with_outliers(self, log_ratios: Array) -> Array:
-        """Log of (1 - e) exp(ratio) + e."""
+        """Log ratios with outliers mixed in: log of (1 - e) exp(ratio) + e."""
         with np.errstate(divide="ignore"):
             return np.asarray(np.logaddexp(np.log1p(-self.outlier_share) + log_ratios, np.log(self.outlier_share)))
 
     def kernel(self, turned: Array, away: Array) -> Array:
-        """(R, ...) covariance of two views over the spread, but for their own noise, from turns and log distances."""
+        """(R, ...) covariance s k_ij of two views relative to the spread, without noise, by angle and log distance."""
         s = self.settings[0].reshape(-1, *(1,) * turned.ndim)
         return np.asarray(s * np.exp((np.cos(turned) - 1.0 - 0.5 * away**2) / self.repeat_rad**2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EmbeddingRecord:
-    """The views of one object that later ones are compared with, N of them, oldest first."""
+    """Remembered views of one object, N of them, oldest first, with which later views are compared."""
 
     model: EmbeddingModel
     log_settings: Array  # (R,) log likelihood of all views, relative to the background
-    told_settings: Array  # (R,) their posterior; 0 while there are no two views
+    told_settings: Array  # (R,) posterior of the settings; 0 while there are fewer than two views
     vectors: tuple[Array, ...] = ()  # N of (L,)
     directions: Array = field(default_factory=lambda: np.zeros(0))  # (N,) from the object to the camera, radians in map
     log_ranges: Array = field(default_factory=lambda: np.zeros(0))  # (N,) log of the distance in metres
-    doubts: Array = field(default_factory=lambda: np.zeros(0))  # (N,) odds that they are outliers
+    doubts: Array = field(default_factory=lambda: np.zeros(0))  # (N,) odds that the views are outliers
     num_views: int = 0
-    background: EmbeddingBackground | None = None  # at the newest view
-    mean: Array | None = None  # (L,) mean direction as a map has it, None: as the background
-    mean_spread: float = 0.0  # expected squared error of that
+    background: EmbeddingBackground | None = None  # as of the newest view
+    mean: Array | None = None  # (L,) prior mean direction from a map; None: the background's
+    mean_spread: float = 0.0  # expected squared error of ``mean``
 
     def log_ratios(self, vector: Array, background: EmbeddingBackground, directions: Array, log_ranges: Array) -> Array:
-        """(R, M) log densities of an (L,) vector seen from (M,) directions and log distances, to the background's."""
+        """(R, M) log density ratios to the background of an (L,) vector seen from (M,) directions and log distances."""
         centre, share = self._prior_mean(background)
         from_centre = vector - background.centre
         squared = float(from_centre @ from_centre)
@@ -132,7 +135,7 @@ class EmbeddingRecord:
         direction: float,
         log_range: float,
     ) -> "EmbeddingRecord":
-        """With one more view, whose (R,) log ratios are those from its direction and log distance."""
+        """Record with one more view, given its (R,) :meth:`log_ratios` at its direction and log distance."""
         likelihood = self.model.with_outliers(log_ratios)
         log_settings = self.log_settings + likelihood
         posterior = np.exp(usual + log_settings - finite_log_sum_exp(usual + log_settings))
@@ -147,7 +150,7 @@ class EmbeddingRecord:
         return seen._remembering(vector, direction, log_range, inlier) if inlier >= LEAST_INLIER else seen
 
     def usual_log_ranges(self, directions: Array) -> Array:
-        """(M,) log distances of the views from the sides nearest to (M,) directions; 0 without views."""
+        """(M,) log distances of the remembered views nearest in angle to (M,) directions; 0 without views."""
         if not self.vectors:
             return np.zeros(len(directions))
         nearest = np.abs(_turns(self.directions[:, None] - directions)).argmin(axis=0)
@@ -167,7 +170,7 @@ class EmbeddingRecord:
         return centre + mean, float(weights @ errors)
 
     def _remembering(self, vector: Array, direction: float, log_range: float, inlier: float) -> "EmbeddingRecord":
-        """With a view, in place of one from the same sector."""
+        """Record with a view added, which replaces an earlier one from the same sector."""
         sectors = np.rint(np.append(self.directions, direction) / REMEMBERED_RAD) % NUM_SECTORS
         kept = np.flatnonzero(sectors[:-1] != sectors[-1])
         return replace(
@@ -179,7 +182,7 @@ class EmbeddingRecord:
         )
 
     def _prior_mean(self, background: EmbeddingBackground) -> tuple[Array, Array]:
-        """(L,) expected mean direction before any view, and (R,) its variance over the spread."""
+        """(L,) prior of the mean direction, and (R,) its variance relative to the spread."""
         most = 1.0 - self.model.within
         if self.mean is None:
             return background.centre, most
@@ -188,7 +191,7 @@ class EmbeddingRecord:
     def _predicted(
         self, vector: Array, background: EmbeddingBackground, directions: Array, log_ranges: Array
     ) -> tuple[Array, Array]:
-        """(R, M) squared distances of a vector from what is predicted, and the variances over the spread."""
+        """(R, M) squared distances of a vector to its prediction, and predictive variances relative to the spread."""
         centre, share = self._prior_mean(background)
         turned = _turns(self.directions[:, None] - directions)  # (N, M)
         shared = share[:, None, None] + self.model.kernel(turned, self.log_ranges[:, None] - log_ranges)  # (R, N, M)
@@ -199,7 +202,7 @@ class EmbeddingRecord:
         return np.maximum(float(own @ own) - 2.0 * along + across, 0.0), np.asarray(variance)
 
     def _inverse(self, background: EmbeddingBackground) -> Array:
-        """(R, N, N) of the covariance of the views over the spread."""
+        """(R, N, N) inverse covariance of the views, relative to the spread."""
         _, share = self._prior_mean(background)
         return self._inverse_of_views if self.mean is None else np.asarray(np.linalg.inv(self._covariance(share)))
 
@@ -208,7 +211,7 @@ class EmbeddingRecord:
         return np.asarray(np.linalg.inv(self._covariance(1.0 - self.model.within)))
 
     def _covariance(self, share: Array) -> Array:
-        """(R, N, N); what may be an outlier errs by more, in units of all spread."""
+        """(R, N, N) covariance of the views relative to the spread; possible outliers have inflated noise."""
         turned = _turns(self.directions[:, None] - self.directions)
         smooth = self.model.kernel(turned, self.log_ranges[:, None] - self.log_ranges)
         own = self.model.settings[1][:, None] + self.doubts
@@ -216,5 +219,5 @@ class EmbeddingRecord:
 
 
 def _turns(angles: Array) -> Array:
-    """Angles within a half turn."""
+    """Angles wrapped to [-pi, pi)."""
     return np.asarray((angles + np.pi) % (2.0 * np.pi) - np.pi)

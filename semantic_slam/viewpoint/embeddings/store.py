@@ -1,4 +1,4 @@
-"""Files of how vectors of appearance go with the direction of view, as runs have shown; nothing in it is executed."""
+"""Files of embedding-model parameters learned from runs; nothing in them is executed."""
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -16,29 +16,29 @@ FORMAT = ModelFormat(kind="embedding", schema_version=1, remedy=f"check semantic
 
 @dataclass(frozen=True, kw_only=True)
 class LooksByDirection:
-    """R settings of objects: how different their sides are, and how much a view has of its own."""
+    """Learned parameters of how appearance varies with viewing direction, over R settings of (s, n)."""
 
-    repeat_rad: float  # turn over which an object's looks change
-    counts: tuple[float, ...]  # (R,) objects that count for each setting before any is seen
+    repeat_rad: float  # angle over which an object's appearance changes
+    counts: tuple[float, ...]  # (R,) prior pseudo-count of objects per setting
 
     def of(self, model: EmbeddingModel) -> EmbeddingModel:
-        """A model with what was learned in place of what is expected of any network."""
+        """Copy of ``model`` with the learned parameters in place of the network-independent defaults."""
         return replace(model, repeat_rad=self.repeat_rad, shared_counts=self.counts)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FittedEmbeddings:
-    """What B runs tell of a network's vectors."""
+    """Parameters learned from B runs of one network, with leave-one-out variants."""
 
     dimensions: int
     spread_shares: tuple[float, ...]
     noise_shares: tuple[float, ...]
-    whole: LooksByDirection | None  # None: too little was seen to tell
-    without: dict[str, LooksByDirection]  # by digest of a bag: what the others tell
+    whole: LooksByDirection | None  # None: too little data
+    without: dict[str, LooksByDirection]  # by digest of a bag: learned from the other bags
     report: dict[str, Any]
 
     def model(self, model: EmbeddingModel, sha256: str) -> EmbeddingModel:
-        """What a bag with that digest is run with. Raises ValueError where ``model`` has other settings."""
+        """Model for a run of the bag with that digest. Raises ValueError where ``model`` has other settings."""
         own = (model.dimensions, model.spread_shares, model.noise_shares)
         if own != (self.dimensions, self.spread_shares, self.noise_shares):
             raise ValueError("it was fitted with other embedding_dimensions, spread_shares or noise_shares")
@@ -47,12 +47,12 @@ class FittedEmbeddings:
 
 
 def save_embeddings(fitted: FittedEmbeddings, path: Path) -> None:
-    """Write what was learned; the file has no arrays."""
+    """Write the learned parameters; the file has no arrays."""
     FORMAT.write(path, {"none": np.zeros(1)}, asdict(fitted))
 
 
 def read_embeddings(path: Path) -> FittedEmbeddings:
-    """What is in a file. Raises InputError naming the file, what is wrong and the remedy."""
+    """Read such a file. Raises InputError naming the file, the fault and the remedy."""
     _, told = FORMAT.read(path)
     try:
         found = FittedEmbeddings(
@@ -74,7 +74,7 @@ def _looks(told: dict[str, Any]) -> LooksByDirection:
 
 
 def _check(found: FittedEmbeddings) -> None:
-    """Raises ValueError for what no runs can tell."""
+    """Raise ValueError for values that no run can yield."""
     size = len(found.spread_shares) * len(found.noise_shares)
     for own in (*([] if found.whole is None else [found.whole]), *found.without.values()):
         counts = np.array(own.counts)

@@ -1,7 +1,7 @@
-"""What a detector calls each class from each direction, before an object has been seen: Dirichlet counts of its words.
+"""Confusion prior of a detector: Dirichlet counts of its label words, per class and viewing sector.
 
-Directions are sectors of the object's own frame, counter-clockwise; a single one where they make no difference. How an
-object is turned is not known: it is one of as many headings as there are sectors, all as likely.
+Sectors are in the object's own frame, counter-clockwise; a single one where the direction makes no difference. The
+object's heading is unknown: one of as many as there are sectors, all equally likely.
 """
 
 from dataclasses import dataclass
@@ -12,27 +12,27 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 
 HIDDEN_NONE = 2
-"""What none of the labels may mean: called by other words, or by any word."""
+"""Number of hypotheses for the class "none of the labels": called by the other word, or by any word."""
 DIRECTIONS = 72
-"""Cells around an object: the newest view from each is remembered."""
+"""Number of azimuth cells around an object; the newest view from each is remembered."""
 STEP_RAD = 2.0 * np.pi / DIRECTIONS
 TURNS = STEP_RAD * np.abs(
     (np.arange(DIRECTIONS)[:, None] - np.arange(DIRECTIONS) + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2
 )
-"""(DIRECTIONS, DIRECTIONS) between the cells around an object, in rad."""
+"""(DIRECTIONS, DIRECTIONS) angles between the azimuth cells around an object, in rad."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Confusion:
-    """S sectors, L labels, W = L + 1 words, the last of which is any other one."""
+    """Dirichlet counts over S sectors, L labels and W = L + 1 words, the last of which is any other word."""
 
     counts: Array  # (S, L, W) Dirichlet counts of each class
-    none: Array  # (HIDDEN_NONE, W) of what none of the labels means
+    none: Array  # (HIDDEN_NONE, W) of the class "none of the labels"
     outlier_share: float  # e
 
     @classmethod
     def symmetric(cls, num_labels: int, accuracy: float, counts: float, outlier_share: float) -> Self:
-        """Most of the counts on the class's own label, the rest spread evenly; from all sides alike."""
+        """Prior with most counts on the class's own label and the rest spread evenly, equal from all sides."""
         size = num_labels + 1
         spread = np.full((size, size), (1.0 - accuracy) / max(size - 1, 1))
         np.fill_diagonal(spread, accuracy)
@@ -41,18 +41,18 @@ class Confusion:
 
     @property
     def num_sectors(self) -> int:
-        """S, and the number of headings of each class."""
+        """Number of sectors S, which is also the number of headings of each class."""
         return len(self.counts)
 
     @property
     def is_sided(self) -> Flags:
-        """(L,) whether a class looks different from some side."""
+        """(L,) whether the counts of a class depend on the sector."""
         return np.asarray((self.counts != self.counts[:1]).any(axis=(0, 2)))
 
     def rows(self, headings: Index) -> Array:
-        """(S, K, W) counts of the words that a view from sector s of the map draws from, K = sum + HIDDEN_NONE.
+        """(S, K, W) Dirichlet counts for a view from map sector s, with K = sum of ``headings`` + HIDDEN_NONE rows.
 
-        First the classes, each with as many of the headings 0 ... S - 1 as (L,) ``headings`` says.
+        First come the classes, each with the first ``headings`` (L,) of the headings 0 ... S - 1.
         """
         sectors = self.num_sectors
         numbers = np.arange(sectors)
@@ -61,5 +61,5 @@ class Confusion:
         return np.concatenate([classes, np.broadcast_to(self.none, (sectors, *self.none.shape))], axis=1)
 
     def sector_of(self, direction: int) -> int:
-        """Sector of a cell around an object."""
+        """Sector that contains an azimuth cell."""
         return direction * self.num_sectors // DIRECTIONS

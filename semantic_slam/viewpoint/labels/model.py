@@ -1,26 +1,26 @@
-"""What a detector's words tell of an object's class, with its confusions integrated out for each object.
+"""Label likelihood: an object's class from a detector's label words, with the confusions integrated out per object.
 
-An object of class c is called by a row of probabilities theta_c over words, which nobody knows: Dirichlet. Before
-anybody has counted what the detector confuses, most of the counts are on the class's own label and the rest is spread
-evenly. Fitted ones are the detector's, and may depend on the side that is seen (:class:`Confusion`), with the object's
-heading one of several that are as likely. An object that none of the labels means is either called otherwise, too, or
-by any label alike. Words count one after the other (Polya's urn), for each object by itself.
+An object of class c draws its words from an unknown probability vector theta_c, with a Dirichlet prior. Before the
+detector's confusions have been counted, most of the prior counts are on the class's own label and the rest is spread
+evenly. Fitted counts are specific to the detector and may depend on the visible side (:class:`Confusion`), with the
+object's heading one of several equally likely ones. An object of none of the labels is either called by the "other"
+word, or by any label alike. Words are counted sequentially (Polya's urn), for each object separately.
 
-Views repeat themselves. From the place of an earlier view the detector repeats that answer with a probability rho,
-whatever the object is, and else answers anew; rho decreases by 1 / e with every ``repeat_rad`` by which the direction
-of view or the logarithm of the distance differ. Of the answers that are new a share e are outliers, any word alike:
+Views are correlated. From the viewpoint of an earlier view the detector repeats that answer with probability rho,
+whatever the object is, and otherwise draws a new answer; rho decreases by 1 / e with every ``repeat_rad`` by which the
+viewing direction or the log distance differs. Of the new answers a share e are outliers, uniform over the words:
 
     P(word | c, earlier) = rho [word = that of the nearest earlier view] + (1 - rho) ((1 - e) theta_c(word) + e / W).
 
-Scores say how sure an answer is: q(w), in place of [w = word], in sum_w theta_c(w) q(w). They are densities relative to
-that of scores under any class.
+Scores q(w) express the confidence of an answer: sum_w theta_c(w) q(w) replaces theta_c(word). They are densities
+relative to that of the scores under any class.
 
-How large rho is from the same place, whether scores tell more than the word, and how many counts a row has (few: each
-object is confused in a way of its own; many: any box may be confused) is decided by evidence, in settings that have
-weights before the first view: by that of all objects, for the detector is one.
+The value of rho at the same viewpoint, whether scores add to the word, and the total count of a row (small: each object
+is confused in its own way; large: any box may be confused) are discrete settings with prior weights. Their posterior
+uses the evidence of all objects, as all share one detector.
 
-Given theta the recursion is exact, and given which answers are new and what they mean so are the counts. Together they
-are not: an answer counts by the probability that it is new and means the word (assumed-density filtering).
+Given theta the recursion is exact; given which answers are new and which words they mean, so are the counts. Jointly
+it is not: an answer is counted by the probability that it is new and means the word (assumed-density filtering).
 """
 
 from dataclasses import dataclass
@@ -37,29 +37,29 @@ from semantic_slam.viewpoint.labels.views import FirstView, LaterView, SilentVie
 
 @dataclass(frozen=True, kw_only=True)
 class LabelModel(LabelPrior):
-    """P(words of an object | class), the confusion of its class integrated out; L labels, W = L + 1 words."""
+    """Likelihood P(words of an object | class), confusions integrated out; L labels, W = L + 1 words."""
 
     def weighed(self, record: LabelRecord, view: LabelView, drawn: Array) -> WeighedView:
-        """One more view of an object; ``drawn``: see :meth:`LabelPrior.drawn`."""
+        """Weigh one more view of an object; ``drawn``: see :meth:`LabelPrior.drawn`."""
         if view.word.answer < 0:
             return SilentView.of(self, record)
         return (LaterView if record.words else FirstView).of(self, record, view, drawn)
 
     def after(self, record: LabelRecord, view: LabelView) -> LabelRecord:
-        """With one more view."""
+        """Record with one more view."""
         return self.weighed(record, view, self.drawn(view)).record
 
     def by_setting(self, record: LabelRecord) -> Array:
-        """(R, C) log likelihood of all views under each setting, over headings and what none of these may be."""
+        """(R, C) log likelihood of all views per setting and class, marginal over headings and "none" hypotheses."""
         return self.by_class(record.log_likelihood)
 
     def class_log_likelihood(self, record: LabelRecord) -> Array:
-        """(C,) log likelihood of all views, where nothing else tells which setting is right."""
+        """(C,) log likelihood of all views, marginalised over the settings by this object's evidence alone."""
         weighted = self.by_setting(record) + self.settings.log_weights[:, None]
         return np.asarray(finite_log_sum_exp(weighted, axis=0))
 
     def word_probabilities(self, record: LabelRecord, view: LabelView) -> Array:
-        """(R, K, W) of what one more view may be called; its own answer and scores do not matter."""
+        """(R, K, W) predictive word probabilities of one more view, regardless of its own answer and scores."""
         repeating, earlier = self.repeats(record, record.nearest(view))
         counts = self.factors[..., None] * self.prior_of(view)
         counts[..., list(record.words)] += np.moveaxis(record.counts, 0, -1)

@@ -1,4 +1,4 @@
-"""What is known of a detector's words before an object has been seen, as tables over settings, rows and words."""
+"""Prior of the label model before an object has been seen, as tables over settings, rows and words."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,39 +15,39 @@ from semantic_slam.viewpoint.labels.settings import LabelSettings
 
 @dataclass(frozen=True, kw_only=True)
 class LabelPrior:
-    """Settings, confusions and shares of classes; L labels, W = L + 1 words, R settings, K rows."""
+    """Settings, confusion priors and class frequencies; L labels, W = L + 1 words, R settings, K rows."""
 
     labels: tuple[str, ...]  # L, all different
     settings: LabelSettings  # R
-    confusions: tuple[Confusion, ...]  # of each stretch, fitted without it; the last of all other views
-    class_shares: Array  # (C,) probability that an object that no map knows is of each class
-    stretch_edges_ns: tuple[int, ...] = field(default=())  # where stretches begin, and where the last one ends
-    habits: Array = field(default_factory=lambda: EVEN_HABITS)  # (H,) shares of objects by how second words come
-    is_lean: bool = True  # classes that look alike from all sides have one heading
+    confusions: tuple[Confusion, ...]  # one per stretch, fitted without it; the last for all other views
+    class_shares: Array  # (C,) class prior of an object that is in no map
+    stretch_edges_ns: tuple[int, ...] = field(default=())  # starts of the stretches, and the end of the last
+    habits: Array = field(default_factory=lambda: EVEN_HABITS)  # (H,) share of objects with each second-word habit
+    is_lean: bool = True  # classes that do not depend on the side have a single heading
 
     @property
     def class_names(self) -> tuple[str, ...]:
-        """(C,) the labels, and none of these."""
+        """(C,) the labels, then the class "none of these"."""
         return (*self.labels, NONE_OF_THESE)
 
     @property
     def num_words(self) -> int:
-        """W, with the word that stands for any other label."""
+        """Number of words W, including the one that stands for any other label."""
         return len(self.labels) + 1
 
     @property
     def num_settings(self) -> int:
-        """R, of which the detector has one."""
+        """Number of settings R, exactly one of which applies to the detector."""
         return len(self.settings)
 
     @property
     def num_headings(self) -> int:
-        """Ways in which objects may be turned."""
+        """Number of discrete headings of an object."""
         return self.confusions[-1].num_sectors
 
     @cached_property
     def headings(self) -> Index:
-        """(L,) ways in which an object of a class may be turned, as far as that makes a difference."""
+        """(L,) number of distinguishable headings of an object of each class."""
         is_sided = np.any([own.is_sided for own in self.confusions], axis=0)
         return np.where(is_sided | (not self.is_lean), self.num_headings, 1)
 
@@ -63,75 +63,75 @@ class LabelPrior:
 
     @cached_property
     def weighted_totals(self) -> tuple[Array, ...]:
-        """(S, R, K) the same under each setting."""
+        """(S, R, K) ``totals`` multiplied by the ``factors`` of each setting."""
         return tuple(self.factors * total[:, None] for total in self.totals)
 
     @cached_property
     def factors(self) -> Array:
-        """(R, K) on the Dirichlet counts of each row before any view."""
+        """(R, K) multipliers of each row's prior Dirichlet counts, per setting."""
         own = np.repeat(self.settings.count_factors[:, None], self.headings.sum(), axis=1)
         others = np.repeat(self.settings.other_factors[:, None], HIDDEN_NONE, axis=1)
         return np.concatenate([own, others], axis=1)
 
     @cached_property
     def by_score(self) -> Index:
-        """(R,) 1 where scores count besides the word, else 0."""
+        """(R,) 1 where the setting uses scores besides the word, else 0."""
         return self.settings.by_score.astype(int)
 
     @cached_property
     def by_word(self) -> Array:
-        """(R, 1) 1 where the words alone count, else 0."""
+        """(R, 1) 1 where the setting uses the words alone, else 0."""
         return 1.0 - self.settings.by_score[:, None]
 
     @cached_property
     def classes_of_rows(self) -> Index:
-        """(K,) the class of each row."""
+        """(K,) class index of each row."""
         numbers = np.append(self.headings, HIDDEN_NONE)
         return np.repeat(np.arange(len(numbers)), numbers)
 
     @cached_property
     def _log_rows_of_class(self) -> Array:
-        """(K,) log number of rows that the class of each row has."""
+        """(K,) log of the number of rows of each row's class."""
         numbers = np.append(self.headings, HIDDEN_NONE)
         return np.repeat(np.log(numbers), numbers)
 
     def log_rows(self, log_prior: Array) -> Array:
-        """(..., K) log prior of each row, from the (..., C) of the classes."""
+        """(..., K) log prior of the rows, from the (..., C) log prior of the classes."""
         return np.asarray(log_prior[..., self.classes_of_rows] - self._log_rows_of_class)
 
     def stretch_of(self, stamp_ns: int) -> int:
-        """Stretch of the drive that a stamp lies in, where the models were fitted to this drive."""
+        """Index of the stretch that contains a stamp; ``ANY_STRETCH`` where the models were not fitted to the drive."""
         edges = self.stretch_edges_ns
         if not edges or not edges[0] <= stamp_ns <= edges[-1]:
             return ANY_STRETCH
         return min(int(np.searchsorted(edges, stamp_ns, side="right")) - 1, len(edges) - 2)
 
     def sector_of(self, view: LabelView) -> int:
-        """Sector of the map that a view is from."""
+        """Map sector from which a view is taken."""
         return self.confusions[view.stretch].sector_of(view.direction)
 
     def prior_of(self, view: LabelView) -> Array:
-        """(K, W) counts before any view of the words that this one draws from."""
+        """(K, W) prior counts that apply to a view, by its stretch and sector."""
         return np.asarray(self.priors[view.stretch][self.sector_of(view)])
 
     def drawn(self, view: LabelView) -> Array:
-        """(2, K) counts before any view of what one may mean: its word alone, or by its scores."""
+        """(2, K) prior counts of a view's answer: by its word alone, and weighted by its scores."""
         prior = self.prior_of(view)
         return np.array([prior[:, view.word.answer], prior @ view.word.shares])
 
     @cached_property
     def first_gains(self) -> Array:
-        """(3,) what the second word of a first view tells of a class, by what its class is to it."""
+        """(3,) log likelihood gain of a first view's second word, for the relations RIGHT, TRUTH and NEITHER."""
         return first_gains(self.num_words, self.habits) if self.num_words >= LEAST_WORDS else np.zeros(3)
 
     def repeats(self, record: LabelRecord, nearest: tuple[int, float]) -> tuple[Array, int]:
-        """(R, 1) probabilities that the nearest earlier view is repeated, and its word."""
+        """(R, 1) probabilities that the nearest earlier view is repeated, and that view's word."""
         place, away = nearest
         share = self.settings.repeat_shares * np.exp(-away / self.settings.repeat_rads)
         return share[:, None], int(record.newest[ANSWER, place])
 
     def start(self) -> LabelRecord:
-        """Nothing seen yet."""
+        """Empty record of an object not yet seen."""
         return self._nothing
 
     @cached_property
@@ -146,7 +146,7 @@ class LabelPrior:
         )
 
     def by_class(self, told: Array) -> Array:
-        """(..., C) log likelihood from the (..., K) of the rows, over headings and what none of these may be."""
+        """(..., C) class log likelihood from (..., K) rows, marginalised over headings and "none" hypotheses."""
         classes = np.empty((*told.shape[:-1], len(self.class_shares)))
         classes[..., :-1] = self._over_headings(told[..., :-HIDDEN_NONE])
         classes[..., -1] = np.logaddexp.reduce(told[..., -HIDDEN_NONE:], axis=-1) - np.log(HIDDEN_NONE)
@@ -158,7 +158,7 @@ class LabelPrior:
         return np.cumsum(self.headings) - self.headings
 
     def _over_headings(self, told: Array) -> Array:
-        """(..., L) log means over the headings of each class."""
+        """(..., L) log of the mean over the headings of each class."""
         if told.shape[-1] == len(self.labels):
             return told
         first, headings = self._first_rows, self.headings

@@ -1,14 +1,14 @@
-"""What the second word of each view tells of an object's class: a detector that is wrong often has the truth second.
+"""Likelihood of second-best words: a detector with a wrong first word often ranks the true one second.
 
-Given its first word a, the second word b of an object of class c is drawn anew, or repeats that of the nearest earlier
-view with the same first word. New ones are drawn from words that the object has had second before, or from its class
-(Polya's urn, as first words are):
+Given the first word a, the second word b of an object of class c is either drawn anew, or repeats that of the nearest
+earlier view with the same first word. New ones are drawn from the object's earlier second words, or from its class
+(Polya's urn, as for first words):
 
     P(b | a, c) = tau [b = c] + (1 - tau) / (W - 2) [b != c], where a is wrong; any word alike, where it is right.
 
-How often the truth is second, how far second words repeat and how far each object has some of its own is one of several
-habits of an object, all as likely before any fit; some have the truth second no oftener than any word. What is told is
-relative to any word alike, so that a view without a second word tells nothing.
+How often the truth is second, how strongly second words repeat, and how object-specific they are is one of H habits of
+an object, equally likely before any fit; in some, the truth is second no more often than any word. Likelihoods are
+relative to a uniform word, so that a view without a second word contributes nothing.
 """
 
 from dataclasses import dataclass
@@ -21,44 +21,44 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 
 TRUTH_SHARES = (0.0, 0.3, 0.6)
-"""How often the truth is second where the first word is wrong, beyond what chance has there."""
+"""Values of tau: how often the truth is second where the first word is wrong, beyond chance."""
 REPEAT_SHARES, REPEAT_RAD = (0.0, 0.95), 0.5
-"""How often a second word from the same place is that of before, and the turn after which that is 1 / e as often."""
+"""Probabilities that a second word repeats at the same viewpoint, and the angle over which they decay by 1 / e."""
 COUNTS = (1.0, 10.0)
-"""Views that what is expected of a class counts as."""
+"""Values of the class prior's pseudo-count, in views."""
 LEAST_WORDS = 3
-"""Words from which on a second one tells something."""
+"""Smallest number of words at which a second word is informative."""
 NONE = -1
-"""There is no second word."""
+"""Marks that there is no second word."""
 HABITS = np.array(list(product(TRUTH_SHARES, REPEAT_SHARES, COUNTS))).T
-"""(3, H) every combination."""
+"""(3, H) all combinations of truth share, repeat share and count."""
 EVEN_HABITS = np.full(HABITS.shape[1], 1.0 / HABITS.shape[1])
-"""(H,) before any fit."""
+"""(H,) uniform prior of the habits, before any fit."""
 RIGHT, TRUTH, NEITHER = 0, 1, 2
-"""What a class is to a view: its first word, its second one, or none of them."""
+"""Relation of a class to a view: it is the first word, the second word, or neither."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunnerUp:
-    """A view's two best words, and the second one of the nearest earlier view with the same first one."""
+    """A view's two best words, and the second word of the nearest earlier view with the same first word."""
 
     first: int
     second: int
     earlier: int  # NONE where there is none
-    away: float  # turn to that view, or change of the logarithm of the distance
+    away: float  # angle to that view, or change of log distance
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunnersUp:
-    """The second words of an object so far; H habits, C = W classes of which the last is none of the labels."""
+    """Second-word statistics of an object; H habits, C = W classes, the last being "none of the labels"."""
 
-    habits: Array  # (C, H) probabilities of the habits, of an object of each class
+    habits: Array  # (C, H) probabilities of the habits, given the class
     counts: Array  # (W, H) of words that were drawn anew
     total: Array  # (H,) of them
 
     @classmethod
     def start(cls, num_words: int, habits: Array) -> Self:
-        """Nothing seen yet; ``habits`` (H,) are how many objects have each."""
+        """Empty statistics; ``habits`` (H,) is the prior of the habits."""
         return cls(
             habits=np.repeat(habits[None], num_words, axis=0),
             counts=np.zeros((num_words, len(habits))),
@@ -66,7 +66,7 @@ class RunnersUp:
         )
 
     def following(self, seen: RunnerUp) -> "NextSecond | None":
-        """What one more view tells; None where it has no second word."""
+        """Evidence of one more view; None where it has no second word."""
         size = len(self.counts)
         if seen.second == NONE or size < LEAST_WORDS:
             return None
@@ -86,22 +86,22 @@ class RunnersUp:
 
 @dataclass(frozen=True, kw_only=True)
 class NextSecond:
-    """The second word of one more view."""
+    """Evidence and update of one more view's second word."""
 
     before: RunnersUp
     second: int
-    new: Array | float  # (H,) probability that it is drawn anew
-    joint: Array  # (C, H) of word and habits
+    new: Array | float  # (H,) probability that the word is drawn anew
+    joint: Array  # (C, H) joint probability of word and habits
     likelihood: Array  # (C,)
 
     @property
     def gained(self) -> Array:
-        """(C,) log likelihood, relative to any word alike."""
+        """(C,) log likelihood relative to a uniformly drawn word."""
         return np.asarray(np.log(self.likelihood * (len(self.likelihood) - 1)))
 
     @property
     def after(self) -> RunnersUp:
-        """What is known of the object with it."""
+        """Statistics of the object including this view."""
         counts = self.before.counts.copy()
         counts[self.second] += self.new
         return RunnersUp(
@@ -110,19 +110,19 @@ class NextSecond:
 
 
 def first_gains(num_words: int, habits: Array) -> Array:
-    """(3,) log likelihood of a first view's second word by what its class is to it, relative to any word alike."""
+    """(3,) log likelihood of a first view's second word per relation (RIGHT, TRUTH, NEITHER), relative to uniform."""
     views, expected = _expected(num_words)
     return np.asarray(np.log((habits * (expected / views)).sum(axis=1) * (num_words - 1)))
 
 
 @cache
 def _expected(num_words: int) -> tuple[Array, Array]:
-    """(H,) views that what is expected counts as, and (3, H) those of a second word: by what its class is to a view."""
+    """(H,) pseudo-counts of the class prior, and (3, H) its expected counts of a second word per relation."""
     chance, truth = 1.0 / (num_words - 1), truth_second(num_words)
     return HABITS[2], HABITS[2] * np.array([np.full(len(truth), chance), truth, (1.0 - truth) / (num_words - 2)])
 
 
 def truth_second(num_words: int) -> Array:
-    """(H,) how often the truth is second where the first of W words is wrong, by chance and beyond it."""
+    """(H,) probability that the truth is second where the first of W words is wrong, chance included."""
     chance = 1.0 / (num_words - 1)
     return np.asarray(chance + (1.0 - chance) * HABITS[0])

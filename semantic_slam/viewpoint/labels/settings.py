@@ -1,4 +1,4 @@
-"""Ways in which a detector may be set, one for all objects: which is right is told by the evidence of all of them."""
+"""Discrete hyperparameter settings of a detector, shared by all objects and inferred from their evidence."""
 
 import itertools
 from collections.abc import Sequence
@@ -13,14 +13,14 @@ from semantic_slam.geometry.log_space import log_sum_exp
 
 @dataclass(frozen=True, kw_only=True)
 class LabelSettings:
-    """R ways that the detector may have."""
+    """R hyperparameter settings with their prior weights."""
 
-    repeat_shares: Array  # (R,) rho from the same place
-    repeat_rads: Array  # (R,) turn, or change of the logarithm of the distance, after which rho is 1 / e of that
+    repeat_shares: Array  # (R,) rho at the same viewpoint
+    repeat_rads: Array  # (R,) angle, or change of log distance, over which rho decays by 1 / e
     by_score: Array  # (R,) 1 where scores count besides the word, else 0
-    count_factors: Array  # (R,) on the Dirichlet counts of each class before any view
-    other_factors: Array  # (R,) on those of what none of the labels means
-    log_weights: Array  # (R,) before the first view, of which the exponentials sum to 1
+    count_factors: Array  # (R,) multipliers of the prior Dirichlet counts of the classes
+    other_factors: Array  # (R,) multipliers of those of the class "none of the labels"
+    log_weights: Array  # (R,) normalised log prior
 
     def __len__(self) -> int:
         return len(self.log_weights)
@@ -33,7 +33,7 @@ class LabelSettings:
         count_factors: Sequence[float],
         other_factor: float | None = None,
     ) -> Self:
-        """Every combination, all as likely; ``other_factor`` None: what none of the labels means is as the classes."""
+        """All combinations, equally likely; ``other_factor`` None: "none of the labels" has the classes' factor."""
         every = itertools.product(count_factors, (0.0, 1.0), repeat_shares, repeat_rads)
         factors, by_score, shares, rads = np.array(list(every)).T
         return cls(
@@ -46,10 +46,10 @@ class LabelSettings:
         )
 
     def weighted(self, log_weights: Array) -> Self:
-        """With other (R,) weights, up to a factor."""
+        """Settings with other (R,) log weights, which are normalised here."""
         return replace(self, log_weights=log_weights - log_sum_exp(log_weights))
 
     def take(self, rows: Index) -> Self:
-        """Some of them, as likely to each other as before."""
+        """A subset of the settings, with renormalised weights."""
         kept = type(self)(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
         return kept.weighted(kept.log_weights)

@@ -1,4 +1,4 @@
-"""Files of fitted label models: arrays and a JSON description in one safetensors file; nothing in it is executed."""
+"""Files of fitted label models: arrays and a JSON description in one safetensors file; no code is executed."""
 
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -21,11 +21,11 @@ FORMAT = ModelFormat(kind="detector", schema_version=1, remedy=f"check semantic_
 
 @dataclass(frozen=True, kw_only=True)
 class FittedBag:
-    """One of the bags that models were fitted to, and what the others tell without it."""
+    """One of the bags used for the fit, with the parameters fitted to the other bags (leave-one-out)."""
 
     path: str
     sha256: str
-    stretch_edges_ns: tuple[int, ...]  # (F + 1,) where its stretches begin, and where the last one ends
+    stretch_edges_ns: tuple[int, ...]  # (F + 1,) starts of its stretches, and the end of the last
     log_settings: tuple[float, ...]  # (R,) log weights of the settings
     class_shares: tuple[float, ...]  # (C,)
     habits: tuple[float, ...] = tuple(EVEN_HABITS.tolist())  # (H,)
@@ -34,24 +34,24 @@ class FittedBag:
 
 @dataclass(frozen=True, kw_only=True)
 class FittedLabels:
-    """A detector as runs of it have shown it; L labels, W words, S sectors, R settings."""
+    """Label model of a detector, fitted to runs of it; L labels, W words, S sectors, R settings."""
 
     labels: tuple[str, ...]
     settings: LabelSettings  # R
-    confusions: tuple[Confusion, ...]  # each without one of the F stretches of all bags, the last one of all
+    confusions: tuple[Confusion, ...]  # one per stretch (F of all bags), fitted without it; the last fitted to all
     class_shares: Array  # (C,) with none of these
     bags: tuple[FittedBag, ...]
     report: dict[str, Any]
-    habits: Array = field(default_factory=lambda: EVEN_HABITS)  # (H,) shares of objects by how second words come
+    habits: Array = field(default_factory=lambda: EVEN_HABITS)  # (H,) share of objects with each second-word habit
     detection: DetectionValues = UNTOLD
 
     def detection_of(self, sha256: str) -> DetectionValues:
-        """What a bag is run with: as the other bags tell, where it is one of those that were learned from."""
+        """Detection values for a bag: fitted to the other bags where this one was part of the fit."""
         known = self.bag(sha256)
         return self.detection if known is None else known.detection
 
     def model(self, sha256: str = "") -> LabelModel:
-        """What a bag is run with: where the models were fitted to it, every stretch has those fitted without it."""
+        """Label model for a bag; if the bag was part of the fit, each stretch uses confusions fitted without it."""
         known = self.bag(sha256)
         if known is None:
             return LabelModel(
@@ -71,7 +71,7 @@ class FittedLabels:
         )
 
     def bag(self, sha256: str) -> FittedBag | None:
-        """The bag of that digest, if the models were fitted to it."""
+        """Entry of the bag with that digest, if it was part of the fit; else None."""
         return next((own for own in self.bags if own.sha256 and own.sha256 == sha256), None)
 
 
@@ -92,7 +92,7 @@ def save_labels(fitted: FittedLabels, path: Path) -> None:
 
 
 def read_labels(path: Path) -> FittedLabels:
-    """The models in a file. Raises InputError naming the file, what is wrong and the remedy."""
+    """Read the models of a file. Raises InputError naming the file, the fault and the remedy."""
     arrays, description = FORMAT.read(path)
     try:
         found = _fitted(arrays, description)
@@ -103,7 +103,7 @@ def read_labels(path: Path) -> FittedLabels:
 
 
 def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabels:
-    """Raises KeyError or TypeError."""
+    """Parse the content of a file. Raises KeyError or TypeError."""
     parts = [arrays[f"confusions.{item.name}"] for item in fields(Confusion)]
     return FittedLabels(
         labels=tuple(map(str, description["labels"])),
@@ -129,7 +129,7 @@ def _bag(told: dict[str, Any]) -> FittedBag:
 
 
 def _detection(told: dict[str, Any]) -> DetectionValues:
-    """Raises TypeError or ValueError."""
+    """Parse detection values. Raises TypeError or ValueError."""
     own = dict(told.get("detection") or {})
     shares = tuple(float(value) for value in own.pop("by_direction", ()))
     values = {name: None if value is None else float(value) for name, value in own.items()}
@@ -137,7 +137,7 @@ def _detection(told: dict[str, Any]) -> DetectionValues:
 
 
 def _check(found: FittedLabels) -> None:
-    """Raises ValueError for arrays that do not belong together."""
+    """Raise ValueError where shapes or values of the arrays do not fit together."""
     size, count = len(found.labels), len(found.settings)
     values = [getattr(found.settings, item.name) for item in fields(LabelSettings)]
     shapes: list[tuple[Array | Index, tuple[int, ...]]] = [(own, (count,)) for own in values]
@@ -160,7 +160,7 @@ def _check(found: FittedLabels) -> None:
 
 
 def _check_detection(own: DetectionValues) -> None:
-    """Raises ValueError for what no detector can have."""
+    """Raise ValueError for values that no detector can have."""
     probability, half_range, persistence = own.probability, own.half_range_m, own.persistence
     if probability is not None and not 0.0 < probability < 1.0:
         raise ValueError("a detection probability must lie between 0 and 1")

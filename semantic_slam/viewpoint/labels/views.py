@@ -1,6 +1,6 @@
-"""One more view of an object: how likely it is, and the record with it, which is made where it is kept.
+"""Weighing one more view of an object: its likelihood, and the updated record, computed only when needed.
 
-Most views are weighed as being of several objects, and kept as being of few.
+Most views are weighed against several objects but kept for few of them.
 """
 
 from dataclasses import dataclass, replace
@@ -19,27 +19,27 @@ class WeighedView(Protocol):
     """A view of an object under each of R settings and K rows."""
 
     def log_evidence(self, log_rows: Array) -> Array:
-        """(R,) sums over the rows of all views so far, with the (K,) log prior of the rows."""
+        """(R,) log evidence of all views so far, summed over the rows with their (K,) log prior."""
 
     @property
     def by_setting(self) -> Array:
-        """(R, C) log likelihood of all views so far, of each class."""
+        """(R, C) log likelihood of all views so far, per setting and class."""
 
     @property
     def record(self) -> LabelRecord:
-        """All views."""
+        """Record of all views, including this one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SilentView:
-    """A view without a word."""
+    """A view without a label word."""
 
     prior: LabelPrior
     record: LabelRecord
 
     @classmethod
     def of(cls, prior: LabelPrior, record: LabelRecord) -> Self:
-        """Any word is as likely, whatever the object."""
+        """Weigh it as a uniformly distributed word, whatever the object."""
         return cls(prior=prior, record=replace(record, log_likelihood=record.log_likelihood - np.log(prior.num_words)))
 
     def log_evidence(self, log_rows: Array) -> Array:
@@ -54,9 +54,9 @@ class SilentView:
 
 @dataclass(frozen=True, kw_only=True)
 class FirstView:
-    """The first word of an object: there is none to repeat, and how many counts a row has cancels.
+    """First word of an object: no earlier word can repeat, and the total count of a row cancels.
 
-    So settings differ by whether scores count, of which there are 2 kinds: those of words alone, and those of scores.
+    Settings therefore differ only in whether scores count: axis 0 of the arrays is (words alone, scores).
     """
 
     prior: LabelPrior
@@ -71,7 +71,7 @@ class FirstView:
         """Weigh a view of an object without words; ``drawn`` (2, K) as :meth:`LabelPrior.drawn` finds it."""
         totals, share = prior.totals[view.stretch][prior.sector_of(view)], prior.confusions[view.stretch].outlier_share
         likelihood = (1.0 - share) * (drawn / totals) + share / prior.num_words
-        told = record.log_likelihood[0] + np.log(likelihood)  # one of all settings, which are alike so far
+        told = record.log_likelihood[0] + np.log(likelihood)  # any setting will do: all are equal so far
         if view.word.second != NONE:
             told[0] += _first_gained(prior, view)
         return cls(prior=prior, before=record, view=view, totals=totals, likelihood=likelihood, log_likelihood=told)
@@ -87,7 +87,7 @@ class FirstView:
 
     @property
     def record(self) -> LabelRecord:
-        """The first words."""
+        """Record with the object's first words."""
         view, before, by_score = self.view, self.before, self.prior.by_score
         word, share = view.word, self.prior.confusions[view.stretch].outlier_share
         words, new = list(word.reported), (1.0 - share) / (self.totals * self.likelihood)
@@ -105,14 +105,14 @@ class FirstView:
 
 @dataclass(frozen=True, kw_only=True)
 class LaterView:
-    """One more word of an object."""
+    """One more word of an object that already has words."""
 
     prior: LabelPrior
     before: LabelRecord
     view: LabelView
     totals: Array  # (R, K) counts of each row
-    anew: Array  # (R, 1) probability that nothing is repeated
-    inlier: Array  # (R, K) likelihood of the word with it new and no outlier
+    anew: Array  # (R, 1) probability that no earlier view is repeated
+    inlier: Array  # (R, K) likelihood of the word as new and an inlier
     likelihood: Array  # (R, K) of the word
     log_likelihood: Array  # (R, K) of all views
     second: NextSecond | None
@@ -130,7 +130,7 @@ class LaterView:
         likelihood = inlier + (outlier + repeating if earlier == word.answer else outlier)
         told = record.log_likelihood + np.log(likelihood)
         second = record.seconds.following(record.runner_up(view, nearest))
-        if second is not None:  # scores tell of it already, where they count
+        if second is not None:  # scores include it already, where they count
             told += prior.by_word * second.gained[prior.classes_of_rows]
         return cls(
             prior=prior,
@@ -155,7 +155,7 @@ class LaterView:
 
     @property
     def record(self) -> LabelRecord:
-        """All words."""
+        """Record with all words."""
         shares = self.shares
         return LabelRecord(
             log_likelihood=self.log_likelihood,
@@ -167,7 +167,7 @@ class LaterView:
 
     @property
     def shares(self) -> ViewShares:
-        """What the view may be."""
+        """Posterior decomposition of the view."""
         prior, view, record = self.prior, self.view, self.before
         reported, share = view.word.reported, prior.confusions[view.stretch].outlier_share
         words = (*record.words, *[word for word in reported if word not in record.words])
@@ -187,19 +187,19 @@ class LaterView:
 
 
 def _first_gained(prior: LabelPrior, view: LabelView) -> Array:
-    """(K,) what the second word of a first view tells of each row."""
+    """(K,) log likelihood gain of each row from a first view's second word."""
     gains, kinds = prior.first_gains, np.full(prior.num_words, NEITHER)
     kinds[view.word.second], kinds[view.word.answer], kinds[-1] = TRUTH, RIGHT, RIGHT
     return np.asarray(gains[kinds[prior.classes_of_rows]])
 
 
 def _weights(prior: LabelPrior, words: tuple[int, ...], view: LabelView) -> Array:
-    """(R, N) how far a view means each word: by the word alone, or by its scores."""
+    """(R, N) weight of each word in a view: one-hot for the answer, or its scores."""
     is_answer = [float(word == view.word.answer) for word in words]
     return np.array([is_answer, view.word.shares[list(words)]])[prior.by_score]
 
 
 def _with_room(counts: Array, num_words: int) -> Array:
-    """(N, R, K) counts of more words, 0 of those that are new."""
+    """Counts padded with zeros to (N, R, K) for new words."""
     new = num_words - len(counts)
     return counts if new == 0 else np.concatenate([counts, np.zeros((new, *counts.shape[1:]))])

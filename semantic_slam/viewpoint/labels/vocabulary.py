@@ -1,7 +1,7 @@
-"""Fitted label models for a run that has other labels: what they tell of a label that they have not seen, and so on.
+"""Adapting a fitted label model to a run whose label set differs from the fitted one.
 
-A label that was not fitted was among the other words until now, and is confused as the others are on average; one that
-a run has not is one of the other words there.
+A label that was not fitted counted as the "other" word until now, and is confused as the fitted labels are on average;
+a fitted label that the run does not have becomes part of its "other" word.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from semantic_slam.viewpoint.labels.model import LabelModel
 
 
 def with_vocabulary(model: LabelModel, labels: tuple[str, ...]) -> LabelModel:
-    """The model with these labels."""
+    """Label model converted to the label set ``labels``."""
     if labels == model.labels:
         return model
     places = [model.labels.index(label) if label in model.labels else -1 for label in labels]
@@ -32,7 +32,7 @@ def with_vocabulary(model: LabelModel, labels: tuple[str, ...]) -> LabelModel:
 
 
 def _words(fitted: tuple[str, ...], labels: tuple[str, ...]) -> Array:
-    """(fitted words, words) share of each fitted word that is meant by each word."""
+    """(fitted words, words) share of each fitted word assigned to each word of the run."""
     shares = np.zeros((len(fitted) + 1, len(labels) + 1))
     for number, label in enumerate(fitted):
         shares[number, labels.index(label) if label in labels else -1] = 1.0

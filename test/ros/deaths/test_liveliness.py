@@ -12,7 +12,11 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from semantic_slam.configuration import from_dict
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.ros.rounds.liveliness import LEASE_S, Watch
+from semantic_slam.ros.rounds.ros_pool import RosPool
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -74,3 +78,30 @@ def test_who_paused_returns_and_who_was_killed_does_not(
     assert comes_true(lambda: watch.missing_s(7) == 0.0)
     backend.kill()
     assert comes_true(lambda: watch.missing_s(7) > 2.0 * LEASE_S)
+
+
+def test_the_last_backend_is_waited_for_as_long_as_it_is_alive(backend: subprocess.Popen[str]) -> None:
+    """It may be replaying a long run; one that is gone, and late, is given up."""
+    configuration = from_dict({"semantic_model": {"kind": "none"}, "association": "open"})
+    rclpy.init()
+    node = Node("manager")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    pool = RosPool(node, (7,), timeout_s=0.5)
+    threading.Thread(target=executor.spin, daemon=True).start()
+    try:
+        assert comes_true(lambda: pool._watch.was_seen(7))
+        pool.start(make_run_configuration(configuration, None, *initial_pose_of(configuration), stamp_ns=1))
+        answers: list[list[object]] = []
+        asking = threading.Thread(target=lambda: answers.append([*pool.expand(Keyframe.planar(0))]))
+        asking.start()
+        time.sleep(3.0)
+        assert pool.backend_ids == (7,) and asking.is_alive()
+        backend.kill()
+        assert comes_true(lambda: pool.backend_ids == ())
+        asking.join(10.0)
+        assert answers == [[]]
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.shutdown()
