@@ -10,7 +10,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import ObjectTable
-from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
+from semantic_slam.inference.protocol import Candidates, Commit, Components, MissedKeyframes, RunConfiguration
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.messages.codec import BY_TYPE_NAME, CODECS, decode, encode, from_message, to_message
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects, ReplayProgress
@@ -128,6 +128,7 @@ VALUES = {
     "objects": GroundTruthObjects(STAMP, ("1", "2"), ("cup", "box"), numbers(2, 7)),
     "associations": GroundTruthAssociations(STAMP, ("1", "")),
     "progress": ReplayProgress(STAMP, 12, True),
+    "missed": MissedKeyframes(run_id="r", backend_id=2, keyframe=7),
     "pose": PoseEstimate(STAMP, "map", numbers(7), numbers(6, 6)),
     "odometry": OdometryEstimate(STAMP, "odom", "base_link", numbers(7), numbers(6, 6)),
 }  # fmt: skip

@@ -55,7 +55,7 @@ def asked() -> Iterator[tuple[Node, Ask]]:
 def test_the_path_is_told_whole_and_published_in_part(asked: tuple[Node, Ask], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(path_publisher, "NEWEST", 2)
     node, ask = asked
-    path = path_publisher.PathPublisher(node)
+    path = path_publisher.PathPublisher(node, "robot1/map")
     sent: list[Any] = []
     receive(node, topics.PATH, lambda data: sent.append(deserialize(data, "nav_msgs/msg/Path")), qos.latched())
     for k in range(4):
@@ -63,7 +63,9 @@ def test_the_path_is_told_whole_and_published_in_part(asked: tuple[Node, Ask], m
         path.publish(PoseEstimate(1_500_000_000 * (k + 1), "map", pose, np.eye(6)))
     told = ask(GetPath, "get_path", GetPath.Request()).poses
     assert [own.pose.position.x for own in told] == [0.0, 1.0, 2.0, 3.0]
-    assert (told[0].header.stamp.sec, told[0].header.stamp.nanosec, told[0].header.frame_id) == (1, 500_000_000, "map")
+    header = told[0].header
+    assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (1, 500_000_000, "robot1/map")
+    assert sent[-1].header.frame_id == "robot1/map"
     assert [own.pose.position.x for own in sent[-1].poses] == [2.0, 3.0]
 
 
