@@ -39,9 +39,10 @@ from semantic_slam.inference.relocation.recovery import SOON, Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.revision.looking_back import Present
-from semantic_slam.inference.revision.replay import Lineage, Replay
+from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.revision.revision import Revision, normalised, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.summarised_copies import SummarisedCopies
 from semantic_slam.inference.world.carried import carried_to, new_grounds
 from semantic_slam.inference.world.map_prior import MapPrior

@@ -9,7 +9,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.strategy import AssociationStrategy, Parents, PredictedKeyframe
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.evidence.candidates import Candidates
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.reassociation.reassociation import Reassociation
 from semantic_slam.inference.reassociation.solved import RevisedComponent
@@ -36,7 +36,7 @@ class Expansion:
     step: Step  # its motion is the one that the candidates assume: odometry, or a kidnapping
     parents: Parents  # P; a revised variant of a parent has the id of the parent that it revises
     keyframe: PredictedKeyframe
-    candidates: Candidates
+    candidates: WeighedAssociations
     ids: list[int]  # K
     steps: list[LineageStep]  # K
     log_psi: Array  # (K,) likelihood factor of Eq. 4.18, without the parent's weight
@@ -193,7 +193,7 @@ class Expander:
             log_weights=np.append(parents.log_weights, parents.log_weights[places]),
         ), [*plain, *found.values()]
 
-    def _semantics(self, keyframe: PredictedKeyframe, candidates: Candidates) -> SemanticEvidence:
+    def _semantics(self, keyframe: PredictedKeyframe, candidates: WeighedAssociations) -> SemanticEvidence:
         if not len(keyframe.used):
             return SemanticEvidence.silent(len(candidates.assignments))
         return self.problem.semantics.weigh(keyframe.semantic_input(candidates))

@@ -15,7 +15,7 @@ from semantic_slam.inference.protocol import Commit
 from semantic_slam.inference.pruning import Pruned
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.identity import ROOT_ID
-from semantic_slam.inference.states.lineage import LineageStep, revised
+from semantic_slam.inference.states.lineage import Lineage, LineageStep, revised
 
 RECENT_KEYFRAMES = 10
 """Number of keyframes in ``discarded_mass_window``: mass discarded before that has shown its effect, or never will."""
@@ -31,7 +31,7 @@ class Hypothesis:
     owner: int  # backend that holds its component
     log_weight: float
     parent_id: int
-    lineage: tuple[LineageStep, ...]  # one step for every keyframe
+    lineage: Lineage  # one step for every keyframe
     revises: "Hypothesis | None" = None  # when it enters as a revision: the live hypothesis whose history it revises
     replayed: Component | None = field(default=None, compare=False, repr=False)  # its component, if made by a replay
     replicates: Array = field(default_factory=lambda: np.zeros(0), compare=False, repr=False)  # (B,) see ``Bagging``

@@ -14,7 +14,7 @@ from semantic_slam.inference.entropy import association_entropy, component_entro
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.object_table import ObjectTable, marginals
 from semantic_slam.inference.pruning import Pruned
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ReportedObjects
 
@@ -27,7 +27,7 @@ class Mixture:
     parent_ids: list[int]
     log_weights: Array  # (H,) normalised
     changes: list[tuple[int, int, int, int]]  # R x (hypothesis id, keyframe, detection, object) of revised histories
-    lineages: list[tuple[LineageStep, ...]]
+    lineages: list[Lineage]
     poses: Array  # (H, 7) robot in map
     pose_covariances: Array  # (H, 6, 6)
     objects: ObjectTable  # (H, O, ...)

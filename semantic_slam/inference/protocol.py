@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.object_table import ObjectTable
-from semantic_slam.inference.states.lineage import LineageStep, Reassigned
+from semantic_slam.inference.states.lineage import Lineage, Reassigned
 
 if TYPE_CHECKING:  # the smoothers and GTSAM, which nodes that only read and write messages do without
     from semantic_slam.inference.smoothing.component import Component
@@ -87,10 +87,10 @@ class Commit:
     keyframe: int
     ids: NDArray[np.uint64]  # (S,)
     parent_ids: NDArray[np.uint64]  # (S,)
-    steps: tuple[LineageStep, ...]  # (S,) of this keyframe
+    steps: Lineage  # (S,) of this keyframe
     log_weights: Array  # (S,) normalised
     owners: NDArray[np.uint32]  # (S,)
-    lineages: tuple[tuple[LineageStep, ...], ...]  # (S,) steps of keyframes 0 .. keyframe - 1, or ()
+    lineages: tuple[Lineage, ...]  # (S,) steps of keyframes 0 .. keyframe - 1, or ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.open_world.copies import Survivor
 from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
@@ -28,7 +28,7 @@ class SummarisedCopies:
     def __init__(self, problem: Problem) -> None:
         self._settings = replace(problem.open_world, merge_ghosts=False)
         self._horizon = problem.history.horizon_keyframes
-        self._recent: dict[int, tuple[LineageStep, ...]] = {}
+        self._recent: dict[int, Lineage] = {}
         self._objects: dict[int, ObjectTable] = {}
         self.num_merged = 0
 

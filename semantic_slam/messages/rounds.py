@@ -10,7 +10,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.noise.clock_offset import OFFSETS
 from semantic_slam.inference.object_table import QUANTITIES, ObjectTable, columns
 from semantic_slam.inference.protocol import Candidates, Commit, Components, MissedKeyframes, RunConfiguration
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.messages.layout import Layout, MayBeEmpty, contents, filled, unpack
 from semantic_slam.messages.lineage_changes import changes_in, padded, step_of, with_changes
 from semantic_slam.messages.measurements import measurements_from_message, measurements_to_message
@@ -204,7 +204,7 @@ def commit_from_message(message: Any) -> Commit:
     )
 
 
-def _lineages(arrays: dict[str, Any]) -> tuple[tuple[LineageStep, ...], ...]:
+def _lineages(arrays: dict[str, Any]) -> tuple[Lineage, ...]:
     """Split the concatenated lineage steps by each survivor's length and each step's number of detections."""
     lengths, detections = arrays["lineage_lengths"], arrays["lineage_detections"]
     if lengths.sum() != len(detections) or detections.sum() != len(arrays["lineage_associations"]):

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from semantic_slam.answers.explain.live_history import LiveHistory, object_of
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.revision.replay import Lineage, Replay
+from semantic_slam.inference.revision.replay import Replay
+from semantic_slam.inference.states.lineage import Lineage
 
 
 def replayed_history(

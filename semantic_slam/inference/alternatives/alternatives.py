@@ -12,12 +12,13 @@ from typing import Protocol
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags
-from semantic_slam.inference.alternatives.heirs import Heirs, Lineage
+from semantic_slam.inference.alternatives.heirs import Heirs
 from semantic_slam.inference.alternatives.shares import LEAST_SHARE, Shares
 from semantic_slam.inference.alternatives.telling import balanced
 from semantic_slam.inference.alternatives.told import Told, told_changes
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.states.lineage import Lineage
 
 MOST_GIVEN_UP = 300
 """Largest number of pruned histories, heaviest first, that are considered in one keyframe."""

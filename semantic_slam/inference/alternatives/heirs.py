@@ -10,9 +10,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import PLANAR_AXES, planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.alternatives.differences import Change, differences
 from semantic_slam.inference.candidate_table import CandidateTable
-from semantic_slam.inference.states.lineage import LineageStep
-
-Lineage = tuple[LineageStep, ...]
+from semantic_slam.inference.states.lineage import Lineage
 
 FARTHEST = 3.0
 """Largest squared Mahalanobis distance of both robot poses, by the survivor's covariance: chi-square's mean, 3 dof."""

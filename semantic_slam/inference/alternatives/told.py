@@ -9,8 +9,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Flags, Index
 from semantic_slam.inference.alternatives.differences import Change
-from semantic_slam.inference.alternatives.heirs import Lineage
 from semantic_slam.inference.hypotheses import Hypothesis
+from semantic_slam.inference.states.lineage import Lineage
 
 Place = tuple[int, int]
 """Keyframe and detection."""

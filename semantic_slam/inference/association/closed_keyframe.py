@@ -19,11 +19,11 @@ from semantic_slam.inference.association.first_views import log_first_inliers
 from semantic_slam.inference.association.map_gate import FEW_OBJECTS, MapGate, map_gate
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
 from semantic_slam.inference.evidence.mode_splitting import UnsplitCandidates, split_modes
 from semantic_slam.inference.evidence.prior_samples import sample_evidence
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.models.observation import ModelsOutliers
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.semantics.interface import SemanticInput
@@ -61,7 +61,7 @@ class ClosedKeyframe:
         """(P,) zeros: a closed world expects no births."""
         return np.zeros(len(self.parents))
 
-    def associate(self) -> Candidates:
+    def associate(self) -> WeighedAssociations:
         """Enumerate the associations, on a large map within a gate that is widened until the result justifies it.
 
         The gate leaves out objects that no detection can be of, see ``MapGate``.
@@ -79,13 +79,13 @@ class ClosedKeyframe:
                 return replace(candidates, log_left_out=left_out)
             gate = wider
 
-    def weigh(self, candidates: Candidates) -> Candidates:
+    def weigh(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Enumerate classes, find modes and compute the evidence; multimodal candidates are split into their modes."""
         if self.problem.model.num_classes > 0 and len(self.used):
             candidates = self._with_classes(candidates)
         return replace(self._with_evidence(candidates), num_new=len(self._new[0])).at_modes()
 
-    def semantic_input(self, candidates: Candidates) -> SemanticInput:
+    def semantic_input(self, candidates: WeighedAssociations) -> SemanticInput:
         """The semantics' input: the candidates, with the class priors that the map states."""
         return SemanticInput(
             step=self.step,
@@ -96,7 +96,7 @@ class ClosedKeyframe:
             new=self._new,
         )
 
-    def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
+    def existence(self, candidates: WeighedAssociations) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """Log factors and existence updates: misses do not count in a closed world, and named objects surely exist.
 
         The factors hold the scores of clutter. A placeholder for an unmapped object, or a displaced twin, exists once
@@ -125,7 +125,7 @@ class ClosedKeyframe:
         return factors, updates
 
     def updates(
-        self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
+        self, candidates: WeighedAssociations, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
     ) -> list[ComponentUpdate]:
         """One component update for each candidate in ``rows``, without the records of the semantics."""
         some = candidates.assignments.take(np.array(rows, dtype=int))
@@ -179,7 +179,7 @@ class ClosedKeyframe:
         found = map_gate(spaces, model, self.step, detections, self.parents.components, objects, gate)
         return replace(found, has_clutter=self.log_clutter is not None)
 
-    def _associated(self, near: Sequence[int], gate: MapGate | None) -> Candidates:
+    def _associated(self, near: Sequence[int], gate: MapGate | None) -> WeighedAssociations:
         object_ids = np.array([*near, *self._new[0]], dtype=int)
         setting = self._enumeration(object_ids, gate)
         predicted = predict(self.parents.components, self.step.motion, near, self._new)
@@ -193,7 +193,7 @@ class ClosedKeyframe:
         assert found.problem is not None and found.start is not None
         return replace(found, mode=find_modes(found.problem, found.start))
 
-    def _best(self, candidates: Candidates) -> Array:
+    def _best(self, candidates: WeighedAssociations) -> Array:
         """(P,) geometric evidence of the best association of each parent."""
         rows, best = candidates.assignments, np.full(len(self.parents), -np.inf)
         np.maximum.at(best, rows.parents, rows.column("log_evidence"))
@@ -237,7 +237,7 @@ class ClosedKeyframe:
         """(O, C) log prior class probabilities of the objects."""
         return self.registry.log_class_prior_of(object_ids.tolist())
 
-    def _with_classes(self, candidates: Candidates) -> Candidates:
+    def _with_classes(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Expand the candidates by the classes of the objects that they observe, and find their modes."""
         setting, log_outlier = self._enumeration(candidates.object_ids, None), self._log_outlier
         found = enumerate_classes(setting, candidates, log_outlier)
@@ -249,7 +249,7 @@ class ClosedKeyframe:
         prior = found.assignments.column("log_class_prior") + log_first_inliers(setting, found, log_outlier)
         return found.gaining(log_class_prior=prior)
 
-    def _with_evidence(self, candidates: Candidates) -> Candidates:
+    def _with_evidence(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Add the evidence, as configured: by importance sampling and mode splitting, Laplace, or prior samples."""
         weights, (problem, mode) = self.problem.weights, candidates.solved()
         method = "laplace" if weights.method == "importance" and self._has_named_rivals else weights.method
@@ -288,7 +288,7 @@ class ClosedKeyframe:
         seen = model.collect([self.step.detections[i] for i in self.used])
         return model.log_outlier(seen) if isinstance(model, ModelsOutliers) else None
 
-    def _generators(self, candidates: Candidates) -> list[np.random.Generator]:
+    def _generators(self, candidates: WeighedAssociations) -> list[np.random.Generator]:
         """One random generator for each candidate, seeded by its hypothesis id and thus reproducible."""
         rows, stamp = candidates.assignments, self.step.stamp_ns
         steps = candidates.steps(self.used, len(self.step.names))

@@ -19,7 +19,6 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
 from semantic_slam.inference.association.screening import ScreenedAssignments, screen
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import (
     KeyframeProblem,
     PredictedBelief,
@@ -32,6 +31,7 @@ from semantic_slam.inference.evidence.laplace import (
     find_modes,
 )
 from semantic_slam.inference.evidence.search_start import search_start
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -78,7 +78,7 @@ class NoAssociationError(SemanticSlamError):
     """No association of a keyframe's detections is possible."""
 
 
-def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBelief) -> Candidates:
+def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBelief) -> WeighedAssociations:
     """Enumerate all associations of the detections to objects or clutter within the gate. Raises NoAssociationError."""
     num_parents = len(predicted.mean)
     left_out = np.full(num_parents, -np.inf)
@@ -106,10 +106,12 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
     return _associated(setting, prefixes.stack(setting.model, setting.collected, setting.log_clutter), mode, left_out)
 
 
-def _associated(setting: EnumerationProblem, problem: KeyframeProblem, mode: Mode, log_left_out: Array) -> Candidates:
+def _associated(
+    setting: EnumerationProblem, problem: KeyframeProblem, mode: Mode, log_left_out: Array
+) -> WeighedAssociations:
     """The candidates before classes are enumerated."""
     rows = problem.rows.gaining(log_evidence=mode.log_evidence, log_class_prior=np.zeros(len(mode.y)))
-    return Candidates(
+    return WeighedAssociations(
         assignments=rows,
         object_ids=setting.object_ids,
         log_left_out=log_left_out,
@@ -129,7 +131,7 @@ def _ranking(screened: ScreenedAssignments) -> Mode:
     return mode
 
 
-def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, objects: Index) -> Candidates:
+def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, objects: Index) -> WeighedAssociations:
     """The single candidate of each parent with a given association ``objects`` (D,), columns of objects."""
     parents = np.arange(len(predicted.mean))
     rows = Assignments(parents=parents, objects=np.broadcast_to(objects, (len(parents), len(objects))))
@@ -139,8 +141,8 @@ def fixed_association(setting: EnumerationProblem, predicted: PredictedBelief, o
 
 
 def enumerate_classes(
-    setting: EnumerationProblem, associated: Candidates, log_outlier: Array | None = None
-) -> Candidates:
+    setting: EnumerationProblem, associated: WeighedAssociations, log_outlier: Array | None = None
+) -> WeighedAssociations:
     """Expand candidates by classes: every class for objects without one in the history, the known one for the others.
 
     ``log_outlier`` (D,): log density of each view as an outlier, its probability included; None: there are no outliers.
@@ -172,7 +174,7 @@ def enumerate_classes(
     classes = np.where(stack.active[index], chosen, -1)
     problem = stack.with_classes(index, classes)
     chosen_turns = turns[index[:, None], np.arange(classes.shape[1]), np.maximum(classes, 0)]
-    return Candidates(
+    return WeighedAssociations(
         assignments=problem.rows.gaining(log_class_prior=prior),
         object_ids=associated.object_ids,
         log_left_out=left_out,

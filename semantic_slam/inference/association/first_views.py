@@ -9,10 +9,10 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.enumeration import EnumerationProblem, is_new, log_of_inlier
-from semantic_slam.inference.evidence.candidates import Candidates
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 
 
-def log_first_inliers(setting: EnumerationProblem, candidates: Candidates, log_outlier: Array) -> Array:
+def log_first_inliers(setting: EnumerationProblem, candidates: WeighedAssociations, log_outlier: Array) -> Array:
     """(K,) log fraction of each candidate's evidence in which first views of its objects are inliers, at the mode.
 
     ``log_outlier`` (D,): log density of each view as an outlier, e p_out, its probability e included.

@@ -13,7 +13,7 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.evidence.candidates import Candidates
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
@@ -59,20 +59,20 @@ class PredictedKeyframe(Protocol):
     def expected_births(self) -> Array:
         """(P,) expected number of births: first detections of objects that a parent does not have yet."""
 
-    def associate(self) -> Candidates:
+    def associate(self) -> WeighedAssociations:
         """Enumerate the associations of the detections to objects, within the gates."""
 
-    def weigh(self, candidates: Candidates) -> Candidates:
+    def weigh(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Add classes where these are enumerated, the evidence (Eq. 4.18) and the states at the modes."""
 
-    def semantic_input(self, candidates: Candidates) -> SemanticInput:
+    def semantic_input(self, candidates: WeighedAssociations) -> SemanticInput:
         """The input of the semantics for these candidates."""
 
-    def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
+    def existence(self, candidates: WeighedAssociations) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """(K,) log factors of births, detections and misses, and K updates of the objects' existence."""
 
     def updates(
-        self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
+        self, candidates: WeighedAssociations, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
     ) -> list[ComponentUpdate]:
         """The component updates of some candidates (``rows``), without the records of the semantics."""
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry.arrays import Array, Index, row_sums, squared_norms
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.importance import normal_points
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import Mode
 from semantic_slam.inference.evidence.mode_search import SearchStart, search_modes
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.evidence.window import Anchor, Window, WindowStep
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.states.gaussian import GaussianPrior
@@ -42,7 +42,7 @@ class UnsplitCandidates:
     step: Step
     parents: Sequence[Anchor]
     log_parent_weights: Array  # (P,)
-    candidates: Candidates
+    candidates: WeighedAssociations
     used: Index  # (n,) detections that the candidates are about
     new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
 
@@ -85,7 +85,9 @@ class UnsplitCandidates:
         return states
 
 
-def split_modes(expanded: UnsplitCandidates, weights: WeightsConfiguration, path_mode: int | None) -> Candidates:
+def split_modes(
+    expanded: UnsplitCandidates, weights: WeightsConfiguration, path_mode: int | None
+) -> WeighedAssociations:
     """All modes of all candidates. ``path_mode``: mode number of a replayed lineage; for 0 no window is searched."""
     log_visible = expanded.stack.log_visibility(expanded.mode.y, soft=True)
     log_evidence = expanded.mode.log_evidence + log_visible
@@ -212,7 +214,7 @@ def _objects(values: Sequence[object]) -> NDArray[np.object_]:
     return column
 
 
-def _at_posterior_modes(expanded: UnsplitCandidates, origin: Index, rows: Assignments) -> Candidates:
+def _at_posterior_modes(expanded: UnsplitCandidates, origin: Index, rows: Assignments) -> WeighedAssociations:
     """The candidates, one row per mode, with problem and mode moved to the modes that were found."""
     problem, mode = expanded.stack.select(origin), expanded.mode.take(origin)
     assert rows.posterior_modes is not None

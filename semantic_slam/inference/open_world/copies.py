@@ -13,7 +13,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
 from semantic_slam.inference.states.identity import ROOT_ID
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage, LineageStep
 from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -38,7 +38,7 @@ class RecentAssociations:
     tentative: Collection[int] = ()  # objects with a single detection, a recent one
 
 
-class Candidates(Protocol):
+class MergeableCandidates(Protocol):
     """The interface needed of K candidates of a keyframe with D detections."""
 
     @property
@@ -73,14 +73,14 @@ class Candidates(Protocol):
         """The chosen candidates, with new log weights."""
 
 
-C = TypeVar("C", bound=Candidates)
+C = TypeVar("C", bound=MergeableCandidates)
 
 
 class Survivor(Protocol):
     """The interface needed of a hypothesis that survives."""
 
     @property
-    def lineage(self) -> tuple[LineageStep, ...]:
+    def lineage(self) -> Lineage:
         """One step for every keyframe."""
 
 
@@ -152,7 +152,7 @@ class Copies:
         rows = np.concatenate([likely[merged.kept], unlikely]).astype(int)
         return candidates.take(rows, np.concatenate([merged.log_weights, log_weights[unlikely]]))
 
-    def _compared(self, candidates: Candidates, likely: Index) -> MergeCandidates:
+    def _compared(self, candidates: MergeableCandidates, likely: Index) -> MergeCandidates:
         """The properties by which some candidates are compared."""
         recent = [self._recent[int(candidates.parent_ids[row])] for row in likely]
         noise = np.array([[item.noise, item.ground] for item in recent])

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.revision.replay import Lineage, Progress, Replay
+from semantic_slam.inference.revision.replay import Progress, Replay
 from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.carried import NEW_GROUND
 
 MOST = 6

@@ -21,7 +21,7 @@ from semantic_slam.inference.relocation.stretches import stretches
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.keys import object_key, robot_key
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.inference.world.starts import Starts
 
@@ -32,8 +32,6 @@ MOST_OF_START = 2
 """Most placements of one start pose in one look."""
 MOST_FITS = 12
 """Number of fits whose detections and misses are evaluated."""
-
-Lineage = tuple[LineageStep, ...]
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.relocation.likelihood_field import differ
-from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
+from semantic_slam.inference.revision.replay import Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.carried import FIRST_POINT, carried_to
 
 AHEAD, HOPELESS = 2, 12.0

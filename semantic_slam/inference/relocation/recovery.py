@@ -18,7 +18,8 @@ from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.relocation.likely_poses import likely_poses, num_seen
 from semantic_slam.inference.relocation.new_ground import NewGround
 from semantic_slam.inference.relocation.places import Account, Places, account
-from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
+from semantic_slam.inference.revision.replay import Progress, Replay, Revised
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.carried import carried_to, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.starts import Starts

@@ -15,7 +15,8 @@ from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.relocation.placements import Placements
 from semantic_slam.inference.relocation.stretches import parted, stretches
 from semantic_slam.inference.revision.catching_up import CatchingUp
-from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.replay import Replay, Revised
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 AGAIN = 30

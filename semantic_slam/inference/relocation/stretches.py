@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Index
 from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage, LineageStep
 
 BLIND_SIGMA_M, AWAY_M = 0.5, 3.0
 """A motion is blind if it adds this standard deviation to a place this far away, which may then be mistaken."""
@@ -23,7 +23,7 @@ def stretches(steps: Sequence[Step]) -> Index:
     return np.asarray(np.cumsum(variances > BLIND_SIGMA_M**2))
 
 
-def parted(lineage: Sequence[LineageStep], own: Index, first_new_id: Callable[[int], int]) -> tuple[LineageStep, ...]:
+def parted(lineage: Sequence[LineageStep], own: Index, first_new_id: Callable[[int], int]) -> Lineage:
     """The history in which every object is seen in one stretch only; (T,) ``own`` stretches of the keyframes.
 
     An object seen again in another stretch is started anew; ``first_new_id``: id of a keyframe's first detection.

@@ -8,8 +8,9 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from semantic_slam.inference.revision.replay import Lineage, Progress, Replay, Revised
+from semantic_slam.inference.revision.replay import Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.states.lineage import Lineage
 
 STEPS_PER_KEYFRAME = 25
 """Keyframes replayed per new keyframe, over all waiting histories: a fraction of a second of CPU."""

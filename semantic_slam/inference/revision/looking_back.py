@@ -22,10 +22,11 @@ from semantic_slam.inference.revision.hindsight.dissolving import Dissolving
 from semantic_slam.inference.revision.hindsight.hindsight import HIDES
 from semantic_slam.inference.revision.hindsight.planar import PlanarHindsight
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
-from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.revision.returns.returns import Returns
 from semantic_slam.inference.revision.tried import Group, Tried
 from semantic_slam.inference.smoothing.component import Component
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 HOPELESS_DISTANCE = 8.0

@@ -8,11 +8,10 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.object_table import ObjectTable
-from semantic_slam.inference.revision.replay import Lineage
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.keys import object_key
-from semantic_slam.inference.states.lineage import movers_of
+from semantic_slam.inference.states.lineage import Lineage, movers_of
 
 LARGEST_DISTANCE = 4.0
 """Mahalanobis distance between two objects up to which they may be merged."""

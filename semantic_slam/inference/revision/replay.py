@@ -13,7 +13,7 @@ from semantic_slam.inference.smoothing.component import Component, WeightedCompo
 from semantic_slam.inference.smoothing.errors import LostComponentError, UnknownObjectsError
 from semantic_slam.inference.smoothing.growth import certain
 from semantic_slam.inference.states.identity import ROOT_ID
-from semantic_slam.inference.states.lineage import LineageStep, next_id
+from semantic_slam.inference.states.lineage import Lineage, LineageStep, next_id
 from semantic_slam.inference.world.carried import NOWHERE
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
@@ -22,8 +22,6 @@ CHECKPOINT = 10
 """Keyframes between components that are kept along a replay (checkpoints)."""
 CLOSE = 4
 """Number of checkpoints at full density at the end of a replay; spacing doubles as age doubles before that."""
-
-Lineage = tuple[LineageStep, ...]
 
 
 @dataclass(frozen=True)

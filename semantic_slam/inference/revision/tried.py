@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from semantic_slam.inference.revision.replay import Lineage
+from semantic_slam.inference.states.lineage import Lineage
 
 Group = tuple[int, ...]
 

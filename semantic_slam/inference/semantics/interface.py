@@ -9,9 +9,9 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem
 from semantic_slam.inference.evidence.laplace import Mode
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
@@ -42,7 +42,7 @@ class SemanticInput:
 
     step: Step
     parents: Sequence[Component]  # P
-    candidates: Candidates
+    candidates: WeighedAssociations
     used: Index  # (n,) detections used
     log_class_prior: Array  # (O, C) of ``candidates.object_ids``
     new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces

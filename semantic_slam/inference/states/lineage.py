@@ -42,6 +42,10 @@ class LineageStep:
         return cls(tuple(map(_the_one, association)), _the_one(tuple(classes)), mode, changes)
 
 
+Lineage = tuple[LineageStep, ...]
+"""A hypothesis's history of data associations, one step per keyframe."""
+
+
 def next_id(parent_id: int, stamp_ns: int, step: LineageStep) -> int:
     """Id of the child hypothesis to which a keyframe's step leads."""
     return hypothesis_id(parent_id, stamp_ns, step.association, step.class_assignment, step.mode, step.changes)
@@ -53,7 +57,7 @@ def movers_of(lineage: Sequence[LineageStep]) -> set[int]:
     return {n for n, kind in pairs if kind == MOVES}
 
 
-def revised(lineage: Sequence[LineageStep], changes: Sequence[Reassigned]) -> tuple[LineageStep, ...]:
+def revised(lineage: Sequence[LineageStep], changes: Sequence[Reassigned]) -> Lineage:
     """Apply reassociations of past detections to a lineage; unaffected steps stay the same objects."""
     steps = list(lineage)
     for keyframe, detection, object_id, _ in changes:
@@ -63,7 +67,7 @@ def revised(lineage: Sequence[LineageStep], changes: Sequence[Reassigned]) -> tu
     return tuple(steps)
 
 
-def as_followed(lineage: Sequence[LineageStep]) -> tuple[LineageStep, ...]:
+def as_followed(lineage: Sequence[LineageStep]) -> Lineage:
     """The lineage for a replay in order: each reassociation takes effect at the step that made it, and not before."""
     steps = tuple(lineage)
     for step in reversed(lineage):

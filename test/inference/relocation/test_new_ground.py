@@ -11,8 +11,8 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.revision.replay import Lineage, Replay
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.revision.replay import Replay
+from semantic_slam.inference.states.lineage import Lineage, LineageStep
 from semantic_slam.inference.world.carried import NEW_GROUND, new_grounds, with_carried
 from semantic_slam.maps.from_run import saved_map_of_engine
 

@@ -10,8 +10,9 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.revision.hindsight.dissolved import dissolved, lineage_of, without
 from semantic_slam.inference.revision.hindsight.dissolving import Dissolving
 from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
-from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectEntry
 
 ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])

@@ -11,7 +11,7 @@ from semantic_slam.inference.revision.returns.run_model import RunModel
 from semantic_slam.inference.revision.returns.runs import Runs, numbered
 from semantic_slam.inference.revision.returns.solution import solved
 from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage
 
 SIGMAS = np.array([0.05, 0.02])
 SLIP = np.array([1.0, 0.3, 0.0])
@@ -106,7 +106,7 @@ def test_split_histories_are_those_of_any_number_of_backends() -> None:
 
 
 @pytest.fixture(scope="module")
-def lost() -> tuple[WholeDrive, Runs, np.ndarray, Replay, tuple[LineageStep, ...]]:
+def lost() -> tuple[WholeDrive, Runs, np.ndarray, Replay, Lineage]:
     """The drive as one problem, with the runs of the history that took one post for the other."""
     engine = driven({"every_keyframes": 50}, **ONE)
     lineage = next(iter(engine.live.values())).lineage
@@ -122,7 +122,7 @@ def lost() -> tuple[WholeDrive, Runs, np.ndarray, Replay, tuple[LineageStep, ...
 
 
 def test_unions_of_runs_weigh_what_they_weigh_when_each_is_solved(
-    lost: tuple[WholeDrive, Runs, np.ndarray, Replay, tuple[LineageStep, ...]],
+    lost: tuple[WholeDrive, Runs, np.ndarray, Replay, Lineage],
 ) -> None:
     drive, runs, path, *_ = lost
     first = solved(drive, runs.objects[runs.detections], path)
@@ -136,7 +136,7 @@ def test_unions_of_runs_weigh_what_they_weigh_when_each_is_solved(
 
 
 def test_a_drive_solved_at_once_is_where_its_history_has_it(
-    lost: tuple[WholeDrive, Runs, np.ndarray, Replay, tuple[LineageStep, ...]],
+    lost: tuple[WholeDrive, Runs, np.ndarray, Replay, Lineage],
 ) -> None:
     drive, runs, path, replay, lineage = lost
     followed = replay.followed(lineage)

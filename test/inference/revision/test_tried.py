@@ -1,12 +1,12 @@
 """What is tried again, and when."""
 
 from semantic_slam.inference.revision.tried import Tried
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage, LineageStep
 
 PAIR = (0, 1)
 
 
-def lineage_of(*frames: tuple[int, ...]) -> tuple[LineageStep, ...]:
+def lineage_of(*frames: tuple[int, ...]) -> Lineage:
     """A history whose frames show these objects."""
     return tuple(LineageStep(association=own, class_assignment=(-1,) * len(own), mode=0) for own in frames)
 

@@ -17,9 +17,9 @@ from semantic_slam.inference.association.enumeration import EnumerationProblem, 
 from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.evidence.candidates import Candidates
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
 from semantic_slam.inference.evidence.search_start import search_start
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.models.step import AssociatedDetection, Step
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.open_world.keyframe.existence_accounts import ExistenceAccounts
@@ -85,7 +85,7 @@ class OpenKeyframe:
         """(N + n,) ids of the known objects, then of those that may be born."""
         return np.concatenate([self.known, self.born]).astype(int)
 
-    def associate(self) -> Candidates:
+    def associate(self) -> WeighedAssociations:
         """The best joint assignments of each parent, as candidates."""
         counts = [len(item.columns) for item in self.ranked]
         born = len(self.known) + np.arange(len(self.born))
@@ -103,7 +103,7 @@ class OpenKeyframe:
         )
         left_out = np.array([item.log_left_out for item in self.ranked])
         new = len(self.born)
-        return Candidates(assignments=rows, object_ids=self.object_ids, log_left_out=left_out, num_new=new)
+        return WeighedAssociations(assignments=rows, object_ids=self.object_ids, log_left_out=left_out, num_new=new)
 
     @property
     def _kinds(self) -> Index | None:
@@ -116,7 +116,7 @@ class OpenKeyframe:
         ]
         return np.where(np.concatenate(parts), MOVES, -1)
 
-    def weigh(self, candidates: Candidates) -> Candidates:
+    def weigh(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Candidates weighed: with classes at their modes; without, by one linearisation where that is accurate."""
         has_classes = self.problem.model.num_classes > 0 and len(self.used) > 0
         weighed = self._with_classes(candidates) if has_classes else self._by_linearisation(candidates)
@@ -125,7 +125,7 @@ class OpenKeyframe:
         begun = [self.problem.with_start(component.noise, component.start) for component in self.parents.components]
         return weighed.gaining(numbers=np.array(begun)[weighed.assignments.parents])  # noise and start pose
 
-    def semantic_input(self, candidates: Candidates) -> SemanticInput:
+    def semantic_input(self, candidates: WeighedAssociations) -> SemanticInput:
         """Input of the semantic models; an object that no map knows may be of any class."""
         return SemanticInput(
             step=self.step,
@@ -141,7 +141,7 @@ class OpenKeyframe:
         """(P,) expected number of first detections under each parent."""
         return np.array([own.rates.average(own.expected_births) for own in self.predictions])
 
-    def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
+    def existence(self, candidates: WeighedAssociations) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """Log factors of births, detections and misses, with the gravity evidence, and the existence updates.
 
         The evidence of the direction of gravity is the same for every association.
@@ -156,7 +156,7 @@ class OpenKeyframe:
         return np.array([own.log_level for own in self.predictions])
 
     def updates(
-        self, candidates: Candidates, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
+        self, candidates: WeighedAssociations, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
     ) -> list[ComponentUpdate]:
         """One component update per row, with a local map where updates are not iterated."""
         some = candidates.assignments.take(np.array(rows, dtype=int))
@@ -206,7 +206,7 @@ class OpenKeyframe:
         born = self.born.tolist()
         return [{n: own.prior for n, own in zip(born, each.births, strict=True)} for each in self.predictions]
 
-    def _by_linearisation(self, candidates: Candidates) -> Candidates:
+    def _by_linearisation(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Candidates weighed by one linearisation at the prediction, or by a mode search each where nonlinear."""
         rows, scores = candidates.assignments, candidates.assignments.column("log_evidence")
         parts: list[Assignments] = []
@@ -263,7 +263,7 @@ class OpenKeyframe:
         still = rows.gaining(objects=objects)
         problem = open_keyframe_problem(self.problem, self.detections, self.predictions, self.object_ids, still)
         mode = find_modes(problem, search_start(problem), tolerance=WEIGHING_TOLERANCE)
-        found = Candidates(
+        found = WeighedAssociations(
             assignments=rows,
             object_ids=self.object_ids,
             log_left_out=np.zeros(0),
@@ -273,7 +273,7 @@ class OpenKeyframe:
         )
         return found.at_modes().assignments.gaining(log_evidence=mode.log_evidence, bend=np.zeros(len(rows)))
 
-    def _with_classes(self, candidates: Candidates) -> Candidates:
+    def _with_classes(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Candidates times the classes of the objects that they observe first, weighed at their modes."""
         rows = candidates.assignments
         problem = open_keyframe_problem(self.problem, self.detections, self.predictions, self.object_ids, rows)

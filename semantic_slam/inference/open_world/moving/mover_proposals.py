@@ -16,7 +16,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.moving.moving_objects import PlacedDetections, rotation
-from semantic_slam.inference.states.lineage import MOVES, LineageStep, movers_of
+from semantic_slam.inference.states.lineage import MOVES, Lineage, LineageStep, movers_of
 from semantic_slam.inference.states.movers import Movers
 
 MOST_DETECTIONS = 40
@@ -27,7 +27,6 @@ LIKELY = 0.5
 ROBOT_SIGMA_M = 0.05
 """Standard deviation [m] of the robot's path between keyframes, in addition to detection errors."""
 
-Lineage = tuple[LineageStep, ...]
 Group = tuple[int, ...]
 
 

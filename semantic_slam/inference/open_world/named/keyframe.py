@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.evidence.candidates import Candidates
+from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
 from semantic_slam.inference.states.gaussian import GaussianPrior
@@ -39,7 +39,7 @@ class NamedKeyframe(OpenKeyframe):
         """(n,) ids of the named objects: those that are not known start with their first detection."""
         return self.identities
 
-    def existence(self, candidates: Candidates) -> tuple[Array, Sequence[ExistenceUpdate]]:
+    def existence(self, candidates: WeighedAssociations) -> tuple[Array, Sequence[ExistenceUpdate]]:
         """Factors of wrong names and first detections, and updates: objects exist for sure, and misses do not count."""
         rows, log_wrong, clutter = candidates.assignments, self.log_wrong, self.problem.clutter
         if clutter is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.revision.hindsight.dissolved import each_without, lineage_of
 from semantic_slam.inference.revision.hindsight.planar import PlanarHindsight
-from semantic_slam.inference.revision.replay import Lineage
+from semantic_slam.inference.states.lineage import Lineage
 
 REACH = 2.0
 """Distance, in standard deviations, within which six of seven duplicate boxes of a thing are."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Flags, Index
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
-from semantic_slam.inference.revision.replay import Lineage
+from semantic_slam.inference.states.lineage import Lineage
 
 Owners = Sequence[Index]
 """T of (D,): which of N objects each detection is of; N: of none of them."""

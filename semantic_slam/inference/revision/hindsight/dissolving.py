@@ -3,7 +3,8 @@
 from semantic_slam.inference.revision.hindsight.dissolved import Dissolved, dissolved, lineage_of, without_all
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
-from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.replay import Replay, Revised
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 MORE = 2.0

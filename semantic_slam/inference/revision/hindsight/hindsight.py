@@ -14,10 +14,11 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.observation import Innovation
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.states.keys import robot_key
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 

@@ -7,14 +7,14 @@ import numpy as np
 
 from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.revision.replay import Lineage, Replay, Revised
+from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.revision.returns.first_and_missed import FirstAndMissed
 from semantic_slam.inference.revision.returns.runs import Parting, Runs
 from semantic_slam.inference.revision.returns.splits import Splits
 from semantic_slam.inference.revision.returns.whole_drive import WholeDrive
 from semantic_slam.inference.revision.tried import Group, Tried
 from semantic_slam.inference.states.keys import robot_key
-from semantic_slam.inference.states.lineage import MOVES
+from semantic_slam.inference.states.lineage import MOVES, Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 ROUGHLY = 6.0

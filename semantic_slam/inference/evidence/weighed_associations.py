@@ -14,7 +14,7 @@ from semantic_slam.inference.states.lineage import LineageStep, lineage_steps
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidates:
+class WeighedAssociations:
     """K candidates of P parents, at any stage between enumeration and weighing."""
 
     assignments: Assignments  # K
@@ -25,11 +25,11 @@ class Candidates:
     mode: Mode | None = None  # K, once they have been searched
     num_new: int = 0  # number of objects that this keyframe introduces, the last ones of ``object_ids``
 
-    def gaining(self, **columns: Any) -> "Candidates":
+    def gaining(self, **columns: Any) -> "WeighedAssociations":
         """The candidates with more columns of the table of assignments."""
         return replace(self, assignments=self.assignments.gaining(**columns))
 
-    def take(self, rows: Index) -> "Candidates":
+    def take(self, rows: Index) -> "WeighedAssociations":
         """Some of the candidates, with their problems and modes where they have been searched."""
         return replace(
             self,
@@ -49,7 +49,7 @@ class Candidates:
         assert self.problem is not None and self.mode is not None
         return self.problem, self.mode
 
-    def at_modes(self) -> "Candidates":
+    def at_modes(self) -> "WeighedAssociations":
         """The candidates with states and covariances of the robot and of each detection's object, and innovations."""
         problem, mode = self.solved()
         states, covariances = problem.marginals(mode.y, mode.hessian)
