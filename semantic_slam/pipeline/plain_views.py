@@ -13,6 +13,8 @@ from semantic_slam.messages.standard import PoseEstimate, header_message, pose_m
 from semantic_slam.messages.typestore import message_class
 
 MAP = "map"
+NEWEST = 1000
+"""Poses of a path that is published or recorded again and again, so that it stays small."""
 SPHERE, TEXT, ADD, DELETE = 2, 9, 0, 2
 OPACITY, LEAST_SHARE = 0.7, 0.1
 SIGMAS = 2.0

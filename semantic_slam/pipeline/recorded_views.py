@@ -6,12 +6,10 @@ from semantic_slam.bag.writer import BagWriter
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
-from semantic_slam.pipeline.plain_views import MarkersView, path_view, pose_view
+from semantic_slam.pipeline.plain_views import NEWEST, MarkersView, path_view, pose_view
 
 EVERY = 20
 """Interval in keyframes between recorded paths and marker sets, whose sizes grow with the run."""
-NEWEST = 1000
-"""Maximum number of poses in a path; the last path has all poses."""
 
 
 class RecordedViews:

@@ -105,6 +105,15 @@ def test_with_every_odometry_message_map_to_odom_closes_the_chain_to_the_robot()
     assert len(sent) == 2
 
 
+def test_a_stamp_far_ahead_is_not_broadcast_for_tf_would_drop_all_that_follows() -> None:
+    sent: list[bytes] = []
+    transforms = Transforms(Frames(), sent.append)
+    transforms.believe(T_MAP_BODY, T_ODOM_BODY)
+    for stamp_ns in (1, 2, 3, 10**15, 4, 5):
+        transforms.hear(odometry(stamp_ns, T_ODOM_BODY))
+    assert [own[0] for data in sent for own in heard(data)] == [1, 2, 3, 4, 5]
+
+
 def test_frames_can_be_named_and_odometry_is_broadcast_where_nobody_else_does() -> None:
     sent: list[bytes] = []
     transforms = Transforms(Frames("robot1/map", "here", broadcasts_odom=True), sent.append)

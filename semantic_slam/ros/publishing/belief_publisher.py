@@ -77,6 +77,6 @@ def _outlet(node: Node, topic: str, profile: Any) -> Outlet:
 
 
 def _transforms(node: Node, frames: Frames) -> Transforms:
-    transforms = Transforms(frames, Outlet(node, topics.TF, topics.TYPES[topics.TF], qos.everything()).send)
+    transforms = Transforms(frames, Outlet(node, topics.TF, topics.TYPES[topics.TF], qos.transforms()).send)
     receive(node, topics.ODOMETRY, transforms.hear, qos.sensor_input(topics.ODOMETRY, lossless=False))
     return transforms

@@ -11,14 +11,12 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import NANOSECONDS, PoseEstimate
 from semantic_slam.messages.typestore import serialize
-from semantic_slam.pipeline.plain_views import path_view
+from semantic_slam.pipeline.plain_views import NEWEST, path_view
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, private_name, ros_type
 
 SIZE = 7
 """Numbers per pose."""
-NEWEST = 1000
-"""Maximum number of poses in a message, since each message repeats the earlier poses."""
 
 
 class PathPublisher:

@@ -1,5 +1,6 @@
 """Broadcasts the REP-105 transforms at the rate of the odometry."""
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ from semantic_slam.messages.sensor import plain_frame
 from semantic_slam.messages.standard import header_stamp_ns, is_pose, pose_vector
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.plain_views import transform_view
+from semantic_slam.pipeline.stamps.topic_clock import TopicClock
 from semantic_slam.ros.publishing.frames import Frames
 
 ODOM, BASE = "odom", "base_link"
@@ -19,16 +21,18 @@ ODOM, BASE = "odom", "base_link"
 class Transforms:
     """Sends map -> odom with every odometry message, from the newest belief; optionally odom -> base, too.
 
-    The worker thread sets map -> odom; the executor's thread receives odometry and sends.
+    The worker thread sets map -> odom; the executor's thread receives odometry and sends. Only stamps that the topic's
+    clock believes are sent: one far ahead would make every tf2 buffer drop all that follows it.
     """
 
     def __init__(self, frames: Frames, send: Callable[[bytes], None]) -> None:
         self._frames, self._send = frames, send
-        self._T_map_odom: Array | None = None
+        self.begin()
 
     def begin(self) -> None:
         """Start another run: map -> odom is unknown until its first belief."""
-        self._T_map_odom = None
+        self._T_map_odom: Array | None = None
+        self._clock: TopicClock[Any] = TopicClock(topics.ODOMETRY, Counter())
 
     def believe(self, T_map_body: Array, T_odom_body: Array) -> None:
         """Set map -> odom from the body's pose by the belief and by odometry at the same keyframe; both (7,)."""
@@ -40,9 +44,10 @@ class Transforms:
             message = deserialize(data, topics.TYPES[topics.ODOMETRY])
         except MessageError:
             return
-        transforms = self._transforms(message)
-        if transforms:
-            self._send(serialize(transform_view(header_stamp_ns(message), transforms)))
+        for stamp_ns, believed in self._clock.take(header_stamp_ns(message), message):
+            transforms = self._transforms(believed)
+            if transforms:
+                self._send(serialize(transform_view(stamp_ns, transforms)))
 
     def _transforms(self, message: Any) -> list[tuple[str, str, Array]]:
         """Transforms to send: parent frame, child frame and (7,) pose of the child in the parent."""

@@ -10,6 +10,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from semantic_slam.messages import topics
 
 SENSOR_DEPTH = 50
+TRANSFORMS_DEPTH = 100
 PICTURES = frozenset({topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED})
 
 
@@ -45,6 +46,11 @@ def latched_by_any() -> QoSProfile:
 def newest() -> QoSProfile:
     """RELIABLE and KEEP_LAST 1, volatile: only the newest message matters, as with /clock."""
     return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1)
+
+
+def transforms() -> QoSProfile:
+    """QoS of /tf as tf2's own broadcasters have it: reliable, and a reader that is stuck never blocks the writer."""
+    return QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=TRANSFORMS_DEPTH)
 
 
 def replayed(topic: str) -> QoSProfile:
