@@ -18,6 +18,8 @@ from semantic_slam.pipeline.first_label import FirstLabel
 from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.start import announced_run
 
+CHANGEABLE = ("keyframes.policy", "keyframes.distance_m", "keyframes.angle_rad", "open_world.time_budget_ms")
+"""Parameters that may change during a run; all others are part of the model that its beliefs share."""
 SOMETHING = ("object",)
 """Assumed labels of detections before any have been received."""
 
@@ -54,6 +56,26 @@ class Session:
         self._next_pose: PoseEstimate | None = None
         self._first: Keyframe | None = None
         self._engine: Engine | None = None
+
+    @property
+    def configuration(self) -> Configuration:
+        return self._configuration
+
+    def check_change(self, changed: Configuration) -> None:
+        """Raises InputError if values of :data:`CHANGEABLE` cannot change so during a run; may be called anytime."""
+        before, after = (own.open_world.time_budget_ms for own in (self._configuration, changed))
+        if (before > 0.0) != (after > 0.0):
+            raise InputError(
+                "open_world.time_budget_ms: whether there is a budget is decided at the start, since runs with one"
+                " cannot be repeated; start again with it"
+            )
+
+    def change(self, changed: Configuration) -> None:
+        """Use a configuration with other values of :data:`CHANGEABLE` from now on, also in the next sessions."""
+        self._configuration = changed
+        self.assembler.policy = changed.keyframes
+        if self._engine is not None:
+            self._engine.budget.set(changed.open_world.time_budget_ms)
 
     def set_initial_pose(self, estimate: PoseEstimate) -> None:
         """Set the start pose of this run; only the first call counts. A later pose becomes the next run's default."""

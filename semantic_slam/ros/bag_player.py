@@ -6,7 +6,8 @@ session. With another rate it starts at the start of the bag.
 
 Parameters:
   bag                   rosbag2 folder, .mcap or .db3
-  rate                  0 (default): lossless lock-step; 1: real time; more: faster
+  rate                  0 (default): lossless lock-step; 1: real time; more: faster. May be set while the bag is played,
+                        from one positive rate to another
   window                maximum number of detection frames in flight, in lock-step (default 4)
   remap                 list of FROM:=TO, e.g. ["/camera/image:=image"]
   resume                true for a player that replaces one that died: it resumes from the manager's progress at every
@@ -37,8 +38,9 @@ from semantic_slam.messages.topics import (
     TYPES,
 )
 from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.ros.node.changes import Values, follow_changes
 from semantic_slam.ros.node.health import dropped_status
-from semantic_slam.ros.node.parameters import declare_fixed, refuse_undeclared
+from semantic_slam.ros.node.parameters import declare_changeable, declare_fixed, number, refuse_undeclared
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.replay.flow_control import Credit
 from semantic_slam.ros.replay.playlist import Playlist, parse_remaps
@@ -54,6 +56,8 @@ GRACE_S = 1.0
 ONLOOKERS = ("bag_recorder", "doctor", "view")
 """Nodes that only observe: their subscriptions do not count as listeners."""
 SECOND = 1_000_000_000
+LONGEST_SLEEP_S = 0.1
+"""Delay after which a change of the rate takes effect."""
 
 
 class BagPlayer(PipelineNode):
@@ -62,7 +66,8 @@ class BagPlayer(PipelineNode):
     def __init__(self) -> None:
         super().__init__("bag_player")
         bag = declare_fixed(self, "bag", "")
-        self._rate = declare_fixed(self, "rate", 0.0)
+        self._rate = declare_changeable(self, "rate", 0.0)
+        self._pace = Pace(self._rate)
         self._wait_s = declare_fixed(self, "wait_for_listeners_s", 60.0)
         remaps = parse_remaps(declare_fixed(self, "remap", [""]))
         self._credit = Credit(declare_fixed(self, "window", 4), STALL_S)
@@ -95,7 +100,15 @@ class BagPlayer(PipelineNode):
             self._classifier_progress = Outlet(self, name, TYPES[CLASSIFIER_PROGRESS], qos.latched())
         self._manager_topic = receive(self, MANAGER_PROGRESS, self._hear_manager, qos.latched_by_any())
         self.health.add_source(lambda: [dropped_status(self.refused.copy())])
+        follow_changes(self, ("rate",), self._check_rate, lambda values: self._pace.change(float(values["rate"])))
         self.worker.submit(self._play, None)
+
+    def _check_rate(self, values: Values) -> None:
+        rate = number(self, "rate", values.get("rate", self._rate))
+        if "rate" in values and (self._rate == 0.0 or rate <= 0.0):
+            raise InputError(
+                f"rate is {rate:g}; a bag is played either in lock-step, at rate 0, or at a positive rate, as it began"
+            )
 
     def _hear_manager(self, data: bytes) -> None:
         """Handle a progress message on the executor's thread, because the worker waits for it."""
@@ -186,7 +199,7 @@ class BagPlayer(PipelineNode):
             self._outlets[topic].wait_for_acknowledgement()
 
     def _send_rest(self, bag: BagReader, bar: tqdm, start: Resumption) -> None:
-        pace, frame, cameras = Pace(self._rate), -1, set[str]()
+        frame, cameras = -1, set[str]()
         for message in bag.messages([topic for topic, item in self._playlist.items.items() if not item.is_latched]):
             if not rclpy.ok():
                 return
@@ -201,8 +214,8 @@ class BagPlayer(PipelineNode):
             if is_frame:
                 self._wait_for_credit(bar)
                 self._sent += 1
-            self._wait_while_paused(pace)
-            pace.wait(message.stamp_ns)
+            self._wait_while_paused()
+            self._pace.wait(message.stamp_ns)
             self._stamp_ns = message.stamp_ns
             self._send(message)
 
@@ -212,11 +225,11 @@ class BagPlayer(PipelineNode):
         is_ours = item.type_name in BY_TYPE_NAME
         return item.is_frame and (not is_ours or is_usable(message.cdr, item.type_name))
 
-    def _wait_while_paused(self, pace: "Pace") -> None:
+    def _wait_while_paused(self) -> None:
         since_s = time.monotonic()
         while rclpy.ok() and not self.is_active:
             time.sleep(0.05)
-            pace.shift(time.monotonic() - since_s)
+            self._pace.shift(time.monotonic() - since_s)
             since_s = time.monotonic()
 
     def _send(self, message: RawMessage) -> None:
@@ -265,25 +278,38 @@ class BagPlayer(PipelineNode):
 
 
 class Pace:
-    """Paces a replay at ``rate`` times real time; 0 never waits."""
+    """Paces a replay at ``rate`` times real time; 0 never waits.
+
+    The worker's thread waits; the rate may be changed on another thread.
+    """
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
-        self._start: tuple[int, float] | None = None
+        self._last: tuple[int, float] | None = None  # log time of the last message, and when it was due
+
+    def change(self, rate: float) -> None:
+        """Use another rate from now on, also in a wait under way."""
+        self._rate = rate
 
     def shift(self, by_s: float) -> None:
         """Postpone all further messages by ``by_s`` seconds."""
-        if self._start is not None:
-            self._start = self._start[0], self._start[1] + by_s
+        if self._last is not None:
+            self._last = self._last[0], self._last[1] + by_s
 
     def wait(self, stamp_ns: int) -> None:
         """Sleep until a message with this log time is due."""
         if self._rate <= 0.0:
             return
-        if self._start is None:
-            self._start = (stamp_ns, time.monotonic())
-        due = self._start[1] + (stamp_ns - self._start[0]) / SECOND / self._rate
-        time.sleep(max(0.0, due - time.monotonic()))
+        if self._last is None:
+            self._last = stamp_ns, time.monotonic()
+        while (left_s := self._due(stamp_ns) - time.monotonic()) > 0.0:
+            time.sleep(min(left_s, LONGEST_SLEEP_S))
+        self._last = stamp_ns, self._due(stamp_ns)
+
+    def _due(self, stamp_ns: int) -> float:
+        assert self._last is not None
+        before_ns, due = self._last
+        return due + (stamp_ns - before_ns) / SECOND / self._rate
 
 
 main = main_of(BagPlayer, __doc__ or "")

@@ -14,19 +14,22 @@ Services (semantic_slam_msgs/srv):
 
 Parameters, besides those of config/default.yaml:
   backends           number of backend nodes, backend_0, backend_1, ... (default 1)
-  backend_timeout_s  a backend that does not answer for this many seconds is given up (default 60)
+  backend_timeout_s  a backend that does not answer for this many seconds is given up (default 60) (*)
   map_frame          name of the frame of beliefs, pose, path, markers, TF and initialpose (default map)
   odom_frame         name of the odometry frame in TF (default "": the frame_id of the odometry messages)
   broadcast_odom     also publish TF from odom_frame to the odometry's child_frame_id, for robots whose driver does not
-                     (default false)
+                     (default false) (*)
   has_imu            in 3D runs, wait for topic imu, which measures roll and pitch (default false)
   map_prior          FILE.map or objects.json with the objects known in advance (default none)
   source_bag         bag being replayed, recorded as provenance in the run configuration (default none)
   journal            folder of the journal on disk; a restarted node replays it and continues the run (default none)
   resume             continue from an unfinished journal (default true); false: rename it to journal.old
   lossless           true in a replay by bag_player at rate 0 (default false)
+(*): may be set while the node runs, as may keyframes.policy, keyframes.distance_m, keyframes.angle_rad and, from one
+budget to another, open_world.time_budget_ms.
 """
 
+import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -53,9 +56,15 @@ from semantic_slam.pipeline.journal.journal_of_run import open_journal
 from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.provenance import source_text
-from semantic_slam.pipeline.session import Session
+from semantic_slam.pipeline.session import CHANGEABLE, Session
+from semantic_slam.ros.node.changes import Values
 from semantic_slam.ros.node.health import Level, Status, dropped_status, explanation_status
-from semantic_slam.ros.node.parameters import declare_configuration, declare_fixed, refuse_undeclared
+from semantic_slam.ros.node.parameters import (
+    declare_changeable,
+    declare_configuration,
+    declare_fixed,
+    refuse_undeclared,
+)
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.node.repeats import Repeats
 from semantic_slam.ros.publishing.belief_publisher import BeliefPublisher
@@ -66,14 +75,16 @@ from semantic_slam.ros.services.in_background import InBackground
 from semantic_slam.ros.services.lookalike_service import LookalikeService
 from semantic_slam.ros.services.map_service import MapService
 from semantic_slam.ros.services.object_services import ObjectServices
+from semantic_slam.ros.services.run_changes import RunChanges
 from semantic_slam.ros.services.session_services import SessionServices
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name
 
 END = "end"
 """Name of the journal record that marks the end of a replay; records after it belong to another session."""
-SESSION, PAUSE = "session", "pause"
-"""Journal records of service calls: a run ended, with the map of the next one; a pause, b"1", or its end, b"0"."""
+SESSION, PAUSE, CHANGE = "session", "pause", "change"
+"""Journal records of service calls: a run ended, with the map of the next one; a pause, b"1", or its end, b"0";
+parameters that were set, a JSON object."""
 
 
 class HypothesisManagerNode(PipelineNode):
@@ -81,12 +92,13 @@ class HypothesisManagerNode(PipelineNode):
 
     def __init__(self) -> None:
         super().__init__("hypothesis_manager")
-        self._configuration = declare_configuration(self)
+        self._configuration = declare_configuration(self, CHANGEABLE)
         num_backends = declare_fixed(self, "backends", 1)
         if num_backends < 1:
             raise InputError(f"parameter backends is {num_backends}; at least one backend is needed")
-        timeout_s = declare_fixed(self, "backend_timeout_s", 60.0)
+        timeout_s = declare_changeable(self, "backend_timeout_s", 60.0)
         self._pool = RosPool(self, range(num_backends), timeout_s)
+        broadcasts_odom = declare_changeable(self, "broadcast_odom", False)
         self._transforms = TransformTree()
         self._imu = self._imu_source() if declare_fixed(self, "has_imu", False) else None
         self._map_prior = _map_prior(declare_fixed(self, "map_prior", ""))
@@ -110,6 +122,7 @@ class HypothesisManagerNode(PipelineNode):
         self._explanation = explanation_status(None)  # replaced by the worker, published by the executor
         self._map_frame = frames.map
         self._publisher = BeliefPublisher(self, frames, self.lossless)
+        self._publisher.broadcast_odom(broadcasts_odom)
         self._belief: HybridBelief | None = None  # the newest
         self._objects = ObjectServices(self)
         self._background = InBackground(self, "services")
@@ -122,6 +135,7 @@ class HypothesisManagerNode(PipelineNode):
         )
         self._listen()
         self.worker.submit(self._recover, None)
+        self._changes = RunChanges(self, lambda: self._session, self.change, self._pool, self._publisher)
         self.health.add_source(lambda: [*self._pool.statuses(), self._status, *self._statuses()])
 
     @property
@@ -228,6 +242,13 @@ class HypothesisManagerNode(PipelineNode):
     def _set_paused(self, paused: bool) -> None:
         self._is_paused = self._session.assembler.is_paused = paused
 
+    def change(self, values: Values) -> None:
+        """Use other values of parameters that may change during a run; journaled."""
+        configuration = self._changes.changed(values)
+        if configuration != self._session.configuration:
+            self._journal.append(CHANGE, json.dumps(values).encode())
+            self._session.change(configuration)
+
     def close(self) -> None:
         """Cancel pending service requests, including a running explanation."""
         self._explain.close()
@@ -246,6 +267,8 @@ class HypothesisManagerNode(PipelineNode):
         if self._belief is not None and not self.lossless:
             self._publisher.repeat(self._belief)  # the last belief may not have reached anybody
         self._is_recovering = False
+        if self._session.configuration != self._configuration:
+            self._changes.state()
         self._announce(finished=self._is_finished)
 
     def _happened(self, record: Record) -> None:
@@ -256,6 +279,8 @@ class HypothesisManagerNode(PipelineNode):
             self._infer()
         elif record.name == PAUSE:
             self._set_paused(record.data == b"1")
+        elif record.name == CHANGE:
+            self._session.change(self._changes.changed(json.loads(record.data)))
         elif record.name == topics.CLASSIFIER_PROGRESS:
             self._count_lost(decode(record.data, topics.TYPES[record.name]))
         elif record.name in self._adders:

@@ -116,7 +116,8 @@ def test_a_stamp_far_ahead_is_not_broadcast_for_tf_would_drop_all_that_follows()
 
 def test_frames_can_be_named_and_odometry_is_broadcast_where_nobody_else_does() -> None:
     sent: list[bytes] = []
-    transforms = Transforms(Frames("robot1/map", "here", broadcasts_odom=True), sent.append)
+    transforms = Transforms(Frames("robot1/map", "here"), sent.append)
+    transforms.broadcasts_odom = True
     transforms.hear(odometry(3, T_ODOM_BODY))
     transforms.believe(T_MAP_BODY, T_ODOM_BODY)
     transforms.hear(odometry(4, T_ODOM_BODY))

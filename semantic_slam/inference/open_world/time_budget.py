@@ -10,9 +10,14 @@ class TimeBudget:
     """Limits the number of hypotheses by the time per keyframe; ``budget_ms`` 0: no limit, and no clock is read."""
 
     def __init__(self, budget_ms: float, limits: PruningConfiguration):
-        self._budget_s, self._limits = budget_ms / 1e3, limits
+        self._limits = limits
+        self.set(budget_ms)
         self._per_hypothesis_s = 0.0
         self._begun_s = 0.0
+
+    def set(self, budget_ms: float) -> None:
+        """Use another budget from the next keyframe on."""
+        self._budget_s = budget_ms / 1e3
 
     @property
     def is_on(self) -> bool:

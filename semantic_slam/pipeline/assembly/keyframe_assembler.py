@@ -74,6 +74,7 @@ class KeyframeAssembler:
         """
         self.dropped: Counter[str] = Counter()
         self._configuration = configuration
+        self.policy = configuration.keyframes  # may be replaced during a run
         self._association = strategy_of(configuration)
         self._has_identities, self._passes_over = has_identities, passes_over
         self._tracks = BoxTracks() if tracks_tell(configuration) else None
@@ -340,7 +341,7 @@ class KeyframeAssembler:
 
     def _is_chosen(self, measurements: SemanticMeasurements, driven: tuple[float, float]) -> bool:
         """Whether the policy selects the frame; ``driven`` does not depend on the configured odometry clock offset."""
-        policy, last = self._configuration.keyframes, self._last_driven
+        policy, last = self.policy, self._last_driven
         if policy.policy == "every_detection":
             return len(measurements) > 0 or self._association.counts_misses
         return last is None or driven[0] - last[0] >= policy.distance_m or driven[1] - last[1] >= policy.angle_rad

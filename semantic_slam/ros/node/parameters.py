@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from operator import attrgetter
 from typing import Any, TypeVar, cast
 
@@ -10,7 +10,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 
-from semantic_slam.configuration import Configuration, choices_of, from_dict
+from semantic_slam.configuration import Configuration, choices_of, from_dict, to_dict
 from semantic_slam.errors import InputError
 
 T = TypeVar("T")
@@ -42,13 +42,17 @@ def changed_parameters(configuration: Configuration) -> dict[str, Any]:
     }
 
 
-def declare_configuration(node: Node) -> Configuration:
-    """Declare every parameter and return the effective configuration. Raises InputError."""
+def declare_configuration(node: Node, changeable: Collection[str] = ()) -> Configuration:
+    """Declare every parameter and return the effective configuration. Raises InputError.
+
+    ``changeable``: dotted names of those that may be set later; the others are read-only.
+    """
     values: dict[str, Any] = {}
     given = node._parameter_overrides  # rclpy offers no public view of parameters given but not declared
     for name, item, default in leaves():
         former = given.get(_former(name, item))
-        value = _declared(node, name, item, default if former is None else former.value)
+        start = default if former is None else former.value
+        value = _declared(node, name, start, descriptor(item, default, read_only=name not in changeable))
         if value is not None:  # an empty list in a YAML file has no type and arrives as "not set"
             _insert(values, name.split("."), value)
     return from_dict(values, f"parameters of {node.get_name()}")
@@ -63,19 +67,39 @@ def configuration_of(parameters: Mapping[str, Any], origin: str) -> Configuratio
     return from_dict(values, origin)
 
 
+def changed(configuration: Configuration, values: Mapping[str, Any], origin: str) -> Configuration:
+    """The configuration with some values, by dotted names. Raises InputError, with ``origin``, for invalid ones."""
+    nested = to_dict(configuration)
+    for name, value in values.items():
+        _insert(nested, name.split("."), value)
+    return from_dict(nested, origin)
+
+
 def declare_fixed(node: Node, name: str, default: T) -> T:
     """Declare a read-only parameter, read once at start, and return its value. Raises InputError.
 
     For a float parameter an integer such as ``1`` is accepted, too.
     """
+    return _declared_alone(node, name, default, "read when the node starts", read_only=True)
+
+
+def declare_changeable(node: Node, name: str, default: T) -> T:
+    """Declare a parameter that may be set later, and return its first value; otherwise like :func:`declare_fixed`."""
+    return _declared_alone(node, name, default, "may be set while the node runs", read_only=False)
+
+
+def _declared_alone(node: Node, name: str, default: T, text: str, *, read_only: bool) -> T:
     is_number = isinstance(default, float)
-    told = ParameterDescriptor(description="read when the node starts", read_only=True, dynamic_typing=is_number)
+    told = ParameterDescriptor(description=text, read_only=read_only, dynamic_typing=is_number)
     value = node.declare_parameter(name, default, told).value
-    if not is_number:
-        return cast(T, value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    return cast(T, number(node, name, value) if is_number else value)
+
+
+def number(node: Node, name: str, value: Any) -> float:
+    """The value of a float parameter. Raises InputError if it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"parameters of {node.get_name()}: {name} is {value!r}; give a number")
-    return cast(T, float(value))
+    return float(value)
 
 
 def refuse_undeclared(node: Node) -> None:
@@ -92,10 +116,10 @@ def refuse_undeclared(node: Node) -> None:
             )
 
 
-def descriptor(item: "dataclasses.Field[Any]", default: Any) -> ParameterDescriptor:
+def descriptor(item: "dataclasses.Field[Any]", default: Any, *, read_only: bool = True) -> ParameterDescriptor:
     """Parameter descriptor of a field: description and limits; typing is dynamic, so that ``1`` may mean ``1.0``."""
     limits = item.metadata
-    result = ParameterDescriptor(description=limits["description"], read_only=True, dynamic_typing=True)
+    result = ParameterDescriptor(description=limits["description"], read_only=read_only, dynamic_typing=True)
     if choices_of(item):
         result.additional_constraints = "one of " + ", ".join(choices_of(item))
     if "minimum" in limits or "maximum" in limits:
@@ -108,13 +132,13 @@ def descriptor(item: "dataclasses.Field[Any]", default: Any) -> ParameterDescrip
     return result
 
 
-def _declared(node: Node, name: str, item: "dataclasses.Field[Any]", default: Any) -> Any:
-    start = list(default) if isinstance(default, tuple) else default
+def _declared(node: Node, name: str, start: Any, told: ParameterDescriptor) -> Any:
+    is_list = isinstance(start, tuple | list)
     try:
-        value = node.declare_parameter(name, start, descriptor(item, default)).value
+        value = node.declare_parameter(name, list(start) if is_list else start, told).value
     except InvalidParameterValueException as fault:
         raise InputError(f"parameters of {node.get_name()}: {' '.join(str(fault).split())}") from None
-    return list(value) if isinstance(default, tuple) and value is not None else value
+    return list(value) if is_list and value is not None else value
 
 
 def _former(name: str, item: "dataclasses.Field[Any]") -> str | None:

@@ -41,6 +41,11 @@ class BeliefPublisher:
         if self._transforms is not None:
             self._transforms.begin()
 
+    def broadcast_odom(self, does: bool) -> None:
+        """Whether to publish TF from the odometry frame to the body, too."""
+        if self._transforms is not None:
+            self._transforms.broadcasts_odom = does
+
     def publish(
         self, belief: HybridBelief, T_previous_current: Array, T_odom_start: Array | None, *, is_repeated: bool = False
     ) -> None:

@@ -14,13 +14,8 @@ class Frames:
 
     map: str = MAP
     odom: str = ""  # "": the frame_id of the odometry messages
-    broadcasts_odom: bool = False  # also publish odom -> base, for a robot on which no other node does
 
 
 def declare_frames(node: Node) -> Frames:
-    """Declare the parameters ``map_frame``, ``odom_frame`` and ``broadcast_odom`` and return their values."""
-    return Frames(
-        declare_fixed(node, "map_frame", MAP),
-        declare_fixed(node, "odom_frame", ""),
-        declare_fixed(node, "broadcast_odom", False),
-    )
+    """Declare the parameters ``map_frame`` and ``odom_frame`` and return their values."""
+    return Frames(declare_fixed(node, "map_frame", MAP), declare_fixed(node, "odom_frame", ""))

@@ -27,6 +27,7 @@ class Transforms:
 
     def __init__(self, frames: Frames, send: Callable[[bytes], None]) -> None:
         self._frames, self._send = frames, send
+        self.broadcasts_odom = False  # also send odom -> base, for a robot on which no other node does
         self.begin()
 
     def begin(self) -> None:
@@ -54,6 +55,6 @@ class Transforms:
         odom = self._frames.odom or plain_frame(message.header.frame_id) or ODOM
         found = [] if self._T_map_odom is None else [(self._frames.map, odom, self._T_map_odom)]
         pose = pose_vector(message.pose.pose)
-        if self._frames.broadcasts_odom and is_pose(pose):
+        if self.broadcasts_odom and is_pose(pose):
             found.append((odom, plain_frame(message.child_frame_id) or BASE, pose))
         return found

@@ -42,7 +42,7 @@ class RosPool:
 
     def __init__(self, node: Node, backend_ids: Sequence[int], timeout_s: float) -> None:
         self.backend_ids = tuple(backend_ids)
-        self._timeout_s = timeout_s
+        self.timeout_s = timeout_s
         self.kept: KeptRun  # the keyframes of the run; set by start()
         self._run_id = ""
         self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and reason
@@ -198,12 +198,12 @@ class RosPool:
     def _check(self) -> None:
         if not rclpy.ok():
             raise SemanticSlamError("interrupted while waiting for backends")
-        late = time.monotonic() - self._since_s > self._timeout_s
+        late = time.monotonic() - self._since_s > self.timeout_s
         for number in self._awaited:
             is_gone = self._watch.missing_s(number) > PATIENCE_S
             if not self._is_given_up(number, late=late, is_gone=is_gone):
                 continue
-            reason = "is gone" if is_gone else f"has not answered for {self._timeout_s:.0f} s"
+            reason = "is gone" if is_gone else f"has not answered for {self.timeout_s:.0f} s"
             self._logger.warning(f"backend_{number} {reason}; its hypotheses move to other backends")
             self._given_up |= {number}
             self._awaited = tuple(n for n in self._awaited if n != number)
