@@ -1,11 +1,12 @@
 """Reading of MATLAB files, with the uncompressed size bounded before anything is read."""
 
+import json
 import struct
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 from typing import Any
-
-from scipy.io import loadmat
 
 from semantic_slam.errors import InputError
 
@@ -16,20 +17,27 @@ HEADER, COMPRESSED = 128, 15
 
 
 def read_matlab(path: Path) -> dict[str, Any]:
-    """Name -> value. Raises InputError that names the file."""
+    """Name -> value: structs as dictionaries, arrays as nested lists. Raises InputError that names the file."""
     try:
         is_large = path.stat().st_size > MOST_BYTES or _unpacked_size(path.read_bytes()) > MOST_BYTES
     except (OSError, zlib.error) as fault:
         raise unreadable(path, fault) from None
     if is_large:
         raise InputError(f"{path}: holds more than {MOST_BYTES // 10**6} MB; restore it from the data set")
-    try:
-        return dict(loadmat(path))
-    except Exception as fault:  # of damaged files scipy's reader raises whatever comes, UnboundLocalError among it
-        raise unreadable(path, fault) from None
+    return _read_apart(path)
 
 
-def unreadable(path: Path, fault: BaseException) -> InputError:
+def _read_apart(path: Path) -> dict[str, Any]:
+    """Variables of a file, read in a process of its own."""
+    reader = [sys.executable, "-P", "-m", "semantic_slam.datasets.avd.matlab_reader", str(path)]
+    done = subprocess.run(reader, capture_output=True, text=True, check=False)
+    if done.returncode:
+        lines = done.stderr.strip().splitlines()
+        raise unreadable(path, lines[-1] if lines else f"its reader ended with code {done.returncode}")
+    return dict(json.loads(done.stdout))
+
+
+def unreadable(path: Path, fault: BaseException | str) -> InputError:
     """What to say of a file that is not what it should be."""
     reason = " ".join(str(fault).split()) or type(fault).__name__
     return InputError(f"{path}: not a readable {path.name} ({reason}); restore it from the data set")
