@@ -107,7 +107,7 @@ class Engine:
         self.relocation = Relocation(
             self.problem.revision, Replay(self.problem, association, self.steps), self.registry
         )
-        self.recovery = Recovery(Replay(self.problem, association, self.steps), self.registry)
+        self.recovery = Recovery(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept, in nats
 

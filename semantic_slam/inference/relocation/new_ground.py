@@ -14,9 +14,9 @@ from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.carried import NEW_GROUND
 
-MOST = 6
+MOST = 3
 """Largest number of histories followed."""
-HOPELESS = 20.0
+HOPELESS = 12.0
 """Nats behind the best live hypothesis at which one is dropped."""
 RATHER_EXISTS = 0.5
 

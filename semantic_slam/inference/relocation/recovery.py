@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
@@ -30,6 +31,8 @@ SOON = 40
 """Keyframes within which the robot is not carried twice, as long as some history was not carried in them."""
 MARGIN = 1.0
 """Nats below the entry threshold at which a history is weighed exactly: the best one's own weight is known roughly."""
+PROMISING = 3.0
+"""Nats behind the best live hypothesis up to which a history on new ground is looked at."""
 LEAST_OBJECTS = 2
 """Number of recognisable objects from which on a robot on new ground may be localised by them."""
 
@@ -47,8 +50,8 @@ class _Suspect:
 class Recovery:
     """Proposes and weighs histories in which the robot was carried (kidnapped)."""
 
-    def __init__(self, replay: Replay, registry: ObjectRegistry) -> None:
-        self._replay, self._registry = replay, registry
+    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
+        self._horizon, self._replay, self._registry = settings.horizon, replay, registry
         self._new_ground = NewGround(replay) if replay.association.tracks_objects else None
         self._places = Places(replay)
         self._num_noted = 0  # keyframes
@@ -71,9 +74,16 @@ class Recovery:
         if not self.is_on:
             return
         self._num_expected += 1
-        if self._new_ground is not None or self._replay.steps[-1].detections:  # a fixed map needs detections
+        if self._is_too_late:
+            self._misfit = None
+        elif self._new_ground is not None or self._replay.steps[-1].detections:  # a fixed map needs detections
             self._judge(log_ratio)
         self._num_noted += 1
+
+    @property
+    def _is_too_late(self) -> bool:
+        """Whether no new suspects are noted: without a map, beyond ``revision.horizon``, since each costs replays."""
+        return not self._replay.problem.map_ids and self._num_noted >= self._horizon
 
     def _judge(self, log_ratio: float) -> None:
         """Start or extend a suspect where the newest keyframe was unexpected; else end the run of such keyframes."""
@@ -100,7 +110,10 @@ class Recovery:
             return {}
         best = next(iter(live.values()))
         self._log_best, self._log_ratio = best.log_weight + log_evidence - self._log_surplus, float(np.log(ratio))
+        if not self._replay.problem.is_placed(best.lineage):
+            self._pass_over()
         if self._begins:
+            self._begin(live)
             self._weigh(best, log_evidence)
         self._follow(live)
         due = self._due()
@@ -166,14 +179,23 @@ class Recovery:
             if own.number not in live and not any(map(account(own).is_like, known))
         ]
 
-    def _follow(self, live: Mapping[int, Hypothesis]) -> None:
-        """Start and advance histories on new ground from the suspects on."""
-        if self._new_ground is None:
-            return
+    def _pass_over(self) -> None:
+        """Drop the newest suspects: a robot that is not localised yet is searched for on the map anyway."""
+        self._suspects = {at: own for at, own in self._suspects.items() if at < self._begun}
+        self._begun = self._num_noted
+
+    def _begin(self, live: Mapping[int, Hypothesis]) -> None:
+        """Start histories on new ground from the suspects that are not followed yet."""
+        assert self._new_ground is not None
         for since in self._begins:
             before = self._new_ground.begin(self._not_carried_lately(live, since), since)
             self._origins |= {since: before} if before is not None else {}
         self._begun = self._num_noted
+
+    def _follow(self, live: Mapping[int, Hypothesis]) -> None:
+        """Advance the histories on new ground."""
+        if self._new_ground is None:
+            return
         self._new_ground.go_on(self._log_best)
         followed = {own.since for own in self._new_ground.followed}
         lineages = [own.lineage for own in live.values()]
@@ -217,7 +239,7 @@ class Recovery:
         own = self._new_ground.at(since)
         if own is None or own.num_recognisable < LEAST_OBJECTS:
             return -np.inf
-        return own.progress.log_joint if own.progress.log_joint >= self._log_best - self._log_ratio else -np.inf
+        return own.progress.log_joint if own.progress.log_joint >= self._log_best - PROMISING else -np.inf
 
     def _not_carried_lately(self, live: Mapping[int, Hypothesis], since: int) -> Lineage:
         """The likeliest history not carried within ``SOON`` keyframes before this one, or else the likeliest."""

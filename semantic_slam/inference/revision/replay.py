@@ -78,13 +78,18 @@ class Replay:
                 own = self.further(own)
         except LostComponentError:
             return None
+        self._beside[own.number] = own
         self.keep_along(own.lineage)
         return self.finished(own)
 
     def keep_along(self, lineage: Lineage) -> None:
-        """Keep the checkpoints along ``lineage`` alone."""
+        """Keep the checkpoints along ``lineage`` alone, and its present state, from which it is followed next time."""
         known, along, now = self._kept | self._beside, set(self._numbers(lineage)), len(self.steps)
-        self._kept = {number: own for number, own in known.items() if number in along and stays(own.at, now)}
+        self._kept = {
+            number: own
+            for number, own in known.items()
+            if number in along and (stays(own.at, now) or own.at >= now - 1)
+        }
         self._beside.clear()
 
     def forget(self) -> None:
@@ -157,13 +162,14 @@ class Replay:
         return found
 
     def before(self, lineage: Lineage, keyframe: int) -> Progress | None:
-        """A history just before a keyframe, which nobody may advance in place; None where it is impossible."""
+        """A history just before a keyframe, which becomes a checkpoint; None where it is impossible."""
         own = self.resumed(lineage[:keyframe])
         try:
             while own.at < keyframe:
                 own = self.advanced(own, 1, in_place=not self._is_kept(own))
         except LostComponentError:
             return None
+        self._beside[own.number] = own
         return own
 
     def _keep(self, own: Progress) -> None:

@@ -48,6 +48,15 @@ def test_it_is_told_that_it_was_carried(driven: tuple[Engine, list[HybridBelief]
     assert new_grounds(best.lineage) == (BEFORE,)
 
 
+def test_beyond_the_horizon_a_robot_without_a_map_is_taken_to_drive_on() -> None:
+    engine = Engine(
+        configuration(revision={**CARRIED["revision"], "horizon": BEFORE}, initial_pose=CARRIED["initial_pose"])
+    )
+    for keyframe in on_new_ground().keyframes:
+        engine.process(keyframe)
+    assert engine.carried == 0.0
+
+
 def test_where_it_is_stays_as_wide_as_it_may_have_been_carried(driven: tuple[Engine, list[HybridBelief]]) -> None:
     _, beliefs = driven
     before, after = beliefs[BEFORE - 1], beliefs[-1]

@@ -5,7 +5,7 @@ import pytest
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se2
-from semantic_slam.inference.revision.replay import Replay
+from semantic_slam.inference.revision.replay import Progress, Replay
 from semantic_slam.inference.revision.returns.returns import Returns
 from semantic_slam.inference.revision.returns.run_model import RunModel
 from semantic_slam.inference.revision.returns.runs import Runs, numbered
@@ -179,3 +179,26 @@ def test_beginnings_up_to_a_return_are_proposed_besides_the_histories() -> None:
     assert whole
     assert [own[: len(begun)] for own, begun in zip(whole, beginnings, strict=True)] == beginnings
     assert {len(begun) for begun in beginnings} == {11}
+
+
+def test_a_history_that_is_followed_again_goes_on_from_where_it_stood(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every keyframe of it is replayed once, and the weight is that of a replay from the start."""
+    engine = driven({"every_keyframes": 50}, **ONE)
+    lineage = next(iter(engine.live.values())).lineage
+    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), [])
+    replayed = list[int]()
+    advance = Replay.advanced
+
+    def counted(self: Replay, own: Progress, count: int, *, in_place: bool = True) -> Progress:
+        replayed.append(own.at)
+        return advance(self, own, count, in_place=in_place)
+
+    monkeypatch.setattr(Replay, "advanced", counted)
+    for count, step in enumerate(engine.steps, start=1):
+        replay.steps.append(step)
+        before = replay.before(lineage, count - 1)
+        followed = replay.followed(lineage[:count])
+        assert before is not None and followed is not None
+    assert replayed == list(range(len(engine.steps)))
+    whole = Replay(engine.problem, engine.association(engine.problem, engine.registry), engine.steps).followed(lineage)
+    assert whole is not None and followed.log_joint == whole.log_joint

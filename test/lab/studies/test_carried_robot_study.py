@@ -4,7 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from semantic_slam_lab.studies.carried_robot.recognition import share_recognised
+from semantic_slam_lab.studies.carried_robot.recognition import (
+    in_map,
+    known_before,
+    num_seen_again,
+    share_recognised,
+)
 from semantic_slam_lab.studies.carried_robot.run import DRIVES, Driven, driven, is_sure_and_wrong
 from semantic_slam_lab.studies.carried_robot.study import METHODS, claims_of
 
@@ -13,6 +18,7 @@ ROW = Driven(
     noticed_after=9,
     false_alarms=0,
     found_after=12,
+    seen_again=2,
     recognised=1.0,
     error_m=0.1,
     probability=1.0,
@@ -34,6 +40,27 @@ def test_nine_rooms_of_ten_have_to_notice_within_ten_keyframes(late: int, holds:
     noticed, found = claims_of({"own map": {"ours": rows}})
     assert noticed.measured == f"{10 - late} of 10"
     assert noticed.holds == holds and found.holds
+
+
+def test_a_room_that_shows_one_known_object_again_asks_for_nobody_to_be_found() -> None:
+    rows = [ROW] * 8 + [replace(ROW, seen_again=1, found_after=None)] * 2
+    _, found = claims_of({"own map": {"ours": rows}})
+    assert found.measured == "8 of 8" and found.holds
+    _, lost = claims_of({"own map": {"ours": [*rows[:7], replace(ROW, found_after=None)]}})
+    assert lost.measured == "7 of 8" and not lost.holds
+
+
+def test_what_is_seen_twice_before_and_after_is_seen_again() -> None:
+    labels = [[3, 5], [3, 5, -1], [7], [3, -1], [3, 5], [7]]
+    assert num_seen_again(labels, 3) == 1
+    assert known_before([[0, 1], [0, 2, -1], [-1]], labels, 3) == {0: 3, 1: 5, 2: 5}
+
+
+def test_a_true_place_in_a_map_that_is_turned_is_where_it_is_by_the_objects() -> None:
+    objects = np.array([[0.0, 0.0], [2.0, 0.0], [9.0, 9.0]])
+    places = {7: np.array([1.0, 1.0]), 8: np.array([1.0, 3.0]), 9: np.array([5.0, 5.0])}
+    at = in_map(np.array([1.0, 1.0]), places, {7: 0, 8: 1}, objects)
+    np.testing.assert_allclose(at, [0.0, 2.0], atol=1e-12)
 
 
 def test_who_is_not_carried_drives_as_long() -> None:

@@ -18,6 +18,7 @@ COLUMNS = (
     Column("rooms", "rooms", "d"),
     Column("noticed", "noticed", "d"),
     Column("within 10", "noticed_soon", "d"),
+    Column("may be found", "may_be_found", "d"),
     Column("found again", "found", "d"),
     Column("recognises", "recognised", "d"),
     Column("sure and wrong", "sure_and_wrong", "d"),
@@ -48,9 +49,11 @@ SECTIONS = (
         " `revision.carried_probability` is 0.001. Saved map: `config/second_session.yaml`, and, where there are rows"
         " of them, `known_map.yaml` and `default.yaml`, each with the sensor's range of these rooms; own map:"
         " `config/open_world.yaml`. Noticed: the belief says with more than 0.5 that the robot was carried or that"
-        " its data are unexplained. Found again: to the end within 0.5 m, with more than 0.5. Recognises, where it is"
-        " told: at the end nine tenths of what it has seen since of what it knew before have their names of before; on"
-        " its own map, which is bent, a robot that does so may be farther than 0.5 m from its true place. Sure and"
+        " its data are unexplained. May be found: two objects or more that were seen twice before it was carried are"
+        " seen twice afterwards; one may be seen from anywhere around it. Found again: to the end within 0.5 m, with"
+        " more than 0.5; on its own map, which is bent, of its true place relative to the objects that it knew."
+        " Recognises: at the end nine tenths of what it has seen since of what it knew before have their names of"
+        " before. Sure and"
         " wrong: at the end one hypothesis has more than 0.9 and excludes the true position (one in a thousand). False"
         " alarms are keyframes in which such is said of a robot that was not carried.",
         (("", rooms),),

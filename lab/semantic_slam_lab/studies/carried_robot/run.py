@@ -17,7 +17,12 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam_lab.repetitions import keyed_generator
-from semantic_slam_lab.studies.carried_robot.recognition import share_recognised
+from semantic_slam_lab.studies.carried_robot.recognition import (
+    in_map,
+    known_before,
+    num_seen_again,
+    share_recognised,
+)
 from semantic_slam_lab.studies.faulty_rooms.closed import configuration
 from semantic_slam_lab.studies.faulty_rooms.closed_room import HALF_VIEW_RAD, REACH_M, make_room
 from semantic_slam_lab.studies.faulty_rooms.open_room import LOOP_RADIUS_M, open_room
@@ -50,6 +55,7 @@ class Drive:
     truth: Array  # (K, 3)
     labels: Sequence[Sequence[int]]  # K: what each detection is of; negative: of nothing
     carried_at: int  # K: it never was
+    objects: Array | None = None  # (M, 2) true places, by labels, where the map is the robot's own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +66,7 @@ class Driven:
     noticed_after: int | None  # keyframes from the first one after it was carried on, until that is told; None: never
     false_alarms: int  # keyframes before it was carried in which that was told, or that data are unexplained
     found_after: int | None  # keyframes, from which on the robot stays found; None: not at the end
+    seen_again: int  # objects that were seen before it was carried and are seen after it
     recognised: float | None  # share, at the end, of its detections since of what it knew; None: there were none
     error_m: float  # of the heaviest hypothesis's position at the end; NaN: the run ended early
     probability: float  # at the end, of positions near the true one
@@ -83,7 +90,7 @@ def driven(world: str, method: Method, seed: int) -> Driven:
             near.append(False)
             break
         spent.append(time.process_time() - begin)
-        error_m, probability = found(belief, drive.truth[k])
+        error_m, probability = found(belief, _in_map(drive, belief, k))
         wrong = is_sure_and_wrong(belief, drive.truth[k])
         near.append(error_m < FOUND_M and probability > LIKELY)
         told += [k] if max(belief.unexplained, drive.engine.carried) > UNEXPLAINED else []
@@ -93,6 +100,7 @@ def driven(world: str, method: Method, seed: int) -> Driven:
         seed=seed,
         noticed_after=since[0] if since else None,
         false_alarms=sum(k < drive.carried_at for k in told),
+        seen_again=num_seen_again(drive.labels, drive.carried_at),
         recognised=None if fault else share_recognised(_likeliest(drive.engine), drive.labels, drive.carried_at),
         found_after=len(after) - _length_of_end(after) if after and after[-1] else None,
         error_m=error_m,
@@ -109,10 +117,20 @@ def _likeliest(engine: Engine) -> list[tuple[int, ...]]:
     return [step.association for step in next(iter(engine.live.values())).lineage]
 
 
+def _in_map(drive: Drive, belief: HybridBelief, k: int) -> Array:
+    """(2,) true position at a keyframe in the map's frame: that of its own map is where it knew objects before."""
+    if drive.objects is None or k < drive.carried_at:
+        return np.asarray(drive.truth[k, :2])
+    exists = np.flatnonzero(belief.existence > LIKELY)
+    places = {int(belief.object_ids[row]): belief.object_poses[row, :2] for row in exists}
+    labels = known_before(_likeliest(drive.engine), drive.labels, drive.carried_at)
+    return in_map(drive.truth[k, :2], places, labels, drive.objects)
+
+
 def found(belief: HybridBelief, truth: Array) -> tuple[float, float]:
-    """Distance of the heaviest hypothesis's position from the true pose (3,), and the probability of being near."""
+    """Distance of the heaviest hypothesis's position from the true one, and the probability of being near; (2,)."""
     places = np.array([planar_from_pose_vector(pose)[:2] for pose in belief.poses])
-    away = np.linalg.norm(places - truth[:2], axis=1)
+    away = np.linalg.norm(places - truth, axis=1)
     return float(away[0]), float(np.exp(belief.log_weights[away < FOUND_M]).sum())
 
 
@@ -164,7 +182,14 @@ def open_drive(method: Method, seed: int) -> Drive:
     room = open_room(own, OPEN_BEFORE + OPEN_AFTER, random, carried if method.is_carried else None)
     engine = Engine(own, initial_pose=room.truth[0], initial_covariance=np.diag(START_SIGMAS**2))
     at = OPEN_BEFORE if method.is_carried else len(room.keyframes)
-    return Drive(engine=engine, keyframes=room.keyframes, truth=room.truth, labels=room.labels, carried_at=at)
+    return Drive(
+        engine=engine,
+        keyframes=room.keyframes,
+        truth=room.truth,
+        labels=room.labels,
+        carried_at=at,
+        objects=room.objects[:, :2],
+    )
 
 
 def with_values(own: Configuration, overrides: Mapping[str, Mapping[str, Any]]) -> Configuration:
