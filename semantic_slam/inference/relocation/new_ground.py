@@ -4,7 +4,7 @@ They explain everything since without what was mapped before. That the robot did
 keyframe adds a little evidence, and pruning would have dropped such a history by then.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ class Followed:
     """One history on new ground."""
 
     since: int  # keyframe before which the robot was carried
+    before: Progress  # up to there
     progress: Progress
     log_joints: tuple[float, ...]  # after that keyframe, and after each since
 
@@ -57,7 +58,7 @@ class NewGround:
             progress = self._replay.carried(before, NEW_GROUND)
         except LostComponentError:
             return None
-        self.followed.append(Followed(since, progress, (progress.log_joint,)))
+        self.followed.append(Followed(since, before, progress, (progress.log_joint,)))
         return before.component.newest_robot()[:3]
 
     def go_on(self, log_best: float) -> None:
@@ -72,8 +73,13 @@ class NewGround:
                 progress = self._replay.advanced(own.progress, 1)
             except LostComponentError:
                 return None
-            own = Followed(own.since, progress, (*own.log_joints, progress.log_joint))
+            own = replace(own, progress=progress, log_joints=(*own.log_joints, progress.log_joint))
         return own
+
+    def before(self, since: int, lineage: Lineage) -> Progress | None:
+        """The history ``lineage`` up to a keyframe, where one on new ground was begun from it; else None."""
+        own = self.at(since)
+        return own.before if own is not None and own.before.lineage[:since] == lineage[:since] else None
 
     def at(self, since: int) -> Followed | None:
         """The history on new ground from a keyframe on; None where there is none."""

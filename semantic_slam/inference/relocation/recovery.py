@@ -31,7 +31,7 @@ SOON = 40
 """Keyframes within which the robot is not carried twice, as long as some history was not carried in them."""
 MARGIN = 1.0
 """Nats below the entry threshold at which a history is weighed exactly: the best one's own weight is known roughly."""
-PROMISING = 3.0
+PROMISING = 1.0
 """Nats behind the best live hypothesis up to which a history on new ground is looked at."""
 LEAST_OBJECTS = 2
 """Number of recognisable objects from which on a robot on new ground may be localised by them."""
@@ -251,11 +251,16 @@ class Recovery:
         """Begin to replay histories carried just before a keyframe, if there are new detections since the last look."""
         steps, suspect = self._replay.steps[since:], self._suspects[since]
         suspect.looks = sum(len(steps) > apart for apart in LOOKS)
-        before = self._replay.before(self._not_carried_lately(live, since), since)
+        before = self._before(self._not_carried_lately(live, since), since)
         if before is None or num_seen(steps) == suspect.num_seen:
             return
         self._looked_at, suspect.looked, suspect.num_seen = since, len(self._replay.steps), num_seen(steps)
         self._places.begin(before, self._points(before, since))
+
+    def _before(self, lineage: Lineage, since: int) -> Progress | None:
+        """A history up to a keyframe: as known from when new ground was begun there, else replayed."""
+        known = None if self._new_ground is None else self._new_ground.before(since, lineage)
+        return known or self._replay.before(lineage, since)
 
     def _points(self, before: Progress, since: int) -> list[int | None]:
         """Lattice points that are likely given the detections since."""
