@@ -3,6 +3,7 @@
 Each trial is a demo of its own. ``--nodes``: each node is killed at every tenth keyframe, in one trial or, where it is
 still down from the last time, in several.
 ``--all N``: everything at once, the demo, too, at random instants, N times; each time the demo goes on with --resume.
+``--launch``: through ``ros2 launch semantic_slam demo.launch.py`` in place of the demo, where ROS 2 is whole.
 """
 
 import argparse
@@ -30,6 +31,7 @@ def command() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/kills"))
     parser.add_argument("--nodes", nargs="*", default=list(NODES), help="nodes to be killed (default: each)")
     parser.add_argument("--all", type=int, default=20, help="how often everything is killed (default: %(default)s)")
+    parser.add_argument("--launch", action="store_true", help="through ros2 launch in place of the demo")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     trials = []
@@ -41,7 +43,7 @@ def command() -> None:
 
 def run(arguments: argparse.Namespace) -> Iterator[Trial]:
     """All trials, one after the other. Raises SemanticSlamError."""
-    made = grid(arguments.bag, arguments.config, arguments.out)
+    made = grid(arguments.bag, arguments.config, arguments.out, through_launch=arguments.launch)
     yield from chain.from_iterable(made.one_node(name) for name in arguments.nodes)
     yield from made.everything(arguments.all, arguments.seed)
 
@@ -54,6 +56,7 @@ def write(arguments: argparse.Namespace, trials: Sequence[Trial]) -> None:
         "quick": False,
         "seed": arguments.seed,
         "revision": revision(),
+        "through": "ros2 launch" if arguments.launch else "demo",
         "bag": str(arguments.bag),
         "config": str(arguments.config),
         "trials": [asdict(trial) for trial in trials],

@@ -1,4 +1,4 @@
-"""A demo that is watched from outside, and whose nodes can be killed."""
+"""A demo, or the launch file, that is watched from outside, and whose nodes can be killed."""
 
 import os
 import signal
@@ -28,18 +28,33 @@ class Demo:
     bag: Path
     config: Path
     out: Path
+    through_launch: bool = False  # started with ros2 launch
     domain_id: str = DOMAIN_ID
     newest: int = -1  # keyframe of the newest belief
     _processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
-    def start(self, *options: str) -> None:
-        """Start it; ``options`` besides bag, configuration and output."""
-        words = [sys.executable, "-c", "from semantic_slam.ros.demo import main; main()"]
-        words += ["--bag", str(self.bag), "--config", str(self.config), "--out", str(self.out), *options]
+    def start(self, *, resumes: bool = False) -> None:
+        """Start it; ``resumes``: it goes on where it was killed."""
+        words = self._launch(resumes=resumes) if self.through_launch else self._demo(resumes=resumes)
         environment = os.environ | {"ROS_DOMAIN_ID": self.domain_id}
         self.out.parent.mkdir(parents=True, exist_ok=True)
         with (self.out.parent / f"{self.out.name}.log").open("ab") as log:
             self._processes.append(subprocess.Popen(words, env=environment, stdout=log, stderr=log))
+
+    def _demo(self, *, resumes: bool) -> list[str]:
+        words = [sys.executable, "-c", "from semantic_slam.ros.demo import main; main()"]
+        words += ["--bag", str(self.bag), "--config", str(self.config), "--out", str(self.out)]
+        return [*words, "--resume"] if resumes else words
+
+    def _launch(self, *, resumes: bool) -> list[str]:
+        given = {
+            "bag": self.bag,
+            "config": self.config,
+            "record": self.out / "belief",
+            "journal": self.out / "journal",
+            "resume": str(resumes).lower(),
+        }
+        return ["ros2", "launch", "semantic_slam", "demo.launch.py", *(f"{name}:={own}" for name, own in given.items())]
 
     def nodes(self) -> dict[str, int]:
         """Process ids of its nodes that run, by name."""

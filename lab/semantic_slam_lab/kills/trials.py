@@ -38,11 +38,12 @@ class Trial:
 
 @dataclass(frozen=True)
 class Grid:
-    """Where demos of one bag write, and the beliefs of the one that was left in peace."""
+    """Where demos of one bag write, how they are started, and the beliefs of the one that was left in peace."""
 
     bag: Path
     config: Path
     out: Path
+    through_launch: bool
     reference: tuple[HybridBelief, ...]
 
     def one_node(self, name: str) -> Iterator[Trial]:
@@ -51,7 +52,7 @@ class Grid:
         for number in count():
             if not due:
                 return
-            demo = Demo(self.bag, self.config, self.out / f"{name}_{number}")
+            demo = self._demo(f"{name}_{number}")
             missed = run_killing(demo, due)
             if missed == due:
                 raise SemanticSlamError(f"{name} was never seen to run; see {demo.out}.log")
@@ -61,12 +62,15 @@ class Grid:
     def everything(self, times: int, seed: int) -> Iterator[Trial]:
         """Kill everything at random instants, so often in all."""
         for number in range(times):
-            demo = Demo(self.bag, self.config, self.out / f"all_{number}")
+            demo = self._demo(f"all_{number}")
             seen = run_killing_all(demo, times, seed + number)
             yield self._trial(EVERYTHING, demo, seen)
             times -= len(seen)
             if times == 0:
                 return
+
+    def _demo(self, name: str) -> Demo:
+        return Demo(self.bag, self.config, self.out / name, self.through_launch)
 
     def _trial(self, killed: str, demo: Demo, at: Sequence[int]) -> Trial:
         beliefs = demo.beliefs()
@@ -74,11 +78,11 @@ class Grid:
         return Trial(killed, tuple(at), len(beliefs), len(self.reference), difference)
 
 
-def grid(bag: Path, config: Path, out: Path) -> Grid:
+def grid(bag: Path, config: Path, out: Path, *, through_launch: bool = False) -> Grid:
     """A demo that is left in peace, and where to run others. Raises SemanticSlamError."""
-    undisturbed = Demo(bag, config, out / "undisturbed")
+    undisturbed = Demo(bag, config, out / "undisturbed", through_launch)
     run_killing(undisturbed, [])
-    return Grid(bag, config, out, tuple(undisturbed.beliefs()))
+    return Grid(bag, config, out, through_launch, tuple(undisturbed.beliefs()))
 
 
 def run_killing(demo: Demo, kills: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
@@ -110,6 +114,6 @@ def run_killing_all(demo: Demo, times: int, seed: int) -> list[int]:
                 break
             demo.kill_all()
             seen.append(demo.newest)
-            demo.start("--resume")
+            demo.start(resumes=True)
         demo.end()
     return seen
