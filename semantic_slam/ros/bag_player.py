@@ -284,12 +284,12 @@ class Pace:
     """
 
     def __init__(self, rate: float) -> None:
-        self._rate = rate
+        self._rate = self._wanted_rate = rate
         self._last: tuple[int, float] | None = None  # log time of the last message, and when it was due
 
     def change(self, rate: float) -> None:
-        """Use another rate from now on, also in a wait under way."""
-        self._rate = rate
+        """Use another rate from now on, also in a wait under way; called on any thread."""
+        self._wanted_rate = rate
 
     def shift(self, by_s: float) -> None:
         """Postpone all further messages by ``by_s`` seconds."""
@@ -304,7 +304,18 @@ class Pace:
             self._last = stamp_ns, time.monotonic()
         while (left_s := self._due(stamp_ns) - time.monotonic()) > 0.0:
             time.sleep(min(left_s, LONGEST_SLEEP_S))
+            self._take_up_change(stamp_ns)
         self._last = stamp_ns, self._due(stamp_ns)
+        self._take_up_change(stamp_ns)
+
+    def _take_up_change(self, next_ns: int) -> None:
+        """Have the wanted rate hold from the present place in the bag, which is at most the next message."""
+        if self._wanted_rate == self._rate:
+            return
+        assert self._last is not None
+        (before_ns, due), now = self._last, time.monotonic()
+        self._last = min(before_ns + round((now - due) * self._rate * SECOND), next_ns), now
+        self._rate = self._wanted_rate
 
     def _due(self, stamp_ns: int) -> float:
         assert self._last is not None

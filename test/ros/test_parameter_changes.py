@@ -1,5 +1,6 @@
 """Parameters that are set while nodes run: what may change does, also after a restart; all else is refused."""
 
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -129,3 +130,15 @@ def test_messages_are_due_by_their_stamps_at_the_rate_of_the_moment() -> None:
     pace.change(1e6)
     pace.wait(1_000_000_000_000)
     assert time.monotonic() - since < 10.0
+
+
+def test_after_a_slow_stretch_messages_come_at_the_new_rate_and_not_all_at_once() -> None:
+    pace, second = Pace(1e-3), 1_000_000_000
+    pace.wait(0)
+    timer = threading.Timer(0.5, pace.change, [5.0])
+    timer.start()
+    pace.wait(1 * second)
+    since = time.monotonic()
+    pace.wait(3 * second)
+    assert time.monotonic() - since >= 0.35
+    timer.join()
