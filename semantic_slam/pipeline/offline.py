@@ -88,7 +88,8 @@ def run_bag(
         source = source_text(bag, digest)
         inference = InferenceStage(configuration, prior, preamble, source, pool or InProcessPool(1))
         with BagWriter(out_bag) as writer:
-            run = OfflineRun(configuration, found, preamble, inference, writer)
+            with noted_interrupts():  # it may import PyTorch, which an interrupt in its midst can abort
+                run = OfflineRun(configuration, found, preamble, inference, writer)
             fault = _run(run, reader, max_keyframes)
     dropped = sum(run.dropped_by().values(), Counter[str]())
     if not run.num_keyframes:
