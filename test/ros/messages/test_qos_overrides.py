@@ -35,8 +35,8 @@ def profiles(node: Node, *, may_be_overridden: bool = True) -> tuple[QoSProfile,
     best_effort = qos.sensor_input(topics.ODOMETRY, lossless=False)
     receive(node, topics.ODOMETRY, lambda _: None, best_effort, may_be_overridden=may_be_overridden)
     Outlet(node, "~/pose", topics.TYPES[topics.POSE], qos.everything(), may_be_overridden=may_be_overridden)
-    (reader,) = node.get_subscriptions_info_by_topic("/odom")
-    (writer,) = node.get_publishers_info_by_topic("/robot/pose")
+    readers, writers = node.get_subscriptions_info_by_topic("/odom"), node.get_publishers_info_by_topic("/robot/pose")
+    (reader,), (writer,) = ([end for end in ends if end.node_name == "robot"] for ends in (readers, writers))
     return reader.qos_profile, writer.qos_profile
 
 
