@@ -135,5 +135,5 @@ class Prediction:
         if self.errors is None:
             return born.noise, slope
         share = self.errors.transition.white.settings.correlated_share
-        slope[:, 2 * number : 2 * number + 2] = np.sqrt(share) * born.by_error
+        slope[:, 2 * number : 2 * number + 2] = -np.sqrt(share) * born.by_error
         return born.noise - share * born.by_error @ born.by_error.T, slope
