@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
+from semantic_slam.geometry.levenberg_marquardt import MAX_ITERATIONS
 from semantic_slam.inference.association.murty import k_best
+from semantic_slam.inference.association.pair_search import LARGEST_BEND, StatePairs
 from semantic_slam.inference.association.sums import log_sum_of_all
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
@@ -53,36 +55,76 @@ def pair_densities(
     ``errors``: prediction of the detections' correlated errors, if these are modelled; residuals are then whitened by
     the uncorrelated rest of the noise.
     """
-    count, storage = len(mean) - 1, spaces.storage
+    count = len(mean) - 1
     if not count or not detections:
         nothing = np.zeros((len(detections), count))
         return PairDensities(nothing, nothing, _no_pairs(nothing.shape), tail=tail, outlier_distance=nothing)
+    pairs = _pairs(spaces, model, detections, mean, covariance, errors)
+    part, shape = pairs.at_prediction(), (len(detections), count)
+    jacobian, offsets, elsewhere = pairs.jacobian(part), None, None
+    if spaces.name == "planar":  # in space, where the range of rays is open, see ``pairs_at_modes``
+        bent = np.flatnonzero(pairs.bend(jacobian) > LARGEST_BEND)
+        if len(bent):
+            part, offsets, elsewhere = _at_modes(pairs, part, bent)
+            jacobian, offsets, elsewhere = pairs.jacobian(part), offsets.reshape(*shape, -1), elsewhere.reshape(shape)
+    innovation = Innovation.of(part, jacobian, pairs.covariance)
+    table = Linearisation(**{name: values.reshape(*shape, *values.shape[1:]) for name, values in vars(part).items()})
+    log_density, distance = innovation.log_density.reshape(shape), innovation.distance.reshape(shape)
+    if tail is None:
+        return PairDensities(log_density, distance, table, offsets, elsewhere)
+    wide = Innovation.of(part, jacobian, pairs.covariance, np.where(part.measured, tail.added, 0.0))
+    mixed = np.logaddexp(tail.log_rest + log_density, tail.log_share + wide.log_density.reshape(shape))
+    return PairDensities(mixed, distance, table, offsets, elsewhere, tail, wide.distance.reshape(shape))
+
+
+def _pairs(
+    spaces: Spaces,
+    model: ObservationModel,
+    detections: Sequence[Any],
+    mean: Array,
+    covariance: Array,
+    errors: PredictedErrors | None,
+) -> StatePairs:
+    """All D M pairs, those of the first detection first."""
+    count, storage = len(mean) - 1, spaces.storage
     joint = PredictedBelief(spaces.layout, mean[None], covariance[None]).pair_covariances()[0]
     rows = len(detections) * count
-    collected = model.collect(detections)
-    if len(detections) > 1:  # a single row is broadcast
-        collected = collected.take(np.repeat(np.arange(len(detections)), count))
-    robot = broadcast_copy(mean[0, : storage.robot], (rows, storage.robot))
-    states = np.tile(mean[1:, : storage.landmark], (len(detections), 1))
-    part = model.geometry(collected, robot, states)
-    prior = np.tile(joint, (len(detections), 1, 1))
+    prior, slopes, at = np.tile(joint, (len(detections), 1, 1)), None, None
     if errors is not None:
         slopes, at = np.repeat(errors.slopes, count, axis=0), np.repeat(errors.mean, count, axis=0)
-        part = errors.transition.white.linearisation(part, slopes, at)
-    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
-    if errors is not None:
-        jacobian = np.concatenate([jacobian, slopes[:, :, None] * np.eye(2)], axis=-1)
         places = spaces.layout.rows_of_slots(np.stack([np.zeros(count, dtype=int), 1 + np.arange(count)], axis=1))
-        prior = errors.with_pairs(joint, places).reshape(rows, jacobian.shape[-1], -1)
-    innovation = Innovation.of(part, jacobian, prior)
-    shape = len(detections), count
-    table = Linearisation(**{name: values.reshape(*shape, *values.shape[1:]) for name, values in vars(part).items()})
-    log_density, distance = innovation.log_density.reshape(-1, count), innovation.distance.reshape(-1, count)
-    if tail is None:
-        return PairDensities(log_density, distance, table)
-    wide = Innovation.of(part, jacobian, prior, np.where(part.measured, tail.added, 0.0))
-    mixed = np.logaddexp(tail.log_rest + log_density, tail.log_share + wide.log_density.reshape(-1, count))
-    return PairDensities(mixed, distance, table, tail=tail, outlier_distance=wide.distance.reshape(-1, count))
+        prior = errors.with_pairs(joint, places).reshape(rows, prior.shape[-1] + 2, -1)
+    return StatePairs(
+        spaces=spaces,
+        model=model,
+        detections=model.collect(detections).take(np.repeat(np.arange(len(detections)), count)),
+        turns=np.repeat(np.sqrt([own.turn_variance for own in detections]), count),
+        robots=broadcast_copy(mean[0, : storage.robot], (rows, storage.robot)),
+        objects=np.tile(mean[1:, : storage.landmark], (len(detections), 1)),
+        covariance=prior,
+        white=None if errors is None else errors.transition.white,
+        slopes=slopes,
+        errors=at,
+    )
+
+
+def _at_modes(pairs: StatePairs, part: Linearisation, bent: Index) -> tuple[Linearisation, Array, Flags]:
+    """``part`` (B, ...) with those of the ``bent`` pairs whose mode is found relinearised there; and which they are.
+
+    The (B, m) offsets are changes of linear residuals by robot and object, from the prediction to the mode.
+    """
+    some = pairs.select(bent)
+    y = some.mode(MAX_ITERATIONS)
+    is_found = some.is_mode(y)
+    bent, y, some = bent[is_found], y[is_found], some.select(np.flatnonzero(is_found))
+    found, end = some.linearised(y), pairs.spaces.layout.size(1)
+    changed = {name: values.copy() for name, values in vars(part).items()}
+    for name, values in vars(found).items():
+        changed[name][bent] = values
+    offsets, elsewhere = np.zeros(part.residual.shape), np.zeros(len(part.residual), dtype=bool)
+    offsets[bent] = (some.jacobian(found)[:, :, :end] @ some.tangent(y)[:, :end, None])[..., 0]
+    elsewhere[bent] = True
+    return Linearisation(**changed), offsets, elsewhere
 
 
 def _no_pairs(shape: tuple[int, int]) -> Linearisation:

@@ -72,6 +72,16 @@ def test_what_is_cut_weighs_no_more_than_is_counted(range_m: float) -> None:
     assert cut.log_beyond[0] >= np.log(weight) + np.logaddexp.reduce(pairs.log_density[0, others])
 
 
+def test_an_object_on_the_other_side_of_the_robot_is_not_brought_in_front_of_it_by_a_step_that_goes_too_far() -> None:
+    """The neighbours 30 degrees aside are weighed at their modes (integrated: -10.2); those behind have none nearby."""
+    item = detection(np.nan)
+    full, problem = prediction(item, AROUND), problem_of(make_room(1).run)
+    pairs = pair_densities(problem.spaces, problem.model, [item], full.predicted.mean[0], full.predicted.covariance[0])
+    np.testing.assert_allclose(pairs.log_density[0, [11, 12, 13]], [-1.72, 1.33, -1.72], atol=0.03)
+    np.testing.assert_allclose(pairs.log_density[0, [10, 14]], -10.3, atol=0.3)
+    assert (pairs.log_density[0, :9] < -40.0).all() and (pairs.log_density[0, 16:] < -40.0).all()
+
+
 def test_the_cut_counts_as_left_out() -> None:
     known, new = np.array([[0.0]]), np.array([-2.0])
     alone = best_assignments(known, np.ones((1, 1), dtype=bool), new, 10, np.inf)

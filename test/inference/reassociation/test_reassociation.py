@@ -24,7 +24,7 @@ from semantic_slam.inference.states.lineage import LineageStep, as_followed, nex
 EVERY = 10
 LOOK = 100
 """Keyframe before which the look comes that finds both visits."""
-BOUND = 2.0
+BOUND = 2.5
 """Nats by which the closed form may be off a replay."""
 
 

@@ -53,4 +53,4 @@ def test_keyframes_after_a_return_are_weighed_where_it_has_moved_the_robot(monke
     monkeypatch.setattr(smoother, "STEPPED_SKIP", 1)
     always = log_evidence()
     assert abs(shipped - always) < 0.3
-    assert abs(late - always) > 0.8
+    assert abs(late - always) > 0.4

@@ -17,6 +17,7 @@ LOG_2PI = np.log(2.0 * np.pi)
 class LinearDetection:
     geo: np.ndarray  # (2,) o - x + v
     sem: np.ndarray  # (2,) a_c + B_c (o - x) + e
+    turn_variance = 0.0  # one linearisation holds everywhere
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.enumeration import EnumerationProblem, enumerate_classes
 from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
+from semantic_slam.inference.association.pair_search import LARGEST_BEND
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
@@ -38,8 +39,6 @@ from semantic_slam.inference.world.problem import Problem
 UNLIKELY = 10.0
 """Nats behind its parent's best candidate from which on a candidate is weighed by the linearisation, however
 nonlinear."""
-LARGEST_BEND = 0.3
-"""Second-order term of a measurement, in sigmas, from which on its assignment is weighed at a mode of its own."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,7 @@
 """Pairs of a detection and an object of poorly known range, linearised at their joint mode instead of the prediction.
 
-The direction to an object seen from elsewhere is no linear function of its range. A detection is therefore linearised
-at the mode of robot and object given both, pair by pair, in coordinates in which the prior is Gaussian. Joint weighing
-of several detections starts from there.
+The direction to an object seen from elsewhere is no linear function of its range. The search is in coordinates in which
+the prior is Gaussian.
 """
 
 from collections.abc import Sequence
@@ -11,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, squared_norms
-from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
 from semantic_slam.geometry.rows import joined_rows, take
 from semantic_slam.inference.association.gating import PairDensities
+from semantic_slam.inference.association.pair_search import PairSearch
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
 from semantic_slam.inference.states.range_chart import moved_and_slopes, relative_sigmas
@@ -22,10 +21,6 @@ from semantic_slam.inference.states.spaces import Spaces
 
 LEAST_SIGMA = 0.1
 """Relative standard deviation of a range below which a detection is linear enough at the prediction."""
-MOST_STEPS, TOLERANCE = 6, 1e-2
-"""Most steps of a search, and expected gain [nats] below which it stops."""
-FIRST_STEPS, HOPELESS = 2, 50.0
-"""Number of steps after which a pair whose energy is still above so many nats is dropped: no gate admits it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,14 +67,14 @@ def pairs_at_modes(spaces: Spaces, model: ObservationModel, parents: Sequence[Pa
     problem = PairProblem.joined(problems)
     y = problem.mode()
     part = problem.linearised(y)
-    innovation = Innovation.of(part, _jacobian(part), problem.covariance)
+    innovation = Innovation.of(part, problem.jacobian(part), problem.covariance)
     found = _Found(
         numbers=problem.numbers,
         columns=problem.columns,
         part=part,
         log_density=innovation.log_density,
         distance=innovation.distance,
-        offsets=(_jacobian(part) @ (problem.root @ y[..., None]))[..., 0],
+        offsets=(problem.jacobian(part) @ problem.tangent(y)[..., None])[..., 0],
     )
     starts = [0, *ends[:-1].tolist()]
     return [
@@ -115,8 +110,8 @@ class _Found:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PairProblem:
-    """The energies of B pairs of a robot and an object, whitened by their joint prediction."""
+class PairProblem(PairSearch):
+    """Pairs of a robot and an object first seen along a ray, in log range and the direction from there."""
 
     spaces: Spaces
     model: ObservationModel
@@ -139,40 +134,12 @@ class PairProblem:
         """The chosen pairs."""
         return take(self, selection, _ROWS)
 
-    def mode(self) -> Array:
-        """(B, n) mode of each pair; where dropped, the point at which the search stopped."""
-        search = LevenbergMarquardt(self, np.zeros((len(self.objects), self.root.shape[-1])))
-        search.advance(FIRST_STEPS, np.full(len(self.objects), TOLERANCE))
-        y = search.y
-        left = np.flatnonzero(search.energy + self.detections.log_normaliser < HOPELESS)
-        y[left] = search.select(left).finished(MOST_STEPS - FIRST_STEPS, TOLERANCE).y
-        return y
-
-    def normal_equations(self, y: Array) -> tuple[Array, Array, Array]:
-        """Energy (B,), gradient (B, n) and Gauss-Newton Hessian (B, n, n)."""
-        part = self._part((self.root @ y[..., None])[..., 0])
-        jacobian = _jacobian(part) @ self.root
-        energy = 0.5 * (squared_norms(part.residual) + squared_norms(y)) - part.log_normaliser
-        gradient = y + (np.swapaxes(jacobian, 1, 2) @ part.residual[..., None])[..., 0]
-        return energy, gradient, np.eye(y.shape[1]) + np.swapaxes(jacobian, 1, 2) @ jacobian
-
-    def linearised(self, y: Array) -> Linearisation:
-        """The detections as linear functions about the prediction, linearised at ``y`` (B, n)."""
-        tangent = (self.root @ y[..., None])[..., 0]
-        part = self._part(tangent)
-        return replace(part, residual=part.residual - (_jacobian(part) @ tangent[..., None])[..., 0])
-
-    def _part(self, tangent: Array) -> Linearisation:
-        """The linearisation with Jacobians by tangent vectors at the prediction."""
+    def part(self, tangent: Array) -> Linearisation:
         size, space = self.spaces.layout.robot, self.spaces.robot
         step, chart = space.exp_and_jacobian(tangent[:, :size])
         objects, slopes = moved_and_slopes(self.anchors, self.objects, tangent[:, size:])
         part = self.model.geometry(self.detections, space.compose(self.robots, step), objects)
         return replace(part, jacobian_robot=part.jacobian_robot @ chart, jacobian_object=part.jacobian_object @ slopes)
-
-
-def _jacobian(part: Linearisation) -> Array:
-    return np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
 
 
 _ROWS = ("numbers", "columns", "detections", "robots", "objects", "anchors", "covariance", "root")
