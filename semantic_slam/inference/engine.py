@@ -184,7 +184,8 @@ class Engine:
         limits = affordable(self.budget.limits(), self.hypotheses.num_keyframes + 1)
         limits = widened(limits, self.explanation.unexplained)
         kinds = Kinds(positions=candidates.poses[:, :3], beginnings=self.hypotheses.beginnings(candidates))
-        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits, kinds)
+        ordinary = self.recovery.not_carried(self.live, candidates.parent_ids)
+        kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits, kinds, ordinary)
         self.log_evidence += kept.log_mass
         return kept
 

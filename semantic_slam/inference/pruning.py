@@ -72,22 +72,28 @@ def prune(
     log_missing: Array,
     limits: PruningConfiguration,
     kinds: Kinds | None = None,
+    ordinary: NDArray[np.bool_] | None = None,
 ) -> Pruned:
     """Keep candidates that weigh at least max / ratio, at most ``max_hypotheses`` of them; ties break by id.
 
     ``log_weights`` (K,) are w psi over all parents, not normalised; ``log_missing`` is the mass that was never
     enumerated, in the same units. With ``kinds`` and a positive ``place_m``, a candidate is compared to the heaviest of
-    its kind by ``ratio``, and the heaviest of the kinds to each other by ``kind_ratio``. Raises SemanticSlamError when
-    no candidate has a finite weight.
+    its kind by ``ratio``, and the heaviest of the kinds to each other by ``kind_ratio``. The heaviest of the
+    ``ordinary`` (K,) candidates stays up to ``kind_ratio`` even if no other of them does: what they do without is rare,
+    and a model that is a little wrong may favour it for a while. Raises SemanticSlamError when no candidate has a
+    finite weight.
     """
     if len(log_weights) == 0 or not np.isfinite(log_weights.max()):
         raise SemanticSlamError("no candidate explains the measurements; check priors, noise and visibility parameters")
     order = np.lexsort((ids, -log_weights))
     if kinds is None or limits.place_m <= 0.0:
-        admitted = log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio)
-        kept = order[admitted][: limits.max_hypotheses]
+        admitted = np.flatnonzero(log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio))
+        rows = admitted[: limits.max_hypotheses]
     else:
-        kept = order[_chosen(log_weights[order], kinds.of(order, limits.place_m), limits)]
+        rows = _chosen(log_weights[order], kinds.of(order, limits.place_m), limits)
+    if ordinary is not None:
+        rows = _with_ordinary(log_weights[order], rows, ordinary[order], limits)
+    kept = order[rows]
     log_kept = float(np.logaddexp.reduce(log_weights[kept]))
     rest = np.concatenate([np.delete(log_weights, kept), log_missing, [-np.inf]])
     log_rest = float(np.logaddexp.reduce(rest))
@@ -98,10 +104,27 @@ def prune(
 def _chosen(log_weights: Array, kinds: NDArray[np.int_], limits: PruningConfiguration) -> NDArray[np.int_]:
     """(S,) rows that are kept, from weights and kinds (K,) in descending order of weight."""
     heaviest = log_weights[np.unique(kinds, return_index=True)[1]]
-    admitted = heaviest[kinds] >= log_weights[0] - np.log(max(limits.kind_ratio, limits.ratio))
+    admitted = heaviest[kinds] >= log_weights[0] - _log_kind_ratio(limits)
     admitted &= log_weights >= heaviest[kinds] - np.log(limits.ratio)
     rows = np.flatnonzero(admitted)
     return np.asarray(rows[shared_out(kinds[rows], limits.max_hypotheses)])
+
+
+def _with_ordinary(
+    log_weights: Array, rows: NDArray[np.int_], ordinary: NDArray[np.bool_], limits: PruningConfiguration
+) -> NDArray[np.int_]:
+    """The chosen ``rows`` with the heaviest ordinary one, unless one is chosen or it is beyond ``kind_ratio``."""
+    if not ordinary.any() or ordinary[rows].any() or limits.max_hypotheses < 2:
+        return rows
+    heaviest = int(ordinary.argmax())
+    if log_weights[heaviest] < log_weights[0] - _log_kind_ratio(limits):
+        return rows
+    return np.sort(np.append(rows[: limits.max_hypotheses - 1], heaviest))
+
+
+def _log_kind_ratio(limits: PruningConfiguration) -> float:
+    """Nats behind the heaviest candidate up to which a kind is kept."""
+    return float(np.log(max(limits.kind_ratio, limits.ratio)))
 
 
 def shared_out(kinds: NDArray[np.int_], limit: int) -> NDArray[np.int_]:

@@ -10,11 +10,12 @@ WEIGHTS = np.log([8.0, 4.0, 2.0, 1.0, 0.5, 1e-5])
 POSITIONS = np.array([[0.0, 0.0], [0.1, 0.0], [5.0, 0.0], [0.2, 0.0], [5.0, 0.1], [9.0, 9.0]])
 
 
-def pruned(kinds: Kinds | None = None, **limits: float) -> Pruned:
+def pruned(kinds: Kinds | None = None, ordinary: list[bool] | None = None, **limits: float) -> Pruned:
     settings = PruningConfiguration(
         **{"ratio": 10.0, "max_hypotheses": 4, "place_m": 1.0, "kind_ratio": 100.0, **limits}
     )
-    return prune(WEIGHTS, np.arange(6, dtype=np.uint64), np.array([-np.inf]), settings, kinds)
+    told = None if ordinary is None else np.array(ordinary)
+    return prune(WEIGHTS, np.arange(6, dtype=np.uint64), np.array([-np.inf]), settings, kinds, told)
 
 
 def kinds(beginnings: tuple[int, ...] = (0,) * 6, positions: np.ndarray = POSITIONS) -> Kinds:
@@ -42,6 +43,17 @@ def test_what_is_of_a_kind_is_held_against_the_heaviest_of_that_kind() -> None:
 @pytest.mark.parametrize("limits", [{"place_m": 0.0}, {"max_hypotheses": 1}])
 def test_without_a_place_or_room_the_heaviest_are_kept(limits: dict[str, float]) -> None:
     np.testing.assert_array_equal(pruned(kinds(), **limits).kept, pruned(**limits).kept)
+
+
+@pytest.mark.parametrize("place_m", [0.0, 1.0])
+def test_of_ordinary_histories_the_heaviest_is_kept_longer_than_others_are(place_m: float) -> None:
+    """1e-5 and 0.5 of 8: too little for any other; not beyond the ratio of kinds, nor where one of them is kept."""
+    rare = {"place_m": place_m, "max_hypotheses": 3}
+    together = kinds(positions=np.zeros((6, 2)))
+    assert pruned(together, [False] * 4 + [True] * 2, **rare).kept.tolist() == [0, 1, 4]
+    assert pruned(together, [False] * 5 + [True], **rare).kept.tolist() == [0, 1, 2]
+    assert pruned(together, [False] * 5 + [True], kind_ratio=1e6, **rare).kept.tolist() == [0, 1, 5]
+    assert pruned(together, [False, True, False, False, True, False], **rare).kept.tolist() == [0, 1, 2]
 
 
 def test_what_is_given_up_counts_as_discarded_whatever_kind_it_is_of() -> None:

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from semantic_slam.configuration import RevisionConfiguration
 from semantic_slam.geometry import se2
@@ -97,6 +98,14 @@ class Recovery:
         self._misfit = _Suspect(log_ratio)
         if self._num_noted:
             self._suspects[self._num_noted] = self._misfit
+
+    def not_carried(self, live: Mapping[int, Hypothesis], parent_ids: NDArray[np.uint64]) -> NDArray[np.bool_] | None:
+        """(K,) whether the parents of candidates were not carried lately (``SOON``); None where none ever is."""
+        if not self.is_on:
+            return None
+        lately = slice(max(self._num_noted - SOON, 1), None)
+        carried = {number: any(map(carried_to, own.lineage[lately])) for number, own in live.items()}
+        return np.array([not carried[number] for number in parent_ids.tolist()], dtype=bool)
 
     def found(
         self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array], log_evidence: float, ratio: float

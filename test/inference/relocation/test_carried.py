@@ -132,6 +132,16 @@ def test_histories_that_have_seen_the_same_are_one_only_near_each_other() -> Non
     assert not here.is_like(Account.of((lineage[0], LineageStep((3,), (-1,))), START))
 
 
+@pytest.mark.parametrize(("kind_ratio", "followed"), [(1.0, 0), (1e300, 1)])
+def test_that_it_was_not_carried_is_given_up_later_than_all_else(kind_ratio: float, followed: int) -> None:
+    """Models that are a little wrong may say for some keyframes that it was carried; then what was so leads again."""
+    engine = Engine(configuration(**CARRIED, pruning={"kind_ratio": kind_ratio, "max_hypotheses": 4}), map_of())
+    for keyframe in carried_world().keyframes:
+        engine.process(keyframe)
+    assert engine.carried > 0.99
+    assert [any(map(carried_to, own.lineage)) for own in engine.live.values()].count(False) == followed
+
+
 def test_who_is_never_carried_is_not_found_again() -> None:
     _, beliefs = driven(configuration(**KNOWN))
     assert not is_found(beliefs[-1])
