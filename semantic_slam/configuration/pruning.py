@@ -25,7 +25,8 @@ class PruningConfiguration:
     )
     kind_ratio: float = parameter(
         1e6,
-        "place_m: a kind is kept from max weight / kind_ratio on, and of it what weighs its heaviest / ratio",
+        "place_m: a kind is kept from max weight / kind_ratio on, and of it what weighs its heaviest / ratio;"
+        " revision.carried_probability: so is the likeliest history that was not carried lately",
         minimum=1.0,
         maximum=1e300,
     )
