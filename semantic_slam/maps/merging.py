@@ -14,6 +14,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.maps.as_prior import independent, joint_covariance
+from semantic_slam.maps.common_classes import over_common_classes
 from semantic_slam.maps.comparison import Comparison
 from semantic_slam.maps.differences import gone
 from semantic_slam.maps.landmarks import frame_slopes
@@ -40,6 +41,7 @@ class _Together:
 def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | None = None) -> SavedMap:
     """Merge two maps in the frame of ``one``; displaced objects are placed as in ``other``. Raises InputError."""
     _check(one, other)
+    one, other = over_common_classes(one, other)
     told = Comparison.of(one, other, same_frame)
     probability, best = told.alignments[0]
     if probability < SURE:
@@ -74,8 +76,6 @@ def _check(one: SavedMap, other: SavedMap) -> None:
             raise InputError(
                 f"map {second.map_id} started from map {first.map_id} and holds what that one knows; use it alone"
             )
-    if one.class_names and other.class_names and one.class_names != other.class_names:
-        raise InputError("the maps know different classes; merge maps of runs with the same class models")
     spaces = {known.descriptor_space for known in (one, other) if known.objects.descriptors.shape[1]}
     if len(spaces) > 1:
         raise InputError(f"the maps' descriptors are of different spaces ({', '.join(sorted(spaces))}); use one model")
