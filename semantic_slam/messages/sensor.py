@@ -80,6 +80,16 @@ class TransformTree:
         """Names of all frames, sorted."""
         return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
 
+    def copy(self) -> "TransformTree":
+        """A tree of its own with the transforms added so far."""
+        other = TransformTree()
+        other._parents = dict(self._parents)
+        return other
+
+    def connects(self, target: str, source: str) -> bool:
+        """Whether the transforms connect two frames."""
+        return bool(self._ancestors(plain_frame(target)).keys() & self._ancestors(plain_frame(source)).keys())
+
     def lookup(self, target: str, source: str) -> Array:
         """T_target_source along the tree. Raises InputError that names the frames when they are not connected."""
         to_target, to_source = self._ancestors(plain_frame(target)), self._ancestors(plain_frame(source))

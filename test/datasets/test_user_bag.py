@@ -351,3 +351,34 @@ def test_scores_are_renamed_with_the_labels(tmp_path, monkeypatch):
     first = read_bag(tmp_path / "bag")["/detections"][0]
     assert first.labels == ("mug", "vessel") and first.class_names == ("mug", "vessel")
     np.testing.assert_allclose(first.class_scores, [[1.2, np.nan], [0.3, 0.9]])
+
+
+def test_the_joint_that_carries_the_camera_is_passed_on(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", joints=[("base_link", "head")])
+    run_command(monkeypatch, source, "--out", tmp_path / "bag")
+    assert len(read_bag(tmp_path / "bag")["/tf"]) == 6
+    told = capsys.readouterr().out
+    assert "not needed" not in told and "perception.extrinsics" not in told
+
+
+def test_tf_is_left_out_where_the_camera_is_fixed(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source")
+    with UserBag(tmp_path / "tf") as bag:
+        bag.write("/tf", bag.transform(SECOND, "base_link", "wheel", (0, 0.2, 0)), SECOND)
+    merge(tmp_path / "both", source, tmp_path / "tf")
+    run_command(monkeypatch, tmp_path / "both", "--out", tmp_path / "bag")
+    assert "/tf" not in read_bag(tmp_path / "bag") and "not needed: /tf 1" in capsys.readouterr().out
+
+
+def test_one_tf_may_hold_the_odometry_and_carry_the_camera(tmp_path, monkeypatch):
+    source = write_drive(tmp_path / "source", joints=[("odom", "base_link"), ("base_link", "head")])
+    run_command(monkeypatch, source, "--out", tmp_path / "bag", "--odom", "/tf")
+    bag = read_bag(tmp_path / "bag")
+    assert (len(bag["/tf"]), len(bag["/odom"])) == (12, 6)
+
+
+def test_a_camera_on_two_joints_is_said_to_need_one_transform(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", joints=[("base_link", "pan"), ("pan", "tilt")])
+    run_command(monkeypatch, source, "--out", tmp_path / "bag")
+    told = capsys.readouterr().out
+    assert "publish base_link -> camera_optical_frame on /tf" in told and "not needed: /tf 12" in told

@@ -76,3 +76,10 @@ def test_bearings_alone_place_objects(tmp_path, monkeypatch):
     )
     found = positions(make_report(monkeypatch, bag, tmp_path / "out", configuration))
     np.testing.assert_allclose([found["a"], found["b"]], [CUP, BOTTLE], atol=0.25)
+
+
+def test_a_camera_on_a_joint_of_tf_sees_as_a_fixed_one(tmp_path, monkeypatch):
+    bag = import_drive(monkeypatch, tmp_path, joints=[("base_link", "head")], track_ids=("7", "b"))
+    configuration = write_configuration(tmp_path / "configuration", association="given", perception=FLAT)
+    found = positions(make_report(monkeypatch, bag, tmp_path / "out", configuration))
+    np.testing.assert_allclose([found["7"], found["b"]], [CUP, BOTTLE], atol=0.1)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from semantic_slam.datasets.user_bag.camera_joints import CameraJoints
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.images import size_of
@@ -14,9 +15,9 @@ FIRST = (topics.ODOMETRY, topics.CAMERA_INFO, topics.DETECTIONS, topics.IMAGE_CO
 class Hints:
     """Looks at the first message of each topic that is written."""
 
-    def __init__(self, base_frame: str, fixed: TransformTree) -> None:
-        """``base_frame`` is the body's, ``fixed`` holds the static transforms."""
-        self._base, self._fixed = plain_frame(base_frame), fixed
+    def __init__(self, base_frame: str, fixed: TransformTree, joints: CameraJoints | None) -> None:
+        """``base_frame`` is the body's, ``fixed`` holds the static transforms, ``joints`` lead to the camera."""
+        self._base, self._fixed, self._joints = plain_frame(base_frame), fixed, joints
         self._first: dict[str, Any] = {}
 
     def wants(self, topic: str) -> bool:
@@ -47,6 +48,8 @@ class Hints:
             return ""
         try:
             camera_model(camera, topics.CAMERA_INFO)
+            if self._joints is not None and (self._joints.carry_camera or self._joints.fault):
+                return self._joints.fault
             if self._fixed.is_known:  # that there are none at all is said elsewhere
                 self._fixed.lookup(self._base, camera.header.frame_id)
         except InputError as fault:

@@ -9,6 +9,7 @@ from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
+from semantic_slam.datasets.user_bag.camera_joints import read_camera_joints
 from semantic_slam.datasets.user_bag.detection_formats import READERS, in_body
 from semantic_slam.datasets.user_bag.detector_classes import class_names_of, with_class_names
 from semantic_slam.datasets.user_bag.hints import Hints
@@ -54,7 +55,8 @@ class Converter:
         self._labels = labels
         self._fixed = self._fixed_transforms()
         self._tf = TfOdometry(odom_frame, base_frame, self._fixed)
-        self._hints = Hints(base_frame, self._fixed)
+        self._joints = read_camera_joints(reader, selection, base_frame, self._fixed)
+        self._hints = Hints(base_frame, self._fixed, self._joints)
         self._class_names = self._all_class_names()
         self._handlers = self._choose_handlers(selection)
 
@@ -118,8 +120,11 @@ class Converter:
             for name in PASSED_ON
             if self._reader.topics.get(absolute(name)) == topics.TYPES[name]
         }
+        if self._joints is not None and self._joints.carry_camera:
+            handlers[topics.TF] = self._copy_to(topics.TF)
         is_tf = selection.odometry.type_name == topics.TYPES[topics.TF]
-        handlers[selection.odometry.name] = self._odometry_from_tf if is_tf else self._copy_to(topics.ODOMETRY)
+        odometry = self._odometry_from_tf if is_tf else self._copy_to(topics.ODOMETRY)
+        handlers[selection.odometry.name] = _in_turn(handlers.get(selection.odometry.name), odometry)
         handlers[selection.detections.name] = self._detections
         if selection.imu is not None:
             handlers[selection.imu.name] = self._copy_to(topics.IMU)
@@ -176,3 +181,15 @@ class Converter:
         self.written[absolute(name)] += 1
         if self._hints.wants(name):
             self._hints.see(name, to_message(value) if type(value) in CODECS else value)
+
+
+def _in_turn(first: Handler | None, then: Handler) -> Handler:
+    """Both handlers of one message: /tf may hold the odometry and carry the camera."""
+    if first is None:
+        return then
+
+    def handle(message: RawMessage) -> None:
+        first(message)
+        then(message)
+
+    return handle

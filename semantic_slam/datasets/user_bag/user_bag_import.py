@@ -109,7 +109,8 @@ def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:
     ):
         if counter:
             lines.append(f"{title}: {_counts(counter)}")
-    if not converter.written[topics.TF_STATIC] and converter.written[absolute(topics.CAMERA_INFO)]:
+    has_transforms = converter.written[topics.TF_STATIC] or converter.written[topics.TF]
+    if not has_transforms and converter.written[absolute(topics.CAMERA_INFO)]:
         lines.append("no /tf_static: give the camera's pose in base_link as perception.extrinsics in the configuration")
     return [*lines, *converter.hints()]
 

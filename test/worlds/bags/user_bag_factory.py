@@ -178,9 +178,9 @@ class UserBag:
         )  # fmt: skip
         return self.make("tf2_msgs/msg/TFMessage", transforms=[stamped])
 
-    def camera_mount(self) -> Any:
-        """/tf_static of a camera 0.1 m ahead of and 0.3 m above base_link, looking forward."""
-        return self.transform(SECOND, "base_link", "camera_optical_frame", (0.1, 0, 0.3), (-0.5, 0.5, -0.5, 0.5))
+    def camera_mount(self, parent: str = "base_link") -> Any:
+        """/tf_static of a camera 0.1 m ahead of and 0.3 m above ``parent``, looking forward."""
+        return self.transform(SECOND, parent, "camera_optical_frame", (0.1, 0, 0.3), (-0.5, 0.5, -0.5, 0.5))
 
     def vision_4(self, stamp_ns: int, seen: list[Seen]) -> Any:
         rows = []
@@ -290,10 +290,15 @@ def picture(seed: int) -> np.ndarray:
 
 
 def write_drive(path: Path, *, detector: str = "vision_4", frames: int = 6, depth: str = "16UC1", **more: Any) -> Path:
-    """A robot that drives 0.1 m per frame towards two objects; ``depth`` is an encoding, or "" for none."""
-    ids = more.get("track_ids", ("a", "b"))
+    """A robot that drives 0.1 m per frame towards two objects; ``depth`` is an encoding, or "" for none.
+
+    ``joints``: (parent, child) frames between the body and the camera whose transforms are on /tf at every frame.
+    """
+    ids, joints = more.get("track_ids", ("a", "b")), more.get("joints", ())
     with UserBag(path, detector) as bag:
-        if more.get("static", True):
+        if joints:
+            bag.write("/tf_static", bag.camera_mount(joints[-1][1]), SECOND)
+        elif more.get("static", True):
             bag.write("/tf_static", bag.camera_mount(), SECOND)
         for index in range(frames):
             stamp = SECOND + index * SECOND // 5
@@ -303,6 +308,8 @@ def write_drive(path: Path, *, detector: str = "vision_4", frames: int = 6, dept
                 Seen("bottle", 80 - FOCAL * 0.6 / distance, ids[1]),
             ]
             bag.write("/odometry/filtered", bag.odometry(stamp, 0.1 * index), stamp)
+            for parent, child in joints:
+                bag.write("/tf", bag.transform(stamp, parent, child, (0, 0, 0)), stamp)
             bag.write("/camera/color/camera_info", bag.camera_info(stamp), stamp)
             bag.write("/camera/color/image_raw", bag.image(stamp, picture(index), "rgb8"), stamp)
             if depth:
