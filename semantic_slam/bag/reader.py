@@ -17,6 +17,7 @@ from rosbags.typesys.store import Typestore
 
 from semantic_slam.bag.chunk_limits import check_chunks
 from semantic_slam.bag.definitions import extended_typestore, is_ours, older_typestore
+from semantic_slam.bag.installed_definitions import register_installed
 from semantic_slam.bag.mcap_stream import McapStream, RawMessage, breaks_off_cleanly
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.older_messages import current_bytes
@@ -137,11 +138,15 @@ class BagReader:
         _ = self._store
 
     def decode(self, cdr: bytes, type_name: str) -> Any:
-        """Decode bytes from :meth:`messages` by our definition or the bag's own. Raises InputError."""
+        """Decode bytes from :meth:`messages` by our definition, the bag's or an installed one. Raises InputError."""
         self.check_definitions()
         store = typestore() if type_name in typestore().types else self._store  # its decoders are compiled already
-        if type_name not in store.types:
-            raise InputError(f"{self.path}: type {type_name} is unknown and not embedded in the bag; record it as mcap")
+        if type_name not in store.types and not register_installed(store, type_name):
+            package = type_name.partition("/")[0]
+            raise InputError(
+                f"{self.path}: type {type_name} is neither embedded in the bag nor installed; source a workspace that"
+                f" has {package}, or convert the bag to mcap with ros2 bag convert where {package} is installed"
+            )
         try:
             return store.deserialize_cdr(cdr, type_name)
         except Exception as fault:  # any decoder error means that the bytes are invalid
