@@ -382,3 +382,55 @@ def test_a_camera_on_two_joints_is_said_to_need_one_transform(tmp_path, monkeypa
     run_command(monkeypatch, source, "--out", tmp_path / "bag")
     told = capsys.readouterr().out
     assert "publish base_link -> camera_optical_frame on /tf" in told and "not needed: /tf 12" in told
+
+
+def write_boxes_over_a_footprint(path, frame):
+    """Boxes in ``frame``; odometry of base_footprint, to which the lidar 1 m above it is fixed."""
+    with UserBag(path, "vision_3d") as bag:
+        odometry = bag.odometry(SECOND, 0.0)
+        odometry.child_frame_id = "base_footprint"
+        bag.write("/odom", odometry, SECOND)
+        bag.write("/tf_static", bag.transform(SECOND, "base_footprint", "lidar", (0, 0, 1)), SECOND)
+        bag.write("/lidar/boxes", bag.vision_3d(SECOND, [("car", (1.0, 2.0, 3.0))], 0.1, frame), SECOND)
+
+
+@pytest.mark.parametrize(
+    ("frame", "remedy"),
+    [
+        ("", "set header.frame_id to the sensor's frame 1"),
+        ("odom", "'odom', a frame of the world, are not read: publish them in the sensor's frame 1"),
+        ("map", "'map', a frame of the world, are not read: publish them in the sensor's frame 1"),
+        ("lidar", "lead from base_link to lidar, but from the odometry's base_footprint: give --base-frame"),
+        (
+            "radar",
+            "from base_link to radar: record /tf_static with the bag, or publish the positions in base_link",
+        ),
+    ],
+)
+def test_positions_that_cannot_be_moved_to_the_body_are_told_what_helps(tmp_path, monkeypatch, capsys, frame, remedy):
+    write_boxes_over_a_footprint(tmp_path / "source", frame)
+    with pytest.raises(InputError, match="nothing on /lidar/boxes"):
+        run_command(monkeypatch, tmp_path / "source", "--out", tmp_path / "bag")
+    told = capsys.readouterr().out
+    assert remedy in told and "perception.extrinsics" not in told
+
+
+def test_positions_are_moved_to_the_body_that_is_named_and_a_run_is_to_know_it(tmp_path, monkeypatch, capsys):
+    write_boxes_over_a_footprint(tmp_path / "source", "lidar")
+    run_command(monkeypatch, tmp_path / "source", "--out", tmp_path / "bag", "--base-frame", "base_footprint")
+    (found,) = read_bag(tmp_path / "bag")["/detections"]
+    np.testing.assert_allclose(found.positions, [[1.0, 2.0, 4.0]])
+    assert "set perception.base_frame: base_footprint" in capsys.readouterr().out
+
+
+def test_exchanged_frames_of_the_odometry_are_to_be_exchanged(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source")
+    with BagReader(source) as reader, UserBag(tmp_path / "exchanged") as bag:
+        for message in reader.messages():
+            value = reader.decode(message.cdr, message.type_name)
+            if message.topic == "/odometry/filtered":
+                value.header.frame_id, value.child_frame_id = "base_link", "odom"
+            bag.write(message.topic, value, message.stamp_ns)
+    run_command(monkeypatch, tmp_path / "exchanged", "--out", tmp_path / "bag")
+    told = capsys.readouterr().out
+    assert "exchange header.frame_id (odom) and child_frame_id" in told and "perception.base_frame" not in told

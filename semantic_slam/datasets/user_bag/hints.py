@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from semantic_slam.configuration.perception import PerceptionConfiguration
 from semantic_slam.datasets.user_bag.camera_joints import CameraJoints
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
@@ -10,6 +11,8 @@ from semantic_slam.messages.sensor import TransformTree, camera_model, plain_fra
 
 FIRST = (topics.ODOMETRY, topics.CAMERA_INFO, topics.DETECTIONS, topics.IMAGE_COMPRESSED)
 """Topics of which the first message tells."""
+BODY = PerceptionConfiguration().base_frame
+"""The body's frame in a run whose configuration names no other."""
 
 
 class Hints:
@@ -36,11 +39,26 @@ class Hints:
         return [line for line in found if line]
 
     def _body(self) -> str:
-        odometry = self._first.get(topics.ODOMETRY)
-        child = plain_frame(odometry.child_frame_id) if odometry is not None else ""
-        if child in ("", self._base):
+        child = self._child()
+        if child in ("", BODY):
             return ""
+        if self._is_exchanged():
+            return f"odometry is of '{child}': exchange header.frame_id (odom) and child_frame_id (the robot's body)"
         return f"odometry is of '{child}': set perception.base_frame: {child} in the configuration, or it is not used"
+
+    def _child(self) -> str:
+        """The frame whose pose the odometry gives; "" where not known."""
+        odometry = self._first.get(topics.ODOMETRY)
+        return plain_frame(odometry.child_frame_id) if odometry is not None else ""
+
+    def _is_exchanged(self) -> bool:
+        """Whether the odometry names the body as the frame in which poses accumulate."""
+        odometry = self._first.get(topics.ODOMETRY)
+        return odometry is not None and plain_frame(odometry.header.frame_id) in (BODY, self._base)
+
+    def _body_of_a_run(self) -> str:
+        """The body's frame once a user has followed the hint on it."""
+        return self._base if self._is_exchanged() else self._child() or self._base
 
     def _camera(self) -> str:
         camera = self._first.get(topics.CAMERA_INFO)
@@ -51,7 +69,7 @@ class Hints:
             if self._joints is not None and (self._joints.carry_camera or self._joints.fault):
                 return self._joints.fault
             if self._fixed.is_known:  # that there are none at all is said elsewhere
-                self._fixed.lookup(self._base, camera.header.frame_id)
+                self._fixed.lookup(self._body_of_a_run(), camera.header.frame_id)
         except InputError as fault:
             return str(fault)
         return ""

@@ -15,6 +15,7 @@ from semantic_slam.datasets.user_bag.detector_classes import class_names_of, wit
 from semantic_slam.datasets.user_bag.hints import Hints
 from semantic_slam.datasets.user_bag.image_formats import compress_colour, compress_depth
 from semantic_slam.datasets.user_bag.label_map import LabelMap
+from semantic_slam.datasets.user_bag.sensor_frames import SensorFrames
 from semantic_slam.datasets.user_bag.tf_odometry import TfOdometry
 from semantic_slam.datasets.user_bag.topics import Selection, Topic
 from semantic_slam.errors import InputError
@@ -57,6 +58,7 @@ class Converter:
         self._tf = TfOdometry(odom_frame, base_frame, self._fixed)
         self._joints = read_camera_joints(reader, selection, base_frame, self._fixed)
         self._hints = Hints(base_frame, self._fixed, self._joints)
+        self._sensors = SensorFrames(base_frame, self._fixed, self._odometry_frames())
         self._class_names = self._all_class_names()
         self._handlers = self._choose_handlers(selection)
 
@@ -103,6 +105,16 @@ class Converter:
             for message in self._reader.messages([topics.TF_STATIC]):
                 tree.add(self._decode(message))
         return tree
+
+    def _odometry_frames(self) -> tuple[str, str]:
+        """Frames of the odometry and of the body in it, by its first message; "" where not known."""
+        topic = self._selection.odometry
+        if topic.type_name == topics.TYPES[topics.TF]:
+            return self._tf.odom_frame, self._tf.base_frame
+        with suppress(InputError):  # damage, or a message that does not decode: said when the bag is converted
+            first = self._decode(next(self._reader.messages([topic.name])))
+            return first.header.frame_id, first.child_frame_id
+        return "", ""
 
     def _all_class_names(self) -> tuple[str, ...]:
         """Every class that the detector names anywhere in the bag."""
@@ -163,10 +175,7 @@ class Converter:
 
     def _detections(self, message: RawMessage) -> None:
         detections = with_class_names(READERS[message.type_name](self._decode(message)), self._class_names)
-        base_frame = self._tf.base_frame
-        detections = in_body(
-            detections, message.type_name, base_frame, lambda frame_id: self._fixed.lookup(base_frame, frame_id)
-        )
+        detections = in_body(detections, message.type_name, self._tf.base_frame, self._sensors.pose)
         self._write(topics.DETECTIONS, self._labels.apply(detections), message.stamp_ns)
 
     def _odometry_from_tf(self, message: RawMessage) -> None:

@@ -34,7 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--odom", metavar="TOPIC", help="nav_msgs/Odometry, or /tf for the transform odom -> base_link")
     group.add_argument("--imu", metavar="TOPIC", help=f"inertial sensor, for runs in space; '{NONE}': do without")
     group.add_argument("--odom-frame", default="odom", metavar="FRAME", help="with TF: odometry frame (default: odom)")
-    group.add_argument("--base-frame", default="base_link", metavar="FRAME", help="with TF: body (default: base_link)")
+    group.add_argument(
+        "--base-frame",
+        default="base_link",
+        metavar="FRAME",
+        help="body, with TF or Detection3DArray (default: base_link)",
+    )
 
 
 def run(arguments: argparse.Namespace, bag: Path) -> InputError | None:
