@@ -434,3 +434,19 @@ def test_exchanged_frames_of_the_odometry_are_to_be_exchanged(tmp_path, monkeypa
     run_command(monkeypatch, tmp_path / "exchanged", "--out", tmp_path / "bag")
     told = capsys.readouterr().out
     assert "exchange header.frame_id (odom) and child_frame_id" in told and "perception.base_frame" not in told
+
+
+@pytest.mark.parametrize("name", ["/camera/aligned_depth/image_raw", "/nope"])
+def test_depth_that_is_named_and_would_not_be_used_is_refused(tmp_path, monkeypatch, name):
+    source = write_drive(tmp_path / "source", frames=1)
+    with pytest.raises(InputError, match=rf"--depth {name} would not be used, as it needs colour images"):
+        run_command(monkeypatch, source, "--out", tmp_path / "bag", "--image", "none", "--depth", name)
+    run_command(monkeypatch, source, "--out", tmp_path / "bag", "--image", "none", "--depth", "none")
+    assert "/depth/compressed" not in read_bag(tmp_path / "bag")
+
+
+@pytest.mark.parametrize("flag", ["--image", "--depth", "--camera-info"])
+def test_a_camera_that_is_named_beside_positions_is_refused(tmp_path, monkeypatch, flag):
+    write_boxes_over_a_footprint(tmp_path / "source", "base_link")
+    with pytest.raises(InputError, match=rf"{flag} /camera would not be used, as /lidar/boxes .* tells positions"):
+        run_command(monkeypatch, tmp_path / "source", "--out", tmp_path / "bag", flag, "/camera")

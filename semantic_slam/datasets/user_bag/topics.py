@@ -57,9 +57,12 @@ def select_topics(
     detections = finder.one("detections", wanted.detections, tuple(READERS))
     odometry, imu = _odometry(finder, wanted.odometry), _imu(finder, wanted.imu)
     if detections.type_name in IN_THE_SENSOR:
+        finder.refuse(("image", "depth", "camera-info"), wanted, f"{detections} tells positions")
         return Selection(detections, None, None, None, odometry, imu)
     colour, depths = finder.images(is_depth)
     image = finder.at_most_one("image", wanted.image, IMAGE_TYPES, colour)
+    if image is None:
+        finder.refuse(("depth",), wanted, "it needs colour images, which --image names")
     depth = None if image is None else finder.at_most_one("depth", wanted.depth, IMAGE_TYPES, depths)
     camera_info = _camera_info(finder, wanted.camera_info, image, is_needed=detections.type_name != OURS)
     return Selection(detections, image, depth, camera_info, odometry, imu)
@@ -116,6 +119,13 @@ class _Finder:
         raise InputError(
             f"{self.origin}: no messages on --{flag} {name}; topics that have some: {self._listing(self.available)}"
         )
+
+    def refuse(self, flags: Sequence[str], wanted: Wanted, reason: str) -> None:
+        """Raise InputError where one of these flags names a topic that would not be used."""
+        for flag in flags:
+            name = getattr(wanted, flag.replace("-", "_"))
+            if name not in (None, NONE):
+                raise InputError(f"{self.origin}: --{flag} {name} would not be used, as {reason}; leave it out")
 
     def at_most_one(
         self, flag: str, name: str | None, types: Sequence[str], candidates: Sequence[Topic]

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--base-frame",
         default="base_link",
         metavar="FRAME",
-        help="body, with TF or Detection3DArray (default: base_link)",
+        help="body, of TF or of positions (default: base_link)",
     )
 
 
