@@ -92,10 +92,11 @@ def test_a_folder_without_such_photographs_is_bad_input(tmp_path: Path) -> None:
         by_pattern(tmp_path, COIL)
 
 
-def test_a_table_lists_photographs(tmp_path: Path) -> None:
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_table_lists_photographs(tmp_path: Path, encoding: str) -> None:
     write_photograph(tmp_path / "pictures" / "1.png")
     table = tmp_path / "views.csv"
-    table.write_text("file,object,azimuth_deg,elevation_deg,range_m\npictures/1.png,mug,-90,30,\n")
+    table.write_text("file,object,azimuth_deg,elevation_deg,range_m\npictures/1.png,mug,-90,30,\n", encoding=encoding)
     (photograph,) = by_table(table).photographs
     assert (photograph.object_name, photograph.azimuth_deg, photograph.elevation_deg) == ("mug", 270.0, 30.0)
     assert photograph.range_m == 1.0

@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ def found_or_none(folder: Path, name: str) -> Path | None:
 def lines_of(path: Path, remedy: str, separator: str | None = None) -> Iterator[Line]:
     """Lines that are neither empty nor comments (#), split into words. Raises InputError that ends with ``remedy``."""
     try:
-        with gzip.open(path, "rt", encoding="utf-8") if path.suffix == ".gz" else path.open(encoding="utf-8") as file:
+        with _opened(path) as file:
             for number, text in enumerate(file, start=1):
                 text = text.strip()
                 if text and not text.startswith("#"):
@@ -53,6 +54,12 @@ def lines_of(path: Path, remedy: str, separator: str | None = None) -> Iterator[
                     yield Line(path, number, words if separator is None else [word.strip() for word in words])
     except (OSError, EOFError, UnicodeDecodeError, zlib.error) as fault:
         raise InputError(f"{path}: cannot be read to its end ({fault}); {remedy}") from None
+
+
+def _opened(path: Path) -> TextIO:
+    """The text of a file, without the byte-order mark that spreadsheets put in front."""
+    encoding = "utf-8-sig"
+    return gzip.open(path, "rt", encoding=encoding) if path.suffix == ".gz" else path.open(encoding=encoding)
 
 
 def numbers(line: Line, columns: Sequence[str], remedy: str) -> list[float]:

@@ -74,7 +74,7 @@ def by_pattern(root: Path, pattern: str, mask_pattern: str = "") -> Turntables:
 def by_table(path: Path) -> Turntables:
     """Photographs that a CSV file lists under ``REQUIRED`` and ``OPTIONAL`` columns; raises InputError."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:  # spreadsheets put a byte-order mark in front
             reader = csv.DictReader(file)
             _check_columns(path, reader.fieldnames or ())
             found = [_of_row(path, number, row) for number, row in enumerate(reader, 2)]

@@ -1,5 +1,8 @@
 """Tables of one's own: columns by name, frames by stamp, truth where it is given."""
 
+import codecs
+import gzip
+
 import numpy as np
 import pytest
 from worlds.bags.imported import import_bag
@@ -38,6 +41,16 @@ def test_detections_of_one_stamp_are_a_frame_and_an_empty_row_an_empty_frame(fol
     np.testing.assert_array_equal(frames[0].ranges_m, [2.0, 3.0])
     np.testing.assert_array_equal(frames[0].bearings_rad, [0.1, -0.2])
     np.testing.assert_array_equal(frames[0].scores, [1.0, 1.0])
+
+
+@pytest.mark.parametrize("suffix", ["", ".gz"])
+def test_the_byte_order_mark_of_a_spreadsheet_is_no_part_of_the_table(folder, monkeypatch, suffix):
+    for name in ("odometry.csv", "detections.csv"):
+        text = (folder / name).read_bytes()
+        (folder / name).unlink()
+        marked = codecs.BOM_UTF8 + text
+        (folder / f"{name}{suffix}").write_bytes(gzip.compress(marked) if suffix else marked)
+    assert [frame.stamp_ns for frame in run(monkeypatch, folder)["/detections"]] == [1000, 1500, 2000]
 
 
 def test_truth_is_moved_to_the_start(folder, monkeypatch):
