@@ -27,12 +27,14 @@ FORMAT = ModelFormat(kind="map", schema_version=2, remedy=REMEDY, older=(1,))
 LARGEST = 1 << 27
 """Largest file size read, in bytes."""
 LONGEST_NAME = 1000
+"""Largest number of characters in the name of a class or an object."""
 PRIORS = "objects.class_priors"
 """Array that is missing in schema 1."""
 
 
 def write_map(path: Path, saved: SavedMap) -> SavedMap:
     """Write a map atomically; returns it with its id. The caller must have claimed the path. Raises InputError."""
+    _check_names(path, saved)
     try:
         check_map(saved)
     except ValueError as fault:
@@ -49,6 +51,16 @@ def write_map(path: Path, saved: SavedMap) -> SavedMap:
     finally:
         beside.unlink(missing_ok=True)
     return known
+
+
+def _check_names(path: Path, saved: SavedMap) -> None:
+    """Raise InputError where a class or an object has a name that no reader would take."""
+    for name in (*saved.class_names, *saved.objects.names):
+        if len(name) > LONGEST_NAME:
+            raise InputError(
+                f"{path}: not written, the name {name[:40]!r}... has {len(name)} characters and a map takes"
+                f" {LONGEST_NAME}; shorten it, a label with import_dataset bag --labels"
+            )
 
 
 def packed(saved: SavedMap) -> tuple[Arrays, dict[str, Any]]:

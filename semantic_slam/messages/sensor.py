@@ -126,6 +126,8 @@ def sensor_pose(
     if not extrinsics:
         return tree.lookup(base_frame, frame_id)
     pose = np.array(extrinsics, dtype=np.float64)
-    if pose.shape != (7,) or not np.isfinite(pose).all() or not np.linalg.norm(pose[3:]) > 0.0:
+    if pose.shape != (7,) or not np.isfinite(pose).all():
         raise InputError(f"{parameter} must be 7 numbers: x y z of the sensor and its quaternion qx qy qz qw")
+    if not np.linalg.norm(pose[3:]) > 0.0:
+        raise InputError(f"{parameter}: its quaternion is zero; give qx qy qz qw, 0 0 0 1 for axes like the body's")
     return pose

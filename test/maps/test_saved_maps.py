@@ -85,6 +85,20 @@ def test_a_file_gives_the_map_back_to_the_last_bit(known: SavedMap, tmp_path: Pa
     assert (again.provenance, again.class_names) == (known.provenance, known.class_names)
 
 
+@pytest.mark.parametrize("part", ["class", "object"])
+def test_a_name_that_no_reader_would_take_is_refused_before_the_map_is_written(
+    known: SavedMap, tmp_path: Path, part: str
+) -> None:
+    long, objects = "x" * 1001, known.objects
+    if part == "class":
+        saved = replace(known, class_names=(*known.class_names[:-1], long))
+    else:
+        saved = replace(known, objects=replace(objects, names=(*objects.names[:-1], long)))
+    with pytest.raises(InputError, match=r"1001 characters and a map takes 1000; shorten it, .* --labels"):
+        write_map(tmp_path / "room.map", saved)
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_next_run_starts_from_what_objects_have_in_common(known: SavedMap, tmp_path: Path) -> None:
     write_map(tmp_path / "room.map", known)
     prior = read_map_prior(tmp_path / "room.map")

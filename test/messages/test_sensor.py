@@ -174,6 +174,8 @@ def test_extrinsics_of_the_configuration_come_first():
     np.testing.assert_array_equal(sensor_pose(tuple(T_BASE_CAMERA), "base_link", TransformTree(), "x"), T_BASE_CAMERA)
     with pytest.raises(InputError, match="7 numbers"):
         sensor_pose((1.0, 2.0), "base_link", TransformTree(), "x")
+    with pytest.raises(InputError, match=r"perception\.extrinsics: its quaternion is zero"):
+        sensor_pose((0.1, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0), "base_link", TransformTree(), "x")
 
 
 def test_an_optical_frame_looks_forward():

@@ -229,7 +229,7 @@ def test_a_run_does_not_begin_just_before_its_sensor_is_heard() -> None:
 
 
 def test_extrinsics_that_are_none_are_refused_by_name() -> None:
-    with pytest.raises(InputError, match=r"imu\.extrinsics must be 7 numbers"):
+    with pytest.raises(InputError, match=r"imu\.extrinsics: its quaternion is zero; give qx qy qz qw"):
         Body(carried(), settings(extrinsics=[0.0] * 7))
 
 
