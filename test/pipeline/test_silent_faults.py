@@ -117,7 +117,7 @@ def hints(changes: dict[str, object]) -> list[str]:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"odom child_frame_id": "base_footprint"}, "set perception.base_frame: base_footprint"),
+        ({"odom child_frame_id": "odom", "odom frame": "base_link"}, "exchange header.frame_id (odom)"),
         (
             {"camera_info frame": "elsewhere", "detections frame": "elsewhere"},
             "no static transforms lead from base_link",
@@ -130,6 +130,12 @@ def hints(changes: dict[str, object]) -> list[str]:
 def test_an_import_says_what_a_run_would_not_accept(changes: dict[str, object], words: str) -> None:
     (line,) = hints(changes)
     assert words in line
+
+
+def test_an_import_says_where_the_camera_is_untold_once_the_body_is_the_odometrys() -> None:
+    body, camera = hints({"odom child_frame_id": "base_footprint"})
+    assert "set perception.base_frame: base_footprint" in body
+    assert "no static transforms lead from base_footprint" in camera
 
 
 def test_an_import_that_can_run_says_nothing() -> None:

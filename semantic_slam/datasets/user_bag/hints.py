@@ -18,7 +18,7 @@ BODY = PerceptionConfiguration().base_frame
 class Hints:
     """Looks at the first message of each topic that is written."""
 
-    def __init__(self, base_frame: str, fixed: TransformTree, joints: CameraJoints | None) -> None:
+    def __init__(self, base_frame: str, fixed: TransformTree, joints: CameraJoints | None = None) -> None:
         """``base_frame`` is the body's, ``fixed`` holds the static transforms, ``joints`` lead to the camera."""
         self._base, self._fixed, self._joints = plain_frame(base_frame), fixed, joints
         self._first: dict[str, Any] = {}
