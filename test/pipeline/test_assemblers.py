@@ -283,6 +283,14 @@ def test_flush_uses_the_last_odometry_only_while_it_is_fresh():
     assert assembler.dropped == {"/classifier/measurements: no odom at their stamp": 1}
 
 
+def test_the_first_odometry_is_used_before_its_stamp_only_shortly():
+    assembler = KeyframeAssembler(from_dict({}))
+    begin = frame_stamp(3)
+    items = [*(measurement(k) for k in range(5)), odometry(begin, 0.0), odometry(begin + 2 * PERIOD, 1.0)]
+    assert stamps(feed_keyframes(assembler, items)) == [frame_stamp(k) for k in (1, 2, 3, 4)]  # from 1 s before it
+    assert assembler.dropped == {"/classifier/measurements: no odom at their stamp": 1}
+
+
 def test_covariance_grows_with_path_and_turn():
     noise = {
         "sigma_translation_per_m": 0.1,

@@ -51,7 +51,10 @@ from semantic_slam.pipeline.odometry.odometry_rate import RateMeter
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
 MAX_EXTRAPOLATION_S = 1.0
-"""How long the last odometry sample is used as the robot's pose; later measurements cannot be used."""
+"""How long after the last odometry sample, and before the first one, that one is used as the robot's pose [s].
+
+Measurements farther outside the time of the odometry cannot be used.
+"""
 
 LONGEST_NAME = 80
 """Characters of a foreign frame id that are quoted in a reason."""
@@ -274,14 +277,15 @@ class KeyframeAssembler:
         return keyframe
 
     def _is_odometry_near(self, stamp_ns: int) -> bool:
-        """Whether odometry is at or after an instant, or at most ``MAX_EXTRAPOLATION_S`` before; prunes old samples."""
+        """Whether an instant is within odometry, or at most ``MAX_EXTRAPOLATION_S`` outside it; prunes old samples."""
         earlier, later = self._around(stamp_ns)
         oldest, _ = self._around(stamp_ns + min(self._instants_ns))
         if earlier is not None and oldest is not None:
             self._odometry.forget_before(oldest.stamp_ns)
-        if later is not None:
+        if earlier is not None and later is not None:
             return True
-        return earlier is not None and stamp_ns - earlier.stamp_ns <= MAX_EXTRAPOLATION_S * NANOSECONDS
+        end = earlier or later
+        return end is not None and abs(stamp_ns - end.stamp_ns) <= MAX_EXTRAPOLATION_S * NANOSECONDS
 
     def _point(self, stamp_ns: int) -> OdometryPoint:
         """Odometry at an instant: interpolated; before the first sample the first, after the last one with sigmas."""
