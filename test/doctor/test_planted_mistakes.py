@@ -11,6 +11,7 @@ from worlds.bags.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, wit
 from worlds.bags.mistakes import (
     Entries,
     each,
+    jumped,
     of_another_model,
     one_ahead,
     other_labels,
@@ -147,6 +148,19 @@ MISTAKES = [
     ),
     Mistake("one odometry stamp that leaps", "stamps", ("leaps ahead", "second publisher"), one_ahead),
     Mistake("odometry that begins anew", "stamps", ("its clock was set back", "cut the recording"), set_back),
+    Mistake(
+        "odometry that jumps",
+        "odometry",
+        ("jumps in 1 of 24 steps", "by 40 m and 0 deg in 0.5 s", "REP 105"),
+        jumped,
+        severity=Severity.WARNING,
+    ),
+    Mistake(
+        "odometry in millimetres",
+        "odometry",
+        ("jumps in 24 of 24 steps", "poses in metres"),
+        each(topics.ODOMETRY, lambda m: setattr(m.pose.pose.position, "x", 1000.0 * m.pose.pose.position.x)),
+    ),
     Mistake("odometry that is too slow", "rates", ("every 2 s", "0.5 s", "full rate"), sparse),
     Mistake(
         "detections of no picture",

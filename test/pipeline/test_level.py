@@ -38,6 +38,12 @@ def test_looks_within_the_time_in_which_errors_repeat_count_as_one() -> None:
     assert level_at(point(30.0), point(0.0), LEVEL)[3] == pytest.approx(0.02**2)
 
 
+def test_after_a_jump_up_is_where_odometry_has_it_now() -> None:
+    tilted = point(1.0, 0.3, 2.0)
+    jumped = point(0.0).after_jump_to(OdometrySample(tilted.stamp_ns, tilted.pose))
+    np.testing.assert_allclose(level_at(jumped, None, LEVEL), level_at(tilted, None, LEVEL), atol=1e-12)
+
+
 def test_odometry_that_was_missing_tells_no_level() -> None:
     assert level_at(replace(point(1.0), sigma_rad=0.1), None, LEVEL) is None
     assert level_at(point(1.0), None, OdometryConfiguration()) is None

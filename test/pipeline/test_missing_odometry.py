@@ -7,6 +7,7 @@ import pytest
 from worlds.bags.bag_factory import PERIOD, START, odometry
 
 from semantic_slam.configuration import from_dict
+from semantic_slam.geometry.transform import compose
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate
@@ -38,7 +39,10 @@ def samples(*missing: range) -> list[OdometryEstimate]:
 
 def keyframes(odometries: list[OdometryEstimate], *steps: float) -> list[Keyframe]:
     """The keyframes of detections at those steps, which are multiples of the odometry's."""
-    assembler = KeyframeAssembler(from_dict({}))
+    return assembled(KeyframeAssembler(from_dict({})), odometries, *steps)
+
+
+def assembled(assembler: KeyframeAssembler, odometries: list[OdometryEstimate], *steps: float) -> list[Keyframe]:
     for item in odometries:
         assembler.add_odometry(to_message(item))
     for step in steps:
@@ -89,6 +93,57 @@ def test_after_the_last_odometry_the_robot_may_have_moved_on() -> None:
     early, late = (keyframes(samples(), 40.0 + steps)[0] for steps in (1.0, 9.0))
     assert sigma(early, 0) < sigma(late, 0)
     assert sigma(late, 0) >= PACE_M_S * 0.9
+
+
+def jumping(odometries: list[OdometryEstimate], step: int, T_new_old: np.ndarray) -> list[OdometryEstimate]:
+    """From a step on, odometry of another origin."""
+    after = [replace(item, pose=compose(T_new_old, item.pose)) for item in odometries[step:]]
+    return [*odometries[:step], *after]
+
+
+FAR = np.array([8.0, -6.0, 0.0, 0.0, 0.0, np.sin(0.5), np.cos(0.5)])
+JUMPS = "odom: jumps farther than any robot moves"
+
+
+def test_odometry_that_jumps_is_missing_for_that_step() -> None:
+    assembler = KeyframeAssembler(from_dict({}))
+    before, across, after = assembled(assembler, jumping(samples(), 20, FAR), 10.0, 30.0, 40.0)
+    plain = keyframes(samples(), 10.0, 30.0, 40.0)
+    assert assembler.dropped == {JUMPS: 1}
+    np.testing.assert_allclose(before.odometry, plain[0].odometry, atol=1e-9)
+    np.testing.assert_allclose(across.odometry, [PACE_M_S * 1.9, 0, 0, 0, 0, 0, 1], atol=1e-9)  # it may have stood
+    np.testing.assert_allclose(after.odometry, plain[2].odometry, atol=1e-9)
+    added = across.odometry_covariance - plain[1].odometry_covariance
+    assert np.sqrt(added[0, 0]) == pytest.approx(PACE_M_S * 0.1, rel=0.1)  # or have gone on
+    np.testing.assert_allclose(after.odometry_covariance, plain[2].odometry_covariance, rtol=1e-6)
+
+
+def test_one_sample_that_is_far_off_does_not_move_the_robot() -> None:
+    assembler = KeyframeAssembler(from_dict({}))
+    far = jumping(samples(), 20, FAR)[20]
+    (keyframe,) = assembled(assembler, [*samples()[:20], far, *samples()[21:]], 40.0)
+    assert assembler.dropped == {JUMPS: 2}
+    np.testing.assert_allclose(keyframe.odometry, [PACE_M_S * 3.8, 0, 0, 0, 0, 0, 1], atol=1e-9)
+    assert sigma(keyframe, 0) > PACE_M_S * 0.2
+
+
+def test_a_turn_faster_than_any_robot_turns_is_a_jump() -> None:
+    fast = [odometry(START + k * STEP_NS // 10, 0.0) for k in range(41)]
+    half_turn = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    assembler = KeyframeAssembler(from_dict({}))
+    (keyframe,) = assembled(assembler, jumping(fast, 20, half_turn), 4.0)
+    assert assembler.dropped == {JUMPS: 1}
+    np.testing.assert_allclose(keyframe.odometry, [0, 0, 0, 0, 0, 0, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("speed_m_s", [25.0, 45.0])
+def test_stamps_that_are_coarse_or_come_in_bursts_are_no_jumps(speed_m_s: float) -> None:
+    fast = [odometry(START + k * STEP_NS, speed_m_s * k / 10) for k in range(41)]
+    burst = [*fast[:20], *(replace(fast[k], stamp_ns=START + 20 * STEP_NS + k) for k in range(20, 25)), *fast[25:]]
+    assembler = KeyframeAssembler(from_dict({}))
+    (keyframe,) = assembled(assembler, burst, 40.0)
+    assert not assembler.dropped
+    assert keyframe.odometry[0] == pytest.approx(speed_m_s * 4.0)
 
 
 def test_what_a_robot_at_rest_may_have_done_meanwhile_is_told_by_where_it_is_afterwards() -> None:

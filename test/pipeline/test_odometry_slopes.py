@@ -20,21 +20,24 @@ from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 
+MS = 1_000_000
 ESTIMATED = {"odometry": {"estimate_bias": True}}
 STEPS = np.array([[0.3, 0.0, 0.2], [0.4, 0.1, -0.5], [0.2, -0.1, 0.9], [0.5, 0.0, 0.0], [0.1, 0.2, -2.0]])
 """Motions between odometry samples, together far from one arc."""
 
 
-def keyframes_at(stamps_ns: list[int], configuration: dict[str, object]) -> list[Keyframe]:
-    """Of a drive along STEPS from far away, a sample every 10 ns."""
+def keyframes_at(stamps_ms: list[int], configuration: dict[str, object]) -> list[Keyframe]:
+    """Of a drive along STEPS from far away, a sample every 100 ms."""
     assembler = KeyframeAssembler(from_dict(configuration))
     pose = np.array([300.0, -200.0, 2.0])
     for index, step in enumerate([np.zeros(3), *STEPS]):
         pose = se2.compose(pose, step)
-        sample = OdometryEstimate(START + 10 * index, "odom", "base_link", pose_vector_from_planar(pose), np.eye(6))
+        sample = OdometryEstimate(
+            START + 100 * MS * index, "odom", "base_link", pose_vector_from_planar(pose), np.eye(6)
+        )
         assembler.add_odometry(to_message(sample))
-    for number, stamp_ns in enumerate(stamps_ns):
-        assembler.add_measurements(measurements(np.array([[1.0, 0.0]]), START + stamp_ns, number, 0.1))
+    for number, stamp_ms in enumerate(stamps_ms):
+        assembler.add_measurements(measurements(np.array([[1.0, 0.0]]), START + stamp_ms * MS, number, 0.1))
     return assembler.take()
 
 
@@ -46,13 +49,13 @@ def composed(steps: Array) -> Array:
 
 
 def test_the_slopes_of_all_samples_between_two_keyframes_are_composed() -> None:
-    first, second = keyframes_at([20, 50], ESTIMATED)
+    first, second = keyframes_at([200, 500], ESTIMATED)
     np.testing.assert_allclose(first.odometry_slopes, composed(STEPS[:2]), atol=1e-10)
     np.testing.assert_allclose(second.odometry_slopes, composed(STEPS[2:]), atol=1e-10)
 
 
 def test_a_keyframe_between_two_samples_cuts_their_step() -> None:
-    first, second, third = keyframes_at([10, 15, 20], ESTIMATED)
+    first, second, third = keyframes_at([100, 150, 200], ESTIMATED)
     half = STEPS[1] / 2.0  # positions lie on the line, headings turn evenly
     rest = se2.between(half, STEPS[1])
     np.testing.assert_allclose(first.odometry_slopes, slopes(STEPS[0]), atol=1e-10)
@@ -63,7 +66,7 @@ def test_a_keyframe_between_two_samples_cuts_their_step() -> None:
 
 
 def test_without_estimated_biases_there_are_none() -> None:
-    assert [keyframe.odometry_slopes for keyframe in keyframes_at([20, 50], {})] == [None, None]
+    assert [keyframe.odometry_slopes for keyframe in keyframes_at([200, 500], {})] == [None, None]
 
 
 def test_the_bag_of_victoria_park_gives_those_of_the_file(tmp_path: Path) -> None:

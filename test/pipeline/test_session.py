@@ -124,14 +124,14 @@ def test_odometry_alone_that_is_set_back_begins_no_session(played: Played) -> No
 
 
 def test_while_paused_no_keyframe_is_made_and_the_motion_of_the_pause_is_in_the_next_one(played: Played) -> None:
-    """A hundred metres there and back within the pause: the robot is where it was, and less sure of it."""
+    """Forty metres there and back within the pause: the robot is where it was, and less sure of it."""
     entries = place_entries("ranges", NUM_FRAMES)
     first, rest = entries[: len(entries) // 2], entries[len(entries) // 2 :]
     played.play(first)
     before, last_m = len(played.beliefs), 0.1 * (len(played.beliefs) - 1)
     played.session.assembler.is_paused = True
     stamp_ns = first[-1].stamp_ns
-    tour = [last_m + 50.0, last_m]
+    tour = [last_m + 20.0, last_m]
     for n, x in enumerate(tour):
         sample = odometry(stamp_ns + (n + 1) * PERIOD // 100, x)
         played.session.assembler.add_odometry(to_message(sample))

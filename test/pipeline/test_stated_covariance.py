@@ -58,6 +58,23 @@ def test_motions_between_samples_add_to_the_whole():
     np.testing.assert_allclose(slopes @ first @ slopes.T + second, whole, atol=1e-12)
 
 
+def test_after_a_jump_motions_have_the_covariance_stated_along_the_axes_of_the_new_origin():
+    rows, T_new_old = points(), se3.exp(np.array([0.3, -0.2, 1.2, 5.0, -3.0, 1.0]))
+    told = []
+    for row in rows[4:]:
+        pose = se3.compose(T_new_old, row.pose)
+        stated = se3.covariance_along_parent(pose, se3.covariance_at_pose(row.pose, row.covariance))
+        told.append(OdometrySample(row.stamp_ns, pose, stated))
+    jumped = [rows[3].after_jump_to(told[0])]
+    for sample in told[1:]:
+        jumped.append(jumped[-1].advance(sample))
+    np.testing.assert_allclose(jumped[-1].told_pose, told[-1].pose, atol=1e-12)
+    for start_at, end_at in ((0, 1), (1, 4)):
+        found = motion_covariance_in_space(jumped[start_at], jumped[end_at], OdometryConfiguration())
+        wanted = motion_covariance_in_space(rows[4 + start_at], rows[4 + end_at], OdometryConfiguration())
+        np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
 @pytest.mark.parametrize("covariance", [None, 0.01 * np.eye(6)])
 def test_what_does_not_grow_is_not_believed(covariance):
     """No covariance, and the same one in every message."""

@@ -134,6 +134,9 @@ class KeyframeAssembler:
             biases = self._configuration.odometry.estimate_bias
             self._newest = self._last_keyframe = start(sample, with_slopes=biases)
             self.first_pose = sample.pose
+        elif last.jumps_to(sample):
+            self.dropped[f"{topics.ODOMETRY}: jumps farther than any robot moves"] += 1
+            self._newest = last.after_jump_to(sample)
         else:
             new = last.advance(sample)
             steps = (new.stamp_ns - last.stamp_ns, new.travelled_m - last.travelled_m, new.turned_rad - last.turned_rad)

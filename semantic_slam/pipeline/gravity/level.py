@@ -15,7 +15,7 @@ def level_at(point: OdometryPoint, before: OdometryPoint | None, settings: Odome
         return None
     elapsed_s = np.inf if before is None else (point.stamp_ns - before.stamp_ns) / NANOSECONDS
     variance = repeated(settings.sigma_level_rad**2, elapsed_s, settings.level_repeats_s)
-    return np.append(so3.matrix(point.pose[3:])[2], variance)
+    return np.append(so3.matrix(point.told_pose[3:])[2], variance)
 
 
 def repeated(variance: float, elapsed_s: float, repeats_s: float) -> float:

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semantic_slam.configuration import OdometryConfiguration
-from semantic_slam.geometry import se2
+from semantic_slam.geometry import se2, se3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose_vector
-from semantic_slam.geometry.transform import between, interpolate, rotation_angle
+from semantic_slam.geometry.transform import between, compose, interpolate, inverse, rotation_angle
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.inference.models.noise.clock_offset import shifts_of
 from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance, odometry_variances
@@ -23,27 +23,67 @@ NO_MOTION_VARIANCE = 1e-8
 
 @dataclass(frozen=True)
 class OdometryPoint:
-    """State of the odometry at one instant."""
+    """State of the odometry at one instant; its path goes on after a jump as if the robot had stood meanwhile."""
 
     stamp_ns: int
-    pose: Array  # (7,) T_odom_body
+    pose: Array  # (7,) T_path_body; the path's frame is odom's until the first jump
     travelled_m: float  # length of the path since the first sample
     turned_rad: float  # sum of absolute turns since the first sample
     slopes: Array | None = None  # (3, 3) sum of all steps' bias Jacobians, in odom's tangent space; None: not needed
     rate: Rate = NOT_KNOWN  # of the samples up to this one
     sigma_m: float = 0.0  # additional standard deviation of x and of y where odometry is missing
     sigma_rad: float = 0.0  # additional standard deviation of yaw where odometry is missing
-    covariance: Array | None = None  # (6, 6) x y z rx ry rz along the axes of odom, since its start; None: not stated
+    covariance: Array | None = None  # (6, 6) x y z rx ry rz along the path's axes, since its start; None: not stated
+    T_path_odom: Array | None = None  # (7,); None: no jump so far
+    lost_m: float = 0.0  # sum of the standard deviations of x and of y of all jumps since the first sample
+    lost_rad: float = 0.0  # sum of those of yaw
+
+    @property
+    def told_pose(self) -> Array:
+        """(7,) T_odom_body, as odometry tells it."""
+        return self.pose if self.T_path_odom is None else compose(inverse(self.T_path_odom), self.pose)
+
+    def jumps_to(self, sample: OdometrySample) -> bool:
+        """Whether the step to the next sample is a jump."""
+        step = between(self.pose, self._on_path(sample).pose)
+        step_s = (sample.stamp_ns - self.stamp_ns) / NANOSECONDS
+        return self.rate.is_jump(step_s, float(np.linalg.norm(step[:3])), rotation_angle(step))
 
     def advance(self, sample: OdometrySample) -> "OdometryPoint":
         """The point at the next sample."""
-        step = between(self.pose, sample.pose)
-        travelled = self.travelled_m + float(np.linalg.norm(step[:3]))
-        turned = self.turned_rad + rotation_angle(step)
-        slopes_there = self.slopes_at(sample.pose)
-        return OdometryPoint(
-            sample.stamp_ns, sample.pose, travelled, turned, slopes_there, covariance=sample.covariance
+        there = self._on_path(sample)
+        step = between(self.pose, there.pose)
+        return replace(
+            self,
+            stamp_ns=there.stamp_ns,
+            pose=there.pose,
+            travelled_m=self.travelled_m + float(np.linalg.norm(step[:3])),
+            turned_rad=self.turned_rad + rotation_angle(step),
+            slopes=self.slopes_at(there.pose),
+            covariance=there.covariance,
         )
+
+    def after_jump_to(self, sample: OdometrySample) -> "OdometryPoint":
+        """The point at the next sample, to which odometry jumps: where it was, but it may have moved at its pace."""
+        step_s = (sample.stamp_ns - self.stamp_ns) / NANOSECONDS
+        after = replace(
+            self,
+            stamp_ns=sample.stamp_ns,
+            T_path_odom=compose(self.pose, inverse(sample.pose)),
+            lost_m=self.lost_m + self.rate.pace_m_s * step_s,
+            lost_rad=self.lost_rad + self.rate.pace_rad_s * step_s,
+        )
+        return replace(after, covariance=after._on_path(sample).covariance)
+
+    def _on_path(self, sample: OdometrySample) -> OdometrySample:
+        """The sample with its pose, and its covariance, in the path's frame."""
+        if self.T_path_odom is None:
+            return sample
+        pose, covariance = compose(self.T_path_odom, sample.pose), sample.covariance
+        if covariance is not None:
+            at_body = se3.covariance_at_pose(se3.wrapped(sample.pose), covariance)
+            covariance = se3.covariance_along_parent(se3.wrapped(pose), at_body)
+        return replace(sample, pose=pose, covariance=covariance)
 
     def standing_until(self, stamp_ns: int) -> "OdometryPoint":
         """The point at an instant after the last odometry; its sigmas grow with time, as the robot may have moved."""
@@ -79,6 +119,9 @@ def point_between(first: OdometryPoint, second: OdometryPoint, stamp_ns: int) ->
         sigma_m,
         sigma_rad,
         stated_between(first, second, pose, share),
+        first.T_path_odom,
+        (1.0 - share) * first.lost_m + share * second.lost_m,
+        (1.0 - share) * first.lost_rad + share * second.lost_rad,
     )
 
 
@@ -142,7 +185,8 @@ def motion_covariance_in_space(first: OdometryPoint, second: OdometryPoint, nois
 def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
     """(6, 6) covariance of the planar motion between two points, over x y z rx ry rz at the second.
 
-    The additional variances of both points, where odometry was missing, are added as if independent.
+    The additional variances of both points, where odometry was missing, and of jumps between them are added as if
+    independent.
     """
     travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
     place, turn = _missing(first, second)
@@ -171,7 +215,9 @@ def _known(covariance: Array | None) -> Array:
 
 
 def _missing(first: OdometryPoint, second: OdometryPoint) -> tuple[float, float]:
-    """Additional variances [m^2, rad^2] of the motion between two points, where odometry was missing."""
+    """Additional variances [m^2, rad^2] of the motion between two points, where odometry was missing or jumped."""
     length_m = float(np.linalg.norm(second.pose[:3] - first.pose[:3]))
+    lost_m, lost_rad = second.lost_m - first.lost_m, second.lost_rad - first.lost_rad
     place = first.sigma_m**2 + second.sigma_m**2 + (first.sigma_rad * length_m) ** 2
-    return place, first.sigma_rad**2 + second.sigma_rad**2
+    turn = first.sigma_rad**2 + second.sigma_rad**2
+    return place + lost_m**2 + (lost_rad * length_m) ** 2, turn + lost_rad**2

@@ -3,6 +3,8 @@
 Between two samples at the usual distance constant velocity is assumed. In a longer gap, from a to b, the robot may have
 moved at any time: its pose at t is interpolated at constant velocity, with an additional standard deviation of
 pace * min(t - a, b - t), which is zero at both ends.
+
+No robot makes a step that is a jump: it tells nothing of the motion meanwhile, as if odometry had been missing.
 """
 
 from collections import deque
@@ -15,7 +17,9 @@ from semantic_slam.pipeline.stamps.topic_clock import LEAP_STEPS
 RECENT_STEPS = 25
 """Number of last steps from which rate and pace are computed."""
 LEAST_STEPS = 3
-"""With fewer steps the rate is unknown, and no step is a gap."""
+"""With fewer steps the rate is unknown, and no step is a gap or a jump."""
+FASTEST_M_S, FASTEST_RAD_S = 50.0, 50.0
+"""Speed and turn rate beyond which a step is a jump."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +33,13 @@ class Rate:
     def is_gap(self, step_s: float) -> bool:
         """Whether a step is longer than ``LEAP_STEPS`` typical ones."""
         return 0.0 < LEAP_STEPS * self.step_s < step_s
+
+    def is_jump(self, step_s: float, length_m: float, turn_rad: float) -> bool:
+        """Whether no robot makes that step; steps shorter than the typical one have coarse stamps and count as one."""
+        if self.step_s <= 0.0:
+            return False
+        duration_s = max(step_s, self.step_s)
+        return length_m > FASTEST_M_S * duration_s or turn_rad > FASTEST_RAD_S * duration_s
 
 
 NOT_KNOWN = Rate()

@@ -112,6 +112,13 @@ def set_back(entries: Entries) -> Entries:
     return entries
 
 
+def jumped(entries: Entries) -> Entries:
+    """Odometry goes on from another place: 40 m away, as its samples here are 0.5 s apart."""
+    for entry in of_topic(entries, topics.ODOMETRY)[12:]:
+        entry.message.pose.pose.position.y += 40.0
+    return entries
+
+
 def sparse(entries: Entries) -> Entries:
     """Every fourth odometry sample, of 0.4 m each."""
     dropped = [entry for n, entry in enumerate(of_topic(entries, topics.ODOMETRY)) if n % 4]
