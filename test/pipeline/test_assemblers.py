@@ -291,6 +291,14 @@ def test_the_first_odometry_is_used_before_its_stamp_only_shortly():
     assert assembler.dropped == {"/classifier/measurements: no odom at their stamp": 1}
 
 
+def test_a_first_odometry_with_a_wrong_stamp_costs_no_measurements():
+    assembler = KeyframeAssembler(from_dict({}))
+    later = [odometry(START + n * PERIOD // 2, 0.1 * n) for n in range(1, 6)]
+    items = [odometry(START + 1000 * PERIOD, 0.0), measurement(0), measurement(1), *later]
+    assert stamps(feed_keyframes(assembler, items)) == [frame_stamp(0), frame_stamp(1)]
+    assert assembler.dropped == {"odom: stamp leaps ahead of those around it": 1}
+
+
 def test_covariance_grows_with_path_and_turn():
     noise = {
         "sigma_translation_per_m": 0.1,

@@ -162,9 +162,10 @@ class KeyframeAssembler:
         """Number of measurements that wait for odometry, identities or IMU; 0 while a suspicious stamp is on hold.
 
         Otherwise a lossless replay would wait for them and not send the message that decides on the held one. It is
-        also 0 while the IMU is silent.
+        also 0 while the first odometry may have a wrong stamp, and while the IMU is silent.
         """
         is_held = self._odometry.is_holding or self._identities.is_holding or self._is_imu_silent
+        is_held |= not self._odometry.is_start_certain
         return 0 if is_held else len(self._measurements)
 
     @property
@@ -219,8 +220,13 @@ class KeyframeAssembler:
         )
 
     def _odometry_known(self, stamp_ns: int) -> bool:
-        """Whether all odometry that the motion to this stamp depends on has arrived."""
-        return self._odometry.has_reached(stamp_ns + max(self._instants_ns))
+        """Whether all odometry that the motion to this stamp depends on has arrived, and none of it may be withdrawn.
+
+        That is waited for only where odometry begins so late that the measurements could not be used.
+        """
+        if not self._odometry.has_reached(stamp_ns + max(self._instants_ns)):
+            return False
+        return self._odometry.is_start_certain or self._is_odometry_near(stamp_ns)
 
     def _is_gravity_known(self, stamp_ns: int) -> bool:
         newest_ns = self._odometry.last_stamp_ns
