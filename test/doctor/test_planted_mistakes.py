@@ -135,6 +135,12 @@ MISTAKES = [
         each(topics.DETECTIONS, scaled_boxes(1 / WIDTH, 1 / HEIGHT)),
     ),
     Mistake(
+        "boxes that are not finite",
+        "boxes",
+        ("48 of 48 boxes are not finite", "x_min y_min x_max y_max"),
+        each(topics.DETECTIONS, scaled_boxes(np.nan, 1.0)),
+    ),
+    Mistake(
         "boxes of a larger picture",
         "boxes",
         ("reach outside", "scale the boxes"),

@@ -1,4 +1,4 @@
-"""Check of boxes: in normalised coordinates, outside the image, or for an image of another size."""
+"""Check of boxes: not finite, in normalised coordinates, outside the image, or for an image of another size."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,10 @@ CORNER, LEAST_BOXES = 0.6, 100
 
 def check(summary: InputSummary) -> Iterator[Finding]:
     boxes = summary.detections.boxes
-    boxes = boxes[np.isfinite(boxes).all(axis=1)]
+    are_finite = np.asarray(np.isfinite(boxes).all(axis=1))
+    is_wanted = summary.found.has_images or ~np.isnan(boxes).all(axis=1)  # places without pictures need no box
+    yield from _not_finite(~are_finite & is_wanted)
+    boxes = boxes[are_finite]
     if not len(boxes):
         return
     shares = are_in_shares(boxes)
@@ -41,6 +44,15 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         return
     if summary.camera is not None:
         yield from _in_picture(boxes, summary.camera.width, summary.camera.height)
+
+
+def _not_finite(faulty: Flags) -> Iterator[Finding]:
+    """``faulty``: (N,) whether each detection needs a finite box and has none."""
+    if not faulty.any() or faulty.mean() <= SOME:
+        return
+    severity = Severity.ERROR if faulty.mean() > MOST else Severity.WARNING
+    what = f"{_count(faulty)} boxes are not finite, and their detections are not used"
+    yield Finding(severity, NAME, what, "give x_min y_min x_max y_max in pixels, and no detection without a box")
 
 
 def _in_picture(boxes: Array, width: int, height: int) -> Iterator[Finding]:
