@@ -1,6 +1,7 @@
 """Validation of incoming measurements, from a bag or from topics: unusable detections are removed."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 FARTHEST_M = 1e6
 """Largest plausible distance [m]; larger numbers are faults."""
+ROUNDING = 1e-5
+"""Error of a score in single precision, by which one may lie outside 0..1."""
+NO_SCORES = "scores outside 0..1 taken as not told, give a sigmoid of logits, per cent divided by 100"
 
 
 def usable(measurements: SemanticMeasurements, topic: str, dropped: Counter[str]) -> SemanticMeasurements:
@@ -21,6 +25,25 @@ def usable(measurements: SemanticMeasurements, topic: str, dropped: Counter[str]
             dropped[f"{topic}: {reason}"] += count
             kept &= ~faulty
     return measurements if kept.all() else measurements.take(np.flatnonzero(kept))
+
+
+def with_scores(
+    measurements: SemanticMeasurements, topic: str, dropped: Counter[str], *, of_classes: bool
+) -> SemanticMeasurements:
+    """Scores of a detection outside 0..1 become NaN, all of them; ``dropped`` counts these detections.
+
+    ``of_classes``: so do its class scores, which are then no features of class models.
+    """
+    scores = measurements.scores[:, None]
+    told = np.concatenate([scores, measurements.class_scores], axis=1) if of_classes else scores
+    if not ((told < 0.0) | (told > 1.0)).any():
+        return measurements
+    kept = ~np.asarray(((told < -ROUNDING) | (told > 1.0 + ROUNDING)).any(axis=1))
+    if not kept.all():
+        dropped[f"{topic}: {NO_SCORES}"] += int((~kept).sum())
+    found = np.clip(np.where(kept[:, None], told, np.nan), 0.0, 1.0)
+    changed = replace(measurements, scores=found[:, 0])
+    return replace(changed, class_scores=found[:, 1:]) if of_classes else changed
 
 
 def faults(measurements: SemanticMeasurements) -> dict[str, Flags]:

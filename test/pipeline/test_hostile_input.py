@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import zstandard
 from worlds.bags.bag_factory import HEIGHT, WIDTH, compressed, input_entries, map_prior, of_topic, write_bag
+from worlds.bags.mistakes import each, scored
 from worlds.belief_factory import small_belief
 from worlds.hostile_pictures import png_that_claims, png_with_a_chunk_of
 
@@ -32,8 +33,9 @@ from semantic_slam.messages.images import decode_depth, decode_image
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.outputs import write_whole
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.usable_measurements import usable
+from semantic_slam.perception.usable_measurements import NO_SCORES, usable, with_scores
 from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
+from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.pipeline.preamble import checked_initial_pose
 
 
@@ -218,6 +220,33 @@ def test_bearings_alone_and_places_without_a_covariance_are_measurements() -> No
         good, ranges_m=np.array([np.nan, 2.0]), geometric_covariances=np.array([alone, np.eye(2) * np.nan])
     )
     assert len(usable(bearing, "topic", Counter())) == 2
+
+
+@pytest.mark.parametrize("wrong", [88.7, -1.0, 5.2, -0.1, 1.01])
+def test_scores_that_are_no_probabilities_count_as_not_told(wrong: float) -> None:
+    dropped: Counter[str] = Counter()
+    good = replace(
+        measured(3), class_names=("a", "b"), class_scores=np.array([[0.9, np.nan], [wrong, 0.2], [0.0, 1.0]])
+    )
+    assert with_scores(good, "topic", dropped, of_classes=False) is good and not dropped
+    found = with_scores(replace(good, scores=np.array([0.5, wrong, np.nan])), "topic", dropped, of_classes=True)
+    np.testing.assert_array_equal(found.scores, [0.5, np.nan, np.nan])
+    np.testing.assert_array_equal(found.class_scores, [[0.9, np.nan], [np.nan, np.nan], [0.0, 1.0]])
+    assert dropped == {f"topic: {NO_SCORES}": 1}
+
+
+def test_a_score_of_one_in_single_precision_is_one() -> None:
+    dropped: Counter[str] = Counter()
+    rounded = replace(measured(2), scores=np.array([1.0 + 1e-6, -1e-7]))
+    found = with_scores(rounded, "topic", dropped, of_classes=False)
+    assert found.scores.tolist() == [1.0, 0.0] and not dropped
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_run_of_scores_in_per_cent_goes_without_a_warning_and_says_so(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", each(topics.DETECTIONS, scored(80.0))(input_entries(6)))
+    values = {"semantic_model": {"kind": "detector"}, "association": "open", "open_world": {"learn_alarm_scores": True}}
+    assert run_bag(bag, tmp_path / "out", from_dict(values)).dropped == {f"/classifier/measurements: {NO_SCORES}": 12}
 
 
 @pytest.fixture

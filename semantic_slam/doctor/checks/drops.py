@@ -14,7 +14,7 @@ SAID_ELSEWHERE = (
     "time goes backwards", "leaps ahead", "set back", "stamp repeats", "of their stamp", "at their stamp",
     "none of the detections' stamp", "half of it lies", "size ", "frame id", "of frame", "unknown label", "box ",
     "no static transforms", "/tf from", "same outline", "imu: not used", "come to gravity",
-    "jumps farther",
+    "jumps farther", "scores outside 0..1",
 )  # fmt: skip
 REMEDIES = {
     "no camera_info": "publish camera_info, or name it: semantic_slam import bag --camera-info",

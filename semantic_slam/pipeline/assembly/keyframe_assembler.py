@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import Configuration, OdometryConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
@@ -31,7 +32,7 @@ from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.boxes.box_tracks import BoxTracks
 from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.usable_measurements import usable
+from semantic_slam.perception.usable_measurements import usable, with_scores
 from semantic_slam.pipeline.assembly.points_input import PointsInput
 from semantic_slam.pipeline.gravity.gravity_by_imu import GravityByImu, ImuSource
 from semantic_slam.pipeline.gravity.imu_use import unused_because
@@ -79,6 +80,7 @@ class KeyframeAssembler:
         self._configuration = configuration
         self.policy = configuration.keyframes  # may be replaced during a run
         self._association = strategy_of(configuration)
+        self._are_labels_read = class_model_kind(configuration.semantic_model).labels is not None
         self._has_identities, self._passes_over = has_identities, passes_over
         self._tracks = BoxTracks() if tracks_tell(configuration) else None
         self._in_space = PointsInput(configuration, self.dropped) if configuration.is_spatial else None
@@ -144,8 +146,9 @@ class KeyframeAssembler:
         return self._newest
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
-        """Take the measurements of one frame; detections that are no valid measurements are dropped."""
+        """Take the measurements of one frame; detections that are no valid measurements are dropped, as such scores."""
         told = usable(measurements, topics.MEASUREMENTS, self.dropped)
+        told = with_scores(told, topics.MEASUREMENTS, self.dropped, of_classes=self._are_labels_read)
         if self._in_space is not None:
             told = self._in_space.usable(told)
         found = joined(told, self._configuration.perception.same_outline)
