@@ -11,6 +11,7 @@ from worlds.bags.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, wit
 from worlds.bags.mistakes import (
     Entries,
     each,
+    emptied,
     jumped,
     of_another_model,
     one_ahead,
@@ -114,6 +115,12 @@ MISTAKES = [
         "frames",
         ("of 'lidar' and the camera is", "copy the image's header"),
         each(topics.DETECTIONS, lambda m: setattr(m.header, "frame_id", "lidar")),
+    ),
+    Mistake(
+        "a detector that finds nothing",
+        "dropped",
+        ("no detection in 24 messages of /detections, so no keyframe", "correct the detector"),
+        each(topics.DETECTIONS, emptied),
     ),
     Mistake(
         "labels that no class means",

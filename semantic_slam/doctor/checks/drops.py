@@ -51,8 +51,7 @@ def check_last(summary: InputSummary, found: list[Finding]) -> Iterator[Finding]
     if summary.keyframes or any(each.severity == Severity.ERROR for each in found):
         return
     if not len(summary.detections.scores) and not summary.dropped:
-        what = f"no detection in {summary.num_frames} messages of {summary.measured or 'detections'}"
-        yield warning(NAME, what, "have something in view that the detector knows")
+        yield _nothing_seen(summary)
         return
     reasons = ", ".join(f"{reason} ({count})" for reason, count in sorted(summary.dropped.items()))
     yield error(
@@ -60,3 +59,12 @@ def check_last(summary: InputSummary, found: list[Finding]) -> Iterator[Finding]
         f"not one keyframe could be made of {summary.num_frames} detection messages ({reasons})",
         "see docs/troubleshooting.md",
     )
+
+
+def _nothing_seen(summary: InputSummary) -> Finding:
+    """No detection, where the configuration makes keyframes of detections alone: a whole bag without is no input."""
+    num_messages = summary.detections.num_messages
+    what = f"no detection in {num_messages} messages of {summary.measured or 'detections'}"
+    if summary.is_live or num_messages < summary.counts.get(summary.measured, 0):
+        return warning(NAME, what, "have something in view that the detector knows")
+    return error(NAME, f"{what}, so no keyframe", "record something that the detector knows, or correct the detector")

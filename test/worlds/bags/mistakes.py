@@ -89,6 +89,11 @@ def varied(message: Any) -> None:
     message.scores = 0.5 + 0.4 * np.sin(np.arange(len(message.labels)) + stamp_ns(message.header.stamp) / 1e9)
 
 
+def emptied(message: Any) -> None:
+    message.labels, message.track_ids = [], []
+    message.boxes, message.scores = np.zeros(0), np.zeros(0)
+
+
 def scored(value: float) -> Callable[[Any], None]:
     def change(message: Any) -> None:
         message.scores = np.full(len(message.labels), value)
