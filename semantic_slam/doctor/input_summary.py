@@ -19,6 +19,9 @@ from semantic_slam.perception.frame import CameraModel
 from semantic_slam.pipeline.input_topics import InputTopics
 from semantic_slam.pipeline.preamble import Preamble
 
+LARGEST_OVERLAP = 0.7
+"""Largest intersection over union of two boxes of one label that non-maximum suppression usually leaves."""
+
 
 @dataclass(frozen=True)
 class Stamps:
@@ -56,6 +59,8 @@ class DetectionRecord:
     labels: Counter[str] = field(default_factory=Counter)  # of detections
     told_labels: frozenset[str] = frozenset()  # those and the names of class scores
     frame_ids: Counter[str] = field(default_factory=Counter)  # of messages
+    num_with_boxes: int = 0  # messages
+    num_doubled: int = 0  # of them those with two boxes of one label that overlap by more than LARGEST_OVERLAP
     has_track_ids: bool = False
     has_embeddings: bool = False
 

@@ -10,7 +10,14 @@ import numpy as np
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.doctor.front_end import FrontEnd
-from semantic_slam.doctor.input_summary import DetectionRecord, ImuRecord, InputSummary, PictureRecord, Stamps
+from semantic_slam.doctor.input_summary import (
+    LARGEST_OVERLAP,
+    DetectionRecord,
+    ImuRecord,
+    InputSummary,
+    PictureRecord,
+    Stamps,
+)
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
@@ -19,6 +26,7 @@ from semantic_slam.messages.images import decode_depth, size_of
 from semantic_slam.messages.inertial import imu_reading, shown_acceleration
 from semantic_slam.messages.sensor import plain_frame
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose, pose_vector
+from semantic_slam.perception.boxes.same_outline import overlaps
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.detector_labels import labels_of
@@ -47,6 +55,8 @@ class _Rows:
         record.frame_ids[plain_frame(told.frame_id)] += 1
         record.labels.update(told.labels)
         record.told_labels |= labels_of(told)
+        record.num_with_boxes += bool(np.isfinite(told.boxes).any())
+        record.num_doubled += _are_doubled(told)
         record.has_track_ids |= any(told.track_ids)
         record.has_embeddings |= told.embeddings.shape[1] > 0
         self.boxes.append(told.boxes.reshape(-1, 4))
@@ -154,6 +164,13 @@ def serialised_stamp_ns(cdr: bytes) -> int:
     """Stamp of a serialised message that begins with a header."""
     seconds, nanoseconds = (LITTLE if cdr[1] else BIG).unpack_from(cdr, ENCODING)
     return int(seconds) * NANOSECONDS + int(nanoseconds)
+
+
+def _are_doubled(told: Detections | SemanticMeasurements) -> bool:
+    """Whether two boxes of one label overlap by more than ``LARGEST_OVERLAP``."""
+    boxes, labels = told.boxes.reshape(-1, 4), np.array(told.labels)
+    alike = (overlaps(boxes, boxes) > LARGEST_OVERLAP) & (labels[:, None] == labels[None, :])
+    return bool(np.triu(alike, 1).any())
 
 
 def _look_at_imu(record: ImuRecord, message: Any) -> None:

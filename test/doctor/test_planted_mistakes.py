@@ -10,6 +10,7 @@ import pytest
 from worlds.bags.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, without, write_bag
 from worlds.bags.mistakes import (
     Entries,
+    doubled,
     each,
     emptied,
     jumped,
@@ -140,6 +141,13 @@ MISTAKES = [
         "boxes",
         ("first pixel", "multiply x"),
         each(topics.DETECTIONS, scaled_boxes(1 / WIDTH, 1 / HEIGHT)),
+    ),
+    Mistake(
+        "a detector without non-maximum suppression",
+        "boxes",
+        ("24 of 24 messages", "overlap by more than 0.7", "turn on non-maximum suppression"),
+        each(topics.DETECTIONS, doubled),
+        severity=Severity.WARNING,
     ),
     Mistake(
         "boxes that are not finite",

@@ -1,15 +1,17 @@
-"""Check of boxes: not finite, in normalised coordinates, outside the image, or for an image of another size."""
+"""Check of boxes: several of one object, not finite, in shares of the image, outside it, or of another size of it."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from semantic_slam.doctor.finding import Finding, Severity, error, warning
-from semantic_slam.doctor.input_summary import InputSummary
+from semantic_slam.doctor.input_summary import LARGEST_OVERLAP, DetectionRecord, InputSummary
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.perception.crops import are_in_shares
 
 NAME = "boxes"
+DOUBLED = 0.2
+"""Share of the messages with boxes in which two of one object are reported."""
 SOME, MOST = 0.05, 0.5
 """Smallest share of faulty boxes that is reported, and the share that counts as most of them."""
 BEYOND = 0.1
@@ -22,6 +24,7 @@ def check(summary: InputSummary) -> Iterator[Finding]:
     boxes = summary.detections.boxes
     are_finite = np.asarray(np.isfinite(boxes).all(axis=1))
     is_wanted = summary.found.has_images or ~np.isnan(boxes).all(axis=1)  # places without pictures need no box
+    yield from _doubled(summary.detections)
     yield from _not_finite(~are_finite & is_wanted)
     boxes = boxes[are_finite]
     if not len(boxes):
@@ -44,6 +47,15 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         return
     if summary.camera is not None:
         yield from _in_picture(boxes, summary.camera.width, summary.camera.height)
+
+
+def _doubled(seen: DetectionRecord) -> Iterator[Finding]:
+    if seen.num_doubled > DOUBLED * seen.num_with_boxes:
+        what = (
+            f"{seen.num_doubled} of {seen.num_with_boxes} messages have boxes of one label that overlap by more than"
+            f" {LARGEST_OVERLAP:g} (intersection over union): each becomes an object"
+        )
+        yield warning(NAME, what, "turn on non-maximum suppression (NMS) in the detector")
 
 
 def _not_finite(faulty: Flags) -> Iterator[Finding]:

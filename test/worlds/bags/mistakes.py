@@ -81,6 +81,15 @@ def scaled_boxes(x: float, y: float) -> Callable[[Any], None]:
     return change
 
 
+def doubled(message: Any) -> None:
+    """Every box again, moved by a tenth of its width."""
+    boxes = np.asarray(message.boxes).reshape(-1, 4)
+    moved = boxes + 0.1 * (boxes[:, 2:3] - boxes[:, :1]) * np.array([1.0, 0.0, 1.0, 0.0])
+    message.boxes = np.concatenate([boxes, moved]).ravel()
+    message.scores = np.tile(message.scores, 2)
+    message.labels, message.track_ids = list(message.labels) * 2, list(message.track_ids) * 2
+
+
 def other_labels(message: Any) -> None:
     message.labels = ["teapot"] * len(message.labels)
 
