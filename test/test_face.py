@@ -207,6 +207,20 @@ def test_keyframes_out_of_order_are_refused() -> None:
             engine.process(Keyframe.planar(wrong))
 
 
+def test_a_keyframe_before_the_last_one_is_refused_and_the_run_goes_on_as_without_it() -> None:
+    engine, untouched = Engine(GEOMETRY, MAP), Engine(GEOMETRY, MAP)
+    seen = {"detections": [Detection.at(2.0, 1.0)]}
+    for each in (engine, untouched):
+        each.process(Keyframe.planar(0, stamp_ns=10, **seen))
+    with pytest.raises(InputError, match="keyframe 1: its stamp of 9 ns is before the 10 ns of keyframe 0; give keyf"):
+        engine.process(Keyframe.planar(1, stamp_ns=9, **seen))
+    for stamp_ns in (10, 11):  # one of the same time is none before it
+        index = stamp_ns - 9
+        belief, expected = (each.process(Keyframe.planar(index, stamp_ns=stamp_ns)) for each in (engine, untouched))
+        np.testing.assert_array_equal(belief.poses, expected.poses)
+        np.testing.assert_array_equal(belief.hypothesis_ids, expected.hypothesis_ids)
+
+
 @pytest.mark.slow
 def test_the_lost_robot_of_the_example_finds_itself_and_leaves_no_file_unasked(tmp_path: Path) -> None:
     command = [sys.executable, EXAMPLE]

@@ -110,6 +110,7 @@ class Engine:
         self.recovery = Recovery(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept, in nats
+        self._last_stamp_ns: int | None = None  # of the newest keyframe; None before the first one
 
     def _copies_of_known_objects(self) -> Distinct | SummarisedCopies:
         return SummarisedCopies(self.problem) if self.problem.history.is_on else Distinct()
@@ -161,13 +162,24 @@ class Engine:
         The association strategy registers the objects that the detections may introduce, so that these have ids.
         Raises InputError, also for a keyframe out of sequence.
         """
+        self._check_sequence(keyframe)
         step = self.problem.reader.step(keyframe)
-        if step.index != self.hypotheses.num_keyframes:
-            raise InputError(
-                f"keyframe {step.index} came in place of {self.hypotheses.num_keyframes}; number them without a gap"
-            )
         self.association.introduce(self.registry, step)
+        self._last_stamp_ns = keyframe.stamp_ns
         return step
+
+    def _check_sequence(self, keyframe: Keyframe) -> None:
+        """Raise InputError for a keyframe out of sequence: one of another index, or earlier than the one before."""
+        index, stamp_ns, last_ns = keyframe.index, keyframe.stamp_ns, self._last_stamp_ns
+        if index != self.hypotheses.num_keyframes:
+            raise InputError(
+                f"keyframe {index} came in place of {self.hypotheses.num_keyframes}; number them without a gap"
+            )
+        if last_ns is not None and stamp_ns < last_ns:
+            raise InputError(
+                f"keyframe {index}: its stamp of {stamp_ns} ns is before the {last_ns} ns of keyframe {index - 1}; give"
+                " keyframes in the order of time, and start another run where the clock was set back"
+            )
 
     def propagate_weights(self, keyframe: Keyframe, step: Step) -> CandidateTable:
         """PropWeights: predict every component and weigh each association beta_k of Z_k, w psi (Eqs. 4.18-4.21).

@@ -249,7 +249,7 @@ def test_odometry_is_interpolated_on_position_and_rotation():
     turned = replace(odometry(START + 10, 2.0), pose=np.array([2.0, 4.0, 0, 0, 0, np.sin(0.4), np.cos(0.4)]))
     assembler = KeyframeAssembler(from_dict({}))
     at = replace(measurement(0), stamp_ns=START + 5)
-    (keyframe,) = feed_keyframes(assembler, [odometry(START, 0.0), at, turned], flush=False)
+    (keyframe,) = feed_keyframes(assembler, [odometry(START, 0.0), at, turned])
     np.testing.assert_allclose(keyframe.odometry, [1.0, 2.0, 0, 0, 0, np.sin(0.2), np.cos(0.2)], atol=1e-12)
 
 
@@ -271,9 +271,24 @@ def test_keyframes_do_not_depend_on_the_order_of_arrival(seed):
 
 def test_a_keyframe_waits_for_odometry_past_it():
     assembler = KeyframeAssembler(from_dict({}))
-    before, after = odometry(START - 1, 0.0), odometry(START + 1, 1.0)
-    assert feed_keyframes(assembler, [before, measurement(0)], flush=False) == []
+    before, after = [odometry(START - 2, 0.0), odometry(START - 1, 0.0)], odometry(START + 1, 1.0)
+    assert feed_keyframes(assembler, [*before, measurement(0)], flush=False) == []
     assert len(feed_keyframes(assembler, [after], flush=False)) == 1
+
+
+@pytest.mark.parametrize(
+    ("wrong_odometries", "wrong_measurements", "expected"),
+    [(2, 1, range(1, 8)), (2, 2, range(2, 8)), (3, 1, [2000]), (3, 2, [2000, 2001])],
+)
+def test_keyframes_never_go_back_in_time_whatever_the_first_stamps_are(wrong_odometries, wrong_measurements, expected):
+    """Two wrong stamps of each topic cost their messages; after a keyframe, an earlier time is another session."""
+    odometries, measured = drive(8), list(map(measurement, range(8)))
+    for items, wrong in ((odometries, wrong_odometries), (measured, wrong_measurements)):
+        items[:wrong] = [replace(item, stamp_ns=item.stamp_ns + 2000 * PERIOD) for item in items[:wrong]]
+    arrival = [odometries[0], *(item for pair in zip(odometries[1:9], measured, strict=True) for item in pair)]
+    assembler = KeyframeAssembler(from_dict({}))
+    assert stamps(feed_keyframes(assembler, arrival, flush=False)) == [frame_stamp(k) for k in expected]
+    assert assembler.is_over == (wrong_odometries > 2)
 
 
 def test_flush_uses_the_last_odometry_only_while_it_is_fresh():

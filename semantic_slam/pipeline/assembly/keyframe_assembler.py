@@ -1,7 +1,8 @@
 """Assembles odometry and semantic measurements, which arrive in any order, into keyframes in stamp order.
 
 The result depends on the messages' stamps alone. A measurement becomes a keyframe, or is skipped by the policy, once
-odometry has reached its stamp.
+odometry has reached its stamp; for the first keyframe, once odometry's first stamps are confirmed, too. The stamps of
+keyframes increase: after the first one, measurements that agree on an earlier time are another session.
 
 Policies: ``every_detection`` makes a keyframe of every measurement with detections and, in an open world, where missed
 detections are evidence, also of those without. ``odometry`` makes one of the first measurement and of every one, with
@@ -165,10 +166,10 @@ class KeyframeAssembler:
         """Number of measurements that wait for odometry, identities or IMU; 0 while a suspicious stamp is on hold.
 
         Otherwise a lossless replay would wait for them and not send the message that decides on the held one. It is
-        also 0 while the first odometry may have a wrong stamp, and while the IMU is silent.
+        also 0 while the first stamps of odometry are not confirmed, and while the IMU is silent.
         """
-        is_held = self._odometry.is_holding or self._identities.is_holding or self._is_imu_silent
-        is_held |= not self._odometry.is_start_certain
+        is_held = self._odometry.is_holding or self._identities.is_holding or not self._odometry.is_settled
+        is_held = is_held or self._is_imu_silent
         return 0 if is_held else len(self._measurements)
 
     @property
@@ -223,13 +224,8 @@ class KeyframeAssembler:
         )
 
     def _odometry_known(self, stamp_ns: int) -> bool:
-        """Whether all odometry that the motion to this stamp depends on has arrived, and none of it may be withdrawn.
-
-        That is waited for only where odometry begins so late that the measurements could not be used.
-        """
-        if not self._odometry.has_reached(stamp_ns + max(self._instants_ns)):
-            return False
-        return self._odometry.is_start_certain or self._is_odometry_near(stamp_ns)
+        """Whether all odometry that the motion to this stamp depends on has arrived, and will not be withdrawn."""
+        return self._odometry.is_settled and self._odometry.has_reached(stamp_ns + max(self._instants_ns))
 
     def _is_gravity_known(self, stamp_ns: int) -> bool:
         newest_ns = self._odometry.last_stamp_ns
@@ -284,6 +280,7 @@ class KeyframeAssembler:
             odometry_shifts=self._shifts(point),
             level=self._level(point),
         )
+        self._measurements.settle()
         self._next_index += 1
         self._last_keyframe, self._last_driven = point, driven
         return keyframe

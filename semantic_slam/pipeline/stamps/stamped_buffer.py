@@ -40,6 +40,15 @@ class StampedBuffer(Generic[T]):
         return iter(zip(self._stamps, self._items, strict=True))
 
     @property
+    def is_settled(self) -> bool:
+        """Whether no item that was appended can be withdrawn any more."""
+        return self._clock.is_settled
+
+    def settle(self) -> None:
+        """Withdraw no item from now on, as the first ones are in use."""
+        self._clock.settle()
+
+    @property
     def is_holding(self) -> bool:
         """Whether an item with a suspicious stamp is on hold until the next ones confirm or refute it."""
         return self._clock.is_holding

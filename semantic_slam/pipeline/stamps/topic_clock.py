@@ -31,8 +31,9 @@ class TopicClock(Generic[T]):
     all are released. If one continues from the old time before that, the stamps ahead of it were wrong, and those items
     are dropped. So one or two wrong stamps cost only those messages, and a topic without wrong stamps loses none. The
     first one or two items have no predecessors to compare with: they are released at once, and withdrawn if a larger
-    number of later items agree on an earlier time. If several items agree on an earlier time later in the run, they are
-    counted as a clock that was set back. The result depends on the stamps alone, never on arrival times.
+    number of later items agree on an earlier time, unless :meth:`settle` was called. If several items agree on an
+    earlier time later in the run, they are counted as a clock that was set back. The result depends on the stamps
+    alone, never on arrival times.
     """
 
     def __init__(self, topic: str, dropped: Counter[str], most_earlier: int = MOST_EARLIER) -> None:
@@ -46,6 +47,15 @@ class TopicClock(Generic[T]):
         self._held: list[tuple[int, T]] = []  # on hold: ahead of the newest, with increasing stamps
         self._earlier: deque[tuple[int, T]] = deque(maxlen=most_earlier)  # the newest that agree on an earlier time
         self.withdrawn_from_ns: int | None = None  # set if the last call to take withdraws items from this stamp on
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether no item that was accepted can be withdrawn any more."""
+        return self._first_ns is None
+
+    def settle(self) -> None:
+        """Withdraw no item from now on, as the first ones are in use; an earlier time is another session."""
+        self._first_ns = None
 
     @property
     def is_holding(self) -> bool:
