@@ -11,7 +11,20 @@ import numpy as np
 import pytest
 
 import semantic_slam
-from semantic_slam import Configuration, Detection, Engine, HybridBelief, InputError, Keyframe, MapPrior, ObjectPrior
+from semantic_slam import (
+    Configuration,
+    Detection,
+    Engine,
+    HybridBelief,
+    InputError,
+    Keyframe,
+    MapPrior,
+    ObjectPrior,
+    load_configuration,
+    read_map,
+    read_map_prior,
+    run_bag,
+)
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "engine.py"
@@ -136,6 +149,13 @@ def test_a_detection_alone_is_clutter_where_identities_are_given() -> None:
         ({"bearing_rad": 0.0, "covariance": [[1.0, 2.0], [2.0, 1.0]]}, "positive definite"),
         ({"bearing_rad": 0.0, "covariance": np.diag([-0.1, 0.1])}, "positive definite"),
         ({"bearing_rad": 0.0, "covariance": np.eye(3)}, "2 x 2"),
+        ({"bearing_rad": 0.0, "covariance": [[1.0, 2.0], [3.0]]}, "2 x 2"),
+        ({"bearing_rad": 0.0, "covariance": "abc"}, "2 x 2"),
+        ({"bearing_rad": 0.0, "range_m": "3"}, "range_m is '3'; give metres above 0"),
+        ({"bearing_rad": None}, "bearing_rad is None; leave detections out"),
+        ({"bearing_rad": 0.0, "class_scores": {"chair": "much"}}, "chair is 'much'"),
+        ({"bearing_rad": 0.0, "class_scores": [1.0, 2.0]}, "give a score for each class"),
+        ({"bearing_rad": 0.0, "embedding": ["x"]}, "one row of finite numbers"),
     ],
 )
 def test_a_detection_that_cannot_be_is_refused_with_the_remedy(wrong: dict, told: str) -> None:
@@ -143,15 +163,28 @@ def test_a_detection_that_cannot_be_is_refused_with_the_remedy(wrong: dict, told
         Detection(**wrong)
 
 
+def test_a_point_without_numbers_is_refused() -> None:
+    for x_m, y_m in ((float("nan"), 0.0), (1.0, "2")):
+        with pytest.raises(InputError, match="leave out what has no place in metres"):
+            Detection.at(x_m, y_m)
+
+
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
         ({"motion": (1.0, 0.0)}, "three finite numbers"),
         ({"motion": (1.0, 0.0, float("nan"))}, "three finite numbers"),
+        ({"motion": "abc"}, "three finite numbers"),
         ({"motion_sigmas": (0.1, -0.1, 0.1)}, "above 0"),
+        ({"detections": None}, "no list of Detection; give one, empty if there are none"),
+        ({"detections": Detection(bearing_rad=0.0)}, "no list of Detection"),
+        ({"detections": [{"range_m": 1.0}]}, "no list of Detection"),
+        ({"stamp_ns": 0.5}, "stamp_ns is 0.5; give a whole number"),
+        ({"stamp_ns": float("nan")}, "stamp_ns is nan; give a whole number"),
+        ({"stamp_ns": 2**70}, "at most 64 bits"),
     ],
 )
-def test_a_motion_that_cannot_be_is_refused(wrong: dict, told: str) -> None:
+def test_a_keyframe_that_cannot_be_is_refused_with_the_remedy(wrong: dict, told: str) -> None:
     with pytest.raises(InputError, match=told):
         Keyframe.planar(0, **wrong)
 
@@ -176,6 +209,18 @@ def test_a_start_or_a_map_that_cannot_be_is_refused() -> None:
         Engine(GEOMETRY, MAP, initial_covariance=-np.eye(3))
     with pytest.raises(InputError, match="no map prior"):
         Engine(GEOMETRY)
+    with pytest.raises(InputError, match="initial_pose"):
+        Engine(GEOMETRY, MAP, initial_pose="abc")
+    for quaternion in ((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 1.0)):
+        with pytest.raises(InputError, match="no quaternion of unit length; normalise it"):
+            Engine(GEOMETRY, MAP, initial_pose=(1.0, 2.0, 0.0, *quaternion))
+    with pytest.raises(InputError, match="has a roll or a pitch; give a turn about z alone"):
+        Engine(GEOMETRY, MAP, initial_pose=(1.0, 2.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="give a standard deviation of 0 or more"):
+        ObjectPrior.planar(1, 1.0, 1.0, sigma_m=-0.1, sigma_rad=0.1)
+    for backends in (0, -1, 2.5):
+        with pytest.raises(InputError, match=f"backends is {backends}; give a whole number of at least one"):
+            Engine(GEOMETRY, MAP, backends=backends)
     with pytest.raises(InputError, match="choose one of enumerated, given, open"):
         Engine(Configuration(association="clairvoyant"))
 
@@ -219,6 +264,23 @@ def test_a_keyframe_before_the_last_one_is_refused_and_the_run_goes_on_as_withou
         belief, expected = (each.process(Keyframe.planar(index, stamp_ns=stamp_ns)) for each in (engine, untouched))
         np.testing.assert_array_equal(belief.poses, expected.poses)
         np.testing.assert_array_equal(belief.hypothesis_ids, expected.hypothesis_ids)
+
+
+def test_files_are_named_by_text_or_by_path() -> None:
+    settings, known = ROOT / "config" / "default.yaml", ROOT / "bags" / "aliased_room" / "objects.json"
+    assert load_configuration(str(settings)) == load_configuration(settings)
+    assert read_map_prior(str(known)).to_json() == read_map_prior(known).to_json()
+    assert read_map(str(known)).map_id == read_map(known).map_id
+
+
+def test_a_run_over_a_bag_is_named_by_text_or_by_path_and_has_one_keyframe_at_least(tmp_path: Path) -> None:
+    bag, beliefs = tmp_path / "bag", tmp_path / "beliefs"
+    with pytest.raises(InputError, match=r"bag: no such bag; give"):
+        run_bag(str(bag), str(beliefs), GEOMETRY, MAP)
+    for none in (0, -1):
+        with pytest.raises(InputError, match=f"max_keyframes is {none}; give 1 or more, or None for the whole bag"):
+            run_bag(bag, beliefs, GEOMETRY, MAP, max_keyframes=none)
+    assert not beliefs.exists()
 
 
 @pytest.mark.slow

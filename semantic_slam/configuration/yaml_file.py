@@ -13,8 +13,9 @@ REMEDY = "see config/default.yaml"
 OUR_NODE = re.compile(r"(^|/)(hypothesis_manager|classifier|bag_player|bag_recorder|backend_\d+)$")
 
 
-def load_configuration(path: Path) -> Configuration:
+def load_configuration(path: str | Path) -> Configuration:
     """Configuration from a YAML file, plain or in the form of a ROS 2 parameter file. Raises InputError."""
+    path = Path(path)
     values = parse_yaml(read_text(path, REMEDY), str(path), REMEDY) or {}
     if not isinstance(values, dict):
         raise InputError(f"{path}: a mapping is expected; {REMEDY}")

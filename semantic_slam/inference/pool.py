@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from semantic_slam.errors import InputError
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
@@ -13,6 +14,9 @@ class InProcessPool:
     """``number`` backends that are called one after the other."""
 
     def __init__(self, number: int, problem: Problem | None = None):
+        """Raises InputError where ``number`` is below 1."""
+        if not (isinstance(number, int) and number >= 1):
+            raise InputError(f"backends is {number!r}; give a whole number of at least one backend")
         self.backend_ids = tuple(range(number))
         self._backends = [Backend(n, problem) for n in self.backend_ids]
 

@@ -80,8 +80,9 @@ def with_id(saved: SavedMap) -> SavedMap:
     return replace(saved, map_id=state.hexdigest())
 
 
-def read_map(path: Path) -> SavedMap:
+def read_map(path: str | Path) -> SavedMap:
     """Read a map from a ``FILE.map`` or an ``objects.json``. Raises InputError."""
+    path = Path(path)
     if not is_map_file(path):
         known = map_prior.read_map_prior(path)
         if len(known.objects) > MOST_OBJECTS:
@@ -101,8 +102,9 @@ def read_map(path: Path) -> SavedMap:
     return with_id(found)
 
 
-def read_map_prior(path: Path) -> MapPrior:
+def read_map_prior(path: str | Path) -> MapPrior:
     """Read a run's map prior from a ``FILE.map`` or an ``objects.json``. Raises InputError."""
+    path = Path(path)
     return map_prior_of(read_map(path)) if is_map_file(path) else map_prior.read_map_prior(path)
 
 

@@ -56,8 +56,8 @@ class RunSummary:
 
 
 def run_bag(
-    bag: Path,
-    out_bag: Path,
+    bag: str | Path,
+    out_bag: str | Path,
     configuration: Configuration,
     map_prior: MapPrior | None = None,
     max_keyframes: int | None = None,
@@ -69,6 +69,9 @@ def run_bag(
     this process; pass one to inspect its backends afterwards. Raises InputError if not a single keyframe can be made;
     invalid input after the first keyframe ends the run and is returned in the summary.
     """
+    if max_keyframes is not None and max_keyframes < 1:
+        raise InputError(f"max_keyframes is {max_keyframes}; give 1 or more, or None for the whole bag")
+    bag, out_bag = Path(bag), Path(out_bag)
     if out_bag.resolve() in (bag.resolve(), bag.resolve().parent):
         raise InputError(f"{out_bag}: is the input bag; name another output")
     with BagReader(bag) as reader:

@@ -63,5 +63,6 @@ def test_what_the_map_has_and_the_belief_has_given_up_should_be_here_and_is_not(
 
 
 def test_a_region_that_is_none_is_refused():
-    with pytest.raises(InputError, match="region must be"):
-        query_place(map_of(1), (1.0, 0.0, 0.0, 1.0))
+    for region in ((1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 1.0)):
+        with pytest.raises(InputError, match="region must be"):
+            query_place(map_of(1), region)

@@ -91,6 +91,37 @@ def test_quaternions_of_three_digits_are_mended_and_others_refused() -> None:
         Detection.along([1.0, 0.0, 0.0], 2.0, sigma_range_m=0.1)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (
+            {"range_m": 2.0, "sigma_range_m": -0.1, "ray_covariance": 1e-4 * np.eye(3)},
+            "give metres above 0",
+        ),
+        ({"sigma_range_m": 0.1}, "sigma_range_m is of no range; give range_m too"),
+        (
+            {"ray_covariance": 1e-3 * np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])},
+            "3 x 3 finite numbers, symmetric",
+        ),
+        ({"ray_covariance": [[1.0], [1.0, 2.0]]}, "ray_covariance must be 3 x 3"),
+        ({"range_m": "2"}, "a range of '2'; give lengths above 0"),
+    ],
+)
+def test_a_ray_with_numbers_that_cannot_be_is_refused_with_the_remedy(wrong: dict, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        Detection.along((1.0, 0.0, 0.0), **wrong)
+
+
+def test_a_start_in_space_without_a_rotation_is_refused() -> None:
+    with pytest.raises(InputError, match="initial_pose: qx qy qz qw is no quaternion of unit length; normalise it"):
+        Engine(spatial(association="given"), initial_pose=np.zeros(7), initial_covariance=np.eye(6))
+
+
+def test_a_point_landmark_with_a_negative_sigma_is_refused() -> None:
+    with pytest.raises(InputError, match="give a standard deviation of 0 or more"):
+        ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=-0.1)
+
+
 def test_motions_and_rays_without_covariances_err_as_configured() -> None:
     motion = se3.exp(np.array([0.0, 0.0, 0.5, 1.0, 0.0, 0.0]))
     seen = Detection.along([1.0, 2.0, 3.0], 2.0)

@@ -5,7 +5,8 @@ from numpy.typing import ArrayLike
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
-from semantic_slam.geometry import so3
+from semantic_slam.foreign_numbers import as_numbers
+from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.inference.inputs.detection import positive_definite
@@ -41,13 +42,19 @@ def start_of_run(
 
 
 def _pose_vector(values: ArrayLike, configuration: Configuration) -> Array:
-    """(7,) from itself, or in the plane from x, y [m] and yaw [rad]."""
-    pose = np.asarray(values, dtype=np.float64)
+    """(7,) from itself, or in the plane from x, y [m] and yaw [rad]. Raises InputError."""
+    pose = as_numbers(values)
     if configuration.is_spatial and (pose.shape != (7,) or not np.isfinite(pose).all()):
         raise InputError("initial_pose: give x y z qx qy qz qw as finite numbers for state_space: spatial")
     if pose.shape not in ((3,), (7,)) or not np.isfinite(pose).all():
         raise InputError("initial_pose: give x, y [m] and yaw [rad], or x y z qx qy qz qw, as finite numbers")
-    return pose_vector_from_planar(pose) if len(pose) == 3 else pose
+    if len(pose) == 3:
+        return pose_vector_from_planar(pose)
+    if not se3.is_pose(pose):
+        raise InputError("initial_pose: qx qy qz qw is no quaternion of unit length; normalise it")
+    if not configuration.is_spatial and np.hypot(*pose[3:5]) > se3.NEARLY:
+        raise InputError("initial_pose: has a roll or a pitch; give a turn about z alone, or set state_space: spatial")
+    return pose
 
 
 def _whole_covariance(values: ArrayLike, configuration: Configuration) -> Array:

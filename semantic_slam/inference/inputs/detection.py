@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from semantic_slam.errors import InputError
+from semantic_slam.foreign_numbers import as_numbers, is_finite
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, in_plane, place_of_point, point_of_place
@@ -44,6 +45,8 @@ class Detection:
     )
 
     def __post_init__(self) -> None:
+        if not isinstance(self.class_scores, Mapping):
+            raise InputError(f"detection: class_scores is {self.class_scores!r}; give a score for each class")
         numbers = {
             "bearing_rad": self.bearing_rad,
             "elevation_rad": self.elevation_rad,
@@ -51,15 +54,18 @@ class Detection:
             **dict(self.class_scores),
         }
         for name, value in numbers.items():
-            if not math.isfinite(value):
-                raise InputError(f"detection: {name} is {value}; leave detections out that have no such number")
-        if self.range_m is not None and not (math.isfinite(self.range_m) and self.range_m > 0.0):
-            raise InputError(f"detection: range_m is {self.range_m}; give metres above 0, or None for a bearing alone")
+            if not is_finite(value):
+                raise InputError(f"detection: {name} is {value!r}; leave detections out that have no such number")
+        if self.range_m is not None and not _is_length(self.range_m):
+            raise InputError(
+                f"detection: range_m is {self.range_m!r}; give metres above 0, or None for a bearing alone"
+            )
         if self.point is not None:
             _vector(self.point, 3, "detection: point")
         if self.point_covariance is not None:
             positive_definite(self.point_covariance, 3, "detection: point_covariance of [x, y, z]")
-        if np.ndim(self.embedding) != 1 or not np.isfinite(np.asarray(self.embedding, dtype=np.float64)).all():
+        vector = as_numbers(self.embedding)
+        if vector.ndim != 1 or not np.isfinite(vector).all():
             raise InputError("detection: embedding must be one row of finite numbers; leave it out where there is none")
         if self.angular_size_rad is not None:
             self._check_size()
@@ -70,7 +76,9 @@ class Detection:
 
     @classmethod
     def at(cls, x_m: float, y_m: float, *, covariance: ArrayLike | None = None, **others: Any) -> "Detection":
-        """From a point in the body frame, with its (2, 2) covariance along x and y if known."""
+        """From a point in the body frame, with its (2, 2) covariance along x and y if known. Raises InputError."""
+        if not (is_finite(x_m) and is_finite(y_m)):
+            raise InputError(f"detection: x_m is {x_m!r} and y_m {y_m!r}; leave out what has no place in metres")
         distance = math.hypot(x_m, y_m)
         if covariance is not None and distance > 0.0:
             by_point = np.array([[x_m, y_m], [-y_m / distance, x_m / distance]]) / distance
@@ -119,20 +127,25 @@ class Detection:
 
         ``ray_covariance`` (3, 3) is that of the unit ray along the axes of that frame; only its part orthogonal to the
         ray counts: sigma^2 I for sigma radians in every direction. If there is a range, it has to be given together
-        with ``sigma_range_m``. A ray without range starts at the camera, whose position the keyframe states.
+        with ``sigma_range_m``. A ray without range starts at the camera, whose position the keyframe states. Raises
+        InputError.
         """
         direction = _vector(ray, 3, "detection: ray")
         length = float(np.linalg.norm(direction))
-        if not (length > 0.0 and (range_m is None or (math.isfinite(range_m) and range_m > 0.0))):
-            raise InputError(f"detection: a ray of length {length} and a range of {range_m}; give lengths above 0")
+        if not (length > 0.0 and (range_m is None or _is_length(range_m))):
+            raise InputError(f"detection: a ray of length {length} and a range of {range_m!r}; give lengths above 0")
         unit, covariance = direction / length, None
         if range_m is None:
+            if sigma_range_m is not None:
+                raise InputError("detection: sigma_range_m is of no range; give range_m too, or leave both out")
             return cls._of_ray(unit, ray_covariance, T_body_sensor, **others)
         if (sigma_range_m is None) != (ray_covariance is None):
             raise InputError("detection: give both sigma_range_m and ray_covariance, or none of them")
         if sigma_range_m is not None and ray_covariance is not None:
+            if not _is_length(sigma_range_m):
+                raise InputError(f"detection: sigma_range_m is {sigma_range_m!r}; give metres above 0")
             across = np.eye(3) - np.outer(unit, unit)
-            spread = across @ _vector(np.ravel(ray_covariance), 9, "detection: ray_covariance").reshape(3, 3) @ across
+            spread = across @ _ray_covariance(ray_covariance) @ across
             covariance = sigma_range_m**2 * np.outer(unit, unit) + range_m**2 * spread
         return cls.in_space(range_m * unit, covariance=covariance, T_body_sensor=T_body_sensor, **others)
 
@@ -145,7 +158,7 @@ class Detection:
         _, bearing, down = place_of_point(turn @ unit).tolist()
         if covariance is not None:
             seen, by_place = point_of_place(np.array([math.cos(down), bearing, down]))
-            known = turn @ _vector(np.ravel(covariance), 9, "detection: ray_covariance").reshape(3, 3) @ turn.T
+            known = turn @ _ray_covariance(covariance) @ turn.T
             by_ray = np.linalg.pinv((np.eye(3) - np.outer(seen, seen)) @ by_place[:, 1:])
             place = np.full((3, 3), np.nan)
             spread = by_ray @ known @ by_ray.T
@@ -155,7 +168,7 @@ class Detection:
 
     def _check_size(self) -> None:
         """Raises InputError."""
-        size = np.asarray(self.angular_size_rad, dtype=np.float64)
+        size = as_numbers(self.angular_size_rad)
         if size.shape != (2,) or (size <= 0.0).any() or np.isinf(size).any():
             raise InputError(
                 f"detection: angular_size_rad is {self.angular_size_rad!r}; give width and height in radians above 0,"
@@ -164,7 +177,7 @@ class Detection:
 
     def _check_place_covariance(self) -> None:
         """Raises InputError; of a bearing alone bearing and elevation count."""
-        known, what = np.asarray(self.place_covariance, dtype=np.float64), "detection: place_covariance"
+        known, what = as_numbers(self.place_covariance), "detection: place_covariance"
         if self.range_m is None and known.shape == (3, 3) and np.isnan(known[0]).all() and np.isnan(known[:, 0]).all():
             positive_definite(known[1:, 1:], 2, f"{what} of [bearing, elevation]")
             return
@@ -186,9 +199,24 @@ def _sensor_pose(T_body_sensor: ArrayLike | None) -> Array:
     return se3.wrapped(pose)
 
 
+def _is_length(value: float) -> bool:
+    """Whether a number is finite and above 0."""
+    return is_finite(value) and value > 0.0
+
+
+def _ray_covariance(values: ArrayLike) -> Array:
+    """(3, 3) covariance of a unit ray; only its part orthogonal to the ray need be positive. Raises InputError."""
+    matrix = as_numbers(values)
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T):
+        raise InputError(
+            "detection: ray_covariance must be 3 x 3 finite numbers, symmetric; give sigma^2 I for sigma radians"
+        )
+    return matrix
+
+
 def _vector(values: ArrayLike, size: int, what: str) -> Array:
     """(size,) finite numbers. Raises InputError that begins with ``what``."""
-    vector = np.asarray(values, dtype=np.float64)
+    vector = as_numbers(values)
     if vector.shape != (size,) or not np.isfinite(vector).all():
         raise InputError(f"{what} is {values!r}; give {size} finite numbers")
     return vector
@@ -196,7 +224,7 @@ def _vector(values: ArrayLike, size: int, what: str) -> Array:
 
 def positive_definite(values: ArrayLike, size: int, what: str) -> Array:
     """(size, size) covariance; raises InputError that begins with ``what`` for anything else."""
-    matrix = np.asarray(values, dtype=np.float64)
+    matrix = as_numbers(values)
     if matrix.shape != (size, size) or not np.isfinite(matrix).all():
         raise InputError(f"{what} must be {size} x {size} finite numbers; correct it")
     if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() <= 0.0:

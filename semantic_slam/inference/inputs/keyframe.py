@@ -1,12 +1,15 @@
 """A keyframe: the odometry since the previous one and the measurements taken at it."""
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from semantic_slam.errors import InputError
+from semantic_slam.foreign_numbers import as_numbers, is_finite
 from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
@@ -15,6 +18,8 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 
 SECOND_NS = 10**9
 """Time in ns between keyframes that have no stamps."""
+LIMIT = 1 << 63
+"""Indices and stamps lie below this, which is what 64 bits with a sign hold."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +101,10 @@ class Keyframe:
     def _of(
         cls, index: int, motion: Array, covariance: Array, detections: Sequence[Detection], stamp_ns: int | None
     ) -> "Keyframe":
-        stamp_ns = (index + 1) * SECOND_NS if stamp_ns is None else stamp_ns
+        index = _whole(index, "index")
+        stamp_ns = _whole((index + 1) * SECOND_NS if stamp_ns is None else stamp_ns, "stamp_ns")
+        if not (isinstance(detections, Sequence) and all(isinstance(seen, Detection) for seen in detections)):
+            raise InputError("keyframe: detections are no list of Detection; give one, empty if there are none")
         return cls(
             index=index,
             stamp_ns=stamp_ns,
@@ -106,9 +114,20 @@ class Keyframe:
         )
 
 
+def _whole(value: Any, what: str) -> int:
+    """A whole number of 64 bits. Raises InputError."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = LIMIT
+    if not -LIMIT <= number < LIMIT:
+        raise InputError(f"keyframe: {what} is {value!r}; give a whole number of at most 64 bits")
+    return number
+
+
 def _pose(values: ArrayLike, what: str) -> Array:
     """(7,) with a quaternion of unit length. Raises InputError."""
-    pose = np.asarray(values, dtype=np.float64)
+    pose = as_numbers(values)
     if pose.shape != (7,) or not se3.is_pose(pose):
         raise InputError(f"keyframe: {what} is {values!r}; give x y z [m] and a quaternion of unit length")
     return se3.wrapped(pose)
@@ -116,16 +135,16 @@ def _pose(values: ArrayLike, what: str) -> Array:
 
 def _level(up: ArrayLike, sigma_rad: float) -> Array:
     """(4,) as of ``Keyframe.level``. Raises InputError."""
-    direction = np.asarray(up, dtype=np.float64)
+    direction = as_numbers(up)
     if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
         raise InputError(f"keyframe: up is {up!r}; give the direction against gravity as x, y, z in the body frame")
-    if not (np.isfinite(sigma_rad) and sigma_rad > 0.0):
+    if not (is_finite(sigma_rad) and sigma_rad > 0.0):
         raise InputError(f"keyframe: sigma_up_rad is {sigma_rad!r}; a standard deviation must be above 0")
     return np.append(direction / np.linalg.norm(direction), sigma_rad**2)
 
 
 def _three(values: ArrayLike, what: str) -> Array:
-    numbers = np.asarray(values, dtype=np.float64)
+    numbers = as_numbers(values)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise InputError(f"keyframe: {what} is {values!r}; give three finite numbers, of x, y [m] and yaw [rad]")
     return numbers

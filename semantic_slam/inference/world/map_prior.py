@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.errors import InputError
+from semantic_slam.foreign_numbers import is_finite
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, pose_vector_from_planar
 from semantic_slam.text_files import parse_json, read_text
@@ -49,7 +50,11 @@ class ObjectPrior:
         class_probabilities: dict[str, float] | None = None,
         existence: float = 1.0,
     ) -> "ObjectPrior":
-        """Prior of an object in the plane from isotropic standard deviations of its position and its heading."""
+        """Prior of an object in the plane from isotropic standard deviations of its position and its heading.
+
+        Raises InputError for a standard deviation below 0.
+        """
+        _check_sigmas(object_id, sigma_m=sigma_m, sigma_rad=sigma_rad)
         covariance = covariance_from_planar(np.diag([sigma_m**2, sigma_m**2, sigma_rad**2]))
         pose = pose_vector_from_planar(np.array([x_m, y_m, yaw_rad]))
         return cls(
@@ -65,7 +70,11 @@ class ObjectPrior:
     def point(
         cls, object_id: int, position: Sequence[float], *, sigma_m: float, name: str = "", existence: float = 1.0
     ) -> "ObjectPrior":
-        """Prior of a point landmark at (3,) x, y, z [m], isotropic; its orientation has no meaning."""
+        """Prior of a point landmark at (3,) x, y, z [m], isotropic; its orientation has no meaning.
+
+        Raises InputError for a standard deviation below 0.
+        """
+        _check_sigmas(object_id, sigma_m=sigma_m)
         return cls(
             object_id=object_id,
             name=name or f"object_{object_id}",
@@ -74,6 +83,13 @@ class ObjectPrior:
             class_probabilities={},
             existence=existence,
         )
+
+
+def _check_sigmas(object_id: int, **sigmas: float) -> None:
+    """Raise InputError for what is no standard deviation."""
+    for name, sigma in sigmas.items():
+        if not (is_finite(sigma) and sigma >= 0.0):
+            raise InputError(f"object {object_id}: {name} is {sigma!r}; give a standard deviation of 0 or more")
 
 
 @dataclass(frozen=True)
