@@ -308,7 +308,11 @@ def test_the_example_draws_its_picture_and_never_over_another(tmp_path: Path, mo
 
 
 @pytest.mark.slow
-def test_the_session_of_the_page_runs() -> None:
+def test_the_session_of_the_page_runs_and_prints_what_the_page_shows(capsys: pytest.CaptureFixture[str]) -> None:
     page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
     session = "".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
+    (shown,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
     exec(compile(session, "python.md", "exec"), {"__name__": "__main__"})
+    assert capsys.readouterr().out.startswith(shown)
+    chair, table = (re.search(f"object_{n} .*{{'class_1': (.*), 'class_2': (.*)}}", shown) for n in (2, 3))
+    assert chair and float(chair[1]) > 0.6 and table and float(table[2]) > 0.8

@@ -10,7 +10,11 @@ Region = tuple[float, float, float, float]
 
 
 def inside(belief: HybridBelief, region: Region | None) -> Array:
-    """(O,) probabilities that the objects of a belief lie in the region; None: the whole map."""
+    """(O,) probabilities that the objects of a belief lie in the region; None: the whole map.
+
+    One Gaussian per object, with the mean and the covariance over all hypotheses, as a belief does not have the places
+    of objects by hypothesis.
+    """
     return within(belief.object_poses, belief.object_covariances, region)
 
 

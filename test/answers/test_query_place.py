@@ -30,6 +30,15 @@ def test_an_object_is_here_as_probably_as_it_exists_and_its_place_lies_in_the_re
     assert [own.object_id for own in query_place(belief, ORIGIN, 0.1)] == [0]
 
 
+def test_an_object_of_two_places_is_in_a_region_as_one_gaussian_with_the_numbers_of_the_page():
+    """It is at y = 1.2 or -1.2 m, with probability 0.5 each: mean 0 and standard deviation 1.2 m."""
+    covariances = np.array([np.diag([1e-4, 1.2**2, 1e-4, 1e-4, 1e-4, 1e-4])])
+    belief = replace(map_of(1), object_covariances=covariances)
+    for y_min, y_max, told in ((0.9, 1.5, 0.12), (-1.5, -0.9, 0.12), (-0.5, 0.5, 0.32)):
+        (found,) = query_place(belief, (-1.0, y_min, 1.0, y_max))
+        assert found.here == pytest.approx(told, abs=0.005)
+
+
 def test_what_stood_here_and_is_missing_is_gone_from_here_and_from_nowhere_else():
     belief = replace(map_of(2), existence=np.array([0.1, 1.0]), missing=np.array([0.9, 0.0]))
     (first,) = query_place(belief, ORIGIN, 0.05)
