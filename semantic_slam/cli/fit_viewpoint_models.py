@@ -106,8 +106,8 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     from semantic_slam.viewpoint.store import save_model
 
     perception = PerceptionConfiguration(network=str(arguments.weights or ""))
-    samples, left_out = _samples(arguments, perception)
-    network = load_network(perception)
+    network = load_network(perception)  # before the views, which take long to read
+    samples, left_out = _samples(arguments, perception, network)
     fitted = fit_samples(samples, network.class_names)
     model, report = fitted.model, fitted.report
     provenance = {
@@ -134,10 +134,9 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     return [*lines, f"{len(model.class_names)} classes"]
 
 
-def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, Any], dict[str, int]]:
+def _samples(arguments: argparse.Namespace, perception: Any, network: Any) -> tuple[dict[str, Any], dict[str, int]]:
     """Samples by class name from the given source, and the counts of what was left out, by reason."""
     if arguments.turntables:
-        from semantic_slam.perception.networks.weights import load_network
         from semantic_slam.training.turntables import with_classes
         from semantic_slam.training.viewpoint.fit import FitSettings, measure_views
 
@@ -147,7 +146,7 @@ def _samples(arguments: argparse.Namespace, perception: Any) -> tuple[dict[str, 
         settings = FitSettings(
             draws=arguments.draws, seed=arguments.seed, elevation_step_deg=arguments.elevation_step_deg
         )
-        return measure_views(views, load_network(perception), settings), {}
+        return measure_views(views, network, settings), {}
     from semantic_slam.training.viewpoint.known_poses import views_of_bag
 
     if arguments.bag:

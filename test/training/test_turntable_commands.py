@@ -131,6 +131,17 @@ def test_a_folder_without_turntables_is_bad_input(command: str, tmp_path: Path) 
     assert str(tmp_path) in result.stderr
 
 
+@pytest.mark.slow
+def test_weights_that_are_missing_are_said_before_the_turntables_are_read(tmp_path: Path) -> None:
+    weights, turntables = tmp_path / "missing.safetensors", tmp_path / "turntables"
+    turntables.mkdir()  # without any: reading it is an error, too
+    sources = ["--turntables", str(turntables), "--weights", str(weights)]
+    result = call("fit_viewpoint_models", *sources, "--out", str(tmp_path / "out.safetensors"))
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert str(weights) in result.stderr
+
+
 def test_instances_go_under_their_class(turntables: Path, tmp_path: Path) -> None:
     classes = tmp_path / "classes.json"
     classes.write_text(json.dumps({"red_box": "box"}))
