@@ -5,7 +5,6 @@ from argparse import Namespace
 from pathlib import Path
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
-from semantic_slam.cli.find_lookalike import belief_bag
 from semantic_slam.errors import InputError
 
 
@@ -42,7 +41,7 @@ def command() -> None:
     from semantic_slam.answers.explain.text import lines_of
 
     classes = tuple(arguments.classes) if arguments.classes else None
-    told = explain(belief_bag(arguments.belief), arguments.object, classes)
+    told = explain(arguments.belief, arguments.object, classes)
     if arguments.history > len(told.histories):
         raise InputError(
             f"--history {arguments.history}: the last belief has {len(told.histories)}; choose one of these"

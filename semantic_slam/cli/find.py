@@ -70,7 +70,7 @@ def command() -> None:
     from semantic_slam.evaluation.record import json_object
 
     question = _question(arguments)
-    record = read_record(find_lookalike.belief_bag(arguments.belief))
+    record = read_record(arguments.belief)
     settings = from_dict(json_object(record.run.configuration), str(arguments.belief)).semantic_model
     needs_looks = question.vector is not None or bool(question.text_vectors)
     looks = appearances_of(record.beliefs, record.measurements, settings) if needs_looks else None

@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from semantic_slam.inference.belief import HybridBelief
     from semantic_slam.inference.lookalike import Lookalikes
 
-BELIEF_FOLDER = "belief"
-"""Subfolder of a report with its belief bag."""
-
 
 def parse(words: list[str] | None = None) -> Namespace:
     """Parse the command line; raises InputError."""
@@ -54,7 +51,7 @@ def ask(arguments: Namespace, region: "Region | None" = None, least_probability:
     from semantic_slam.evaluation.record import json_object
     from semantic_slam.pipeline.lookalike_query import LookalikeQuery, picture
 
-    record = read_record(belief_bag(arguments.belief))
+    record = read_record(arguments.belief)
     settings = from_dict(json_object(record.run.configuration), str(arguments.belief)).semantic_model
     try:
         image = picture(arguments.crop.read_bytes(), str(arguments.crop))
@@ -67,12 +64,6 @@ def ask(arguments: Namespace, region: "Region | None" = None, least_probability:
         shown = found.probabilities * inside(last, region)
         found = replace(found, probabilities=shown, unknown=1.0 - float(shown.sum()))
     print("\n".join(table(last, found, least_probability)))
-
-
-def belief_bag(path: Path) -> Path:
-    """Path of the belief bag: that in a report's folder, or ``path`` itself."""
-    inside = path / BELIEF_FOLDER
-    return inside if inside.is_dir() else path
 
 
 def table(belief: "HybridBelief", found: "Lookalikes", least_probability: float = 0.0) -> list[str]:

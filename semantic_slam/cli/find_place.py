@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from semantic_slam.cli.find_lookalike import belief_bag
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -19,7 +17,7 @@ def ask(belief: Path, region: "Region | None", least_probability: float) -> None
     from semantic_slam.evaluation.belief_bag import read_record
     from semantic_slam.inference.world.map_prior import parse_map_prior
 
-    record = read_record(belief_bag(belief))
+    record = read_record(belief)
     prior = parse_map_prior(record.run.map_prior, str(belief)) if record.run.map_prior else None
     last = record.beliefs[-1]
     print("\n".join(table(last, query_place(last, region, least_probability, prior))))

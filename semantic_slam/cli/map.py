@@ -5,7 +5,6 @@ from argparse import Namespace
 from pathlib import Path
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
-from semantic_slam.cli.find_lookalike import belief_bag
 from semantic_slam.outputs import add_overwrite, claimed_file
 
 MAP_HELP = "FILE.map, or objects.json"
@@ -43,6 +42,7 @@ def _save() -> None:
     )
     add_overwrite(parser)
     arguments = parser.parse_args()
+    from semantic_slam.evaluation.belief_bag import belief_bag
     from semantic_slam.maps.from_run import saved_map_of_bag
     from semantic_slam.maps.map_file import write_map
 

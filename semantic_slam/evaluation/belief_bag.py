@@ -35,6 +35,8 @@ READ = tuple(
         topics.GROUND_TRUTH_ASSOCIATIONS,
     )
 )
+BELIEF_FOLDER = "belief"
+"""Subfolder of a report with its belief bag."""
 DROPPED = "dropped"
 """Diagnostic values whose key begins with this word count what was dropped; the rest of the key is the reason."""
 
@@ -85,11 +87,19 @@ class _Collected:
         return reasons
 
 
-def read_record(path: Path) -> Record:
-    """The run in the bag ``path``. A bag that cannot be read to its end gives what came before, and its ``fault``.
+def belief_bag(path: str | Path) -> Path:
+    """Path of the belief bag: that in a report's folder, or ``path`` itself."""
+    inside = Path(path) / BELIEF_FOLDER
+    return inside if inside.is_dir() else Path(path)
 
-    Raises InputError when the bag holds no belief or no run configuration.
+
+def read_record(path: str | Path) -> Record:
+    """The run in the belief bag ``path``, or in that of the report's folder ``path``.
+
+    A bag that cannot be read to its end gives what came before, and its ``fault``. Raises InputError when the bag holds
+    no belief or no run configuration.
     """
+    path = belief_bag(path)
     found, fault = _Collected(), ""
     try:
         with BagReader(path) as reader:

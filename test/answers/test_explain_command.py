@@ -12,6 +12,7 @@ from worlds.bags.places import place_entries
 from semantic_slam.answers.explain.explanation import explain
 from semantic_slam.cli.commands import main
 from semantic_slam.configuration import Configuration, load_configuration
+from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
@@ -51,6 +52,13 @@ def test_it_prints_three_sentences_and_tables(folder, monkeypatch, capsys):
     assert len(rows) == 6 and sum(nats) == pytest.approx(float(total.split()[-1]), abs=0.01)
     assert histories.splitlines()[-1].startswith("belief")
     assert last.startswith("Inferred again: as recorded")
+
+
+def test_from_python_a_reports_folder_is_its_belief_bag(folder):
+    report, bag = folder / "report", folder / "report" / "belief"
+    assert [len(read_record(path).beliefs) for path in (report, str(report), bag)] == [6] * 3
+    by_folder, by_bag = (explain(path, "1") for path in (str(report), bag))
+    np.testing.assert_array_equal(by_folder.belief.class_probabilities, by_bag.belief.class_probabilities)
 
 
 def test_its_json_has_an_account_of_every_class_to_the_last_digit(folder, monkeypatch, capsys):

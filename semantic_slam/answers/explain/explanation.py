@@ -13,7 +13,7 @@ from semantic_slam.answers.explain.rivals import Rival, rivals
 from semantic_slam.answers.explain.sightings import Sighting, object_name, sightings
 from semantic_slam.configuration import from_dict
 from semantic_slam.errors import InputError
-from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.evaluation.belief_bag import belief_bag, read_record
 from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
@@ -63,11 +63,12 @@ class Explanation:
         return np.asarray(history.ledger.alone[rows, one] - history.ledger.alone[rows, other])
 
 
-def explain(bag: Path, object_name: str, classes: tuple[str, str] | None = None) -> Explanation:
-    """Explain the belief about an object (by number or name) in a belief bag. Raises InputError.
+def explain(path: str | Path, object_name: str, classes: tuple[str, str] | None = None) -> Explanation:
+    """Explain the belief about an object (by number or name) in a belief bag or a report's folder. Raises InputError.
 
     The run's inference is repeated. ``classes``: two to compare; None: the most likely one and its nearest rival.
     """
+    bag = belief_bag(path)
     record = read_record(bag)
     object_id = _object_id(record.beliefs[-1], object_name)
     chosen = None if classes is None else _classes(record.beliefs[-1], classes)
