@@ -54,11 +54,6 @@ class StampedBuffer(Generic[T]):
         return self._clock.is_holding
 
     @property
-    def is_start_certain(self) -> bool:
-        """Whether the topic's first items cannot be withdrawn any more."""
-        return self._clock.is_start_certain
-
-    @property
     def is_set_back(self) -> bool:
         """Whether the topic's clock was set back."""
         return self._clock.is_set_back

@@ -63,11 +63,6 @@ class TopicClock(Generic[T]):
         return bool(self._held)
 
     @property
-    def is_start_certain(self) -> bool:
-        """Whether so many items were accepted that the first ones cannot be withdrawn any more."""
-        return self._first_ns is None
-
-    @property
     def is_set_back(self) -> bool:
         """Whether several consecutive last items agree on an earlier time."""
         return len(self._earlier) > WITNESSES
