@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
 from semantic_slam.geometry.levenberg_marquardt import MAX_ITERATIONS
 from semantic_slam.inference.association.murty import k_best
-from semantic_slam.inference.association.pair_search import LARGEST_BEND, StatePairs
+from semantic_slam.inference.association.pair_search import LARGEST_BEND, StatePairs, bend
 from semantic_slam.inference.association.sums import log_sum_of_all
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
@@ -36,6 +36,7 @@ class PairDensities:
     part: Linearisation  # (D, M, ...)
     offsets: Array | None = None  # (D, M, m) change of linear residuals, prediction to linearisation point; None: 0
     elsewhere: Flags | None = None  # (D, M) pairs that were linearised elsewhere than at the prediction
+    at_prediction: Linearisation | None = None  # (D, M, ...) in the plane, at the prediction; None: ``part`` is there
     tail: HeavyTail | None = None  # outlier model of the detections' errors; None: there are no outliers
     outlier_distance: Array | None = None  # (D, M) Mahalanobis, under an outlier's wider covariance
     log_words: Array | None = None  # (D, M + 1) log likelihoods of labels by object, last: no object; None: unused
@@ -59,72 +60,75 @@ def pair_densities(
     if not count or not detections:
         nothing = np.zeros((len(detections), count))
         return PairDensities(nothing, nothing, _no_pairs(nothing.shape), tail=tail, outlier_distance=nothing)
-    pairs = _pairs(spaces, model, detections, mean, covariance, errors)
-    part, shape = pairs.at_prediction(), (len(detections), count)
-    jacobian, offsets, elsewhere = pairs.jacobian(part), None, None
-    if spaces.name == "planar":  # in space, where the range of rays is open, see ``pairs_at_modes``
-        bent = np.flatnonzero(pairs.bend(jacobian) > LARGEST_BEND)
-        if len(bent):
-            part, offsets, elsewhere = _at_modes(pairs, part, bent)
-            jacobian, offsets, elsewhere = pairs.jacobian(part), offsets.reshape(*shape, -1), elsewhere.reshape(shape)
-    innovation = Innovation.of(part, jacobian, pairs.covariance)
-    table = Linearisation(**{name: values.reshape(*shape, *values.shape[1:]) for name, values in vars(part).items()})
-    log_density, distance = innovation.log_density.reshape(shape), innovation.distance.reshape(shape)
-    if tail is None:
-        return PairDensities(log_density, distance, table, offsets, elsewhere)
-    wide = Innovation.of(part, jacobian, pairs.covariance, np.where(part.measured, tail.added, 0.0))
-    mixed = np.logaddexp(tail.log_rest + log_density, tail.log_share + wide.log_density.reshape(shape))
-    return PairDensities(mixed, distance, table, offsets, elsewhere, tail, wide.distance.reshape(shape))
-
-
-def _pairs(
-    spaces: Spaces,
-    model: ObservationModel,
-    detections: Sequence[Any],
-    mean: Array,
-    covariance: Array,
-    errors: PredictedErrors | None,
-) -> StatePairs:
-    """All D M pairs, those of the first detection first."""
-    count, storage = len(mean) - 1, spaces.storage
     joint = PredictedBelief(spaces.layout, mean[None], covariance[None]).pair_covariances()[0]
-    rows = len(detections) * count
-    prior, slopes, at = np.tile(joint, (len(detections), 1, 1)), None, None
+    rows, storage = len(detections) * count, spaces.storage
+    collected = model.collect(detections)
+    if len(detections) > 1:  # a single row is broadcast
+        collected = collected.take(np.repeat(np.arange(len(detections)), count))
+    robot = broadcast_copy(mean[0, : storage.robot], (rows, storage.robot))
+    states = np.tile(mean[1:, : storage.landmark], (len(detections), 1))
+    part = model.geometry(collected, robot, states)
+    prior, slopes = np.tile(joint, (len(detections), 1, 1)), None
     if errors is not None:
         slopes, at = np.repeat(errors.slopes, count, axis=0), np.repeat(errors.mean, count, axis=0)
+        part = errors.transition.white.linearisation(part, slopes, at)
         places = spaces.layout.rows_of_slots(np.stack([np.zeros(count, dtype=int), 1 + np.arange(count)], axis=1))
         prior = errors.with_pairs(joint, places).reshape(rows, prior.shape[-1] + 2, -1)
-    return StatePairs(
-        spaces=spaces,
-        model=model,
-        detections=model.collect(detections).take(np.repeat(np.arange(len(detections)), count)),
-        turns=np.repeat(np.sqrt([own.turn_variance for own in detections]), count),
-        robots=broadcast_copy(mean[0, : storage.robot], (rows, storage.robot)),
-        objects=np.tile(mean[1:, : storage.landmark], (len(detections), 1)),
-        covariance=prior,
-        white=None if errors is None else errors.transition.white,
-        slopes=slopes,
-        errors=at,
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
+    if slopes is not None:
+        jacobian = np.concatenate([jacobian, slopes[:, :, None] * np.eye(2)], axis=-1)
+    shape = len(detections), count
+    if spaces.name == "planar" and slopes is None and tail is None:  # whose candidates are weighed at their modes
+        turns = np.repeat(np.sqrt([own.turn_variance for own in detections]), count)
+        bent = np.flatnonzero(bend(turns, jacobian, prior) > LARGEST_BEND)
+        if len(bent):
+            pairs = StatePairs(
+                spaces=spaces,
+                model=model,
+                detections=model.collect(detections).take(bent // count),
+                robots=robot[bent],
+                objects=states[bent],
+                root=np.linalg.cholesky(prior[bent]),
+            )
+            return _at_modes(pairs, bent, part, prior, shape)
+    innovation = Innovation.of(part, jacobian, prior)
+    table = _table(part, shape)
+    log_density, distance = innovation.log_density.reshape(shape), innovation.distance.reshape(shape)
+    if tail is None:
+        return PairDensities(log_density, distance, table)
+    wide = Innovation.of(part, jacobian, prior, np.where(part.measured, tail.added, 0.0))
+    mixed = np.logaddexp(tail.log_rest + log_density, tail.log_share + wide.log_density.reshape(shape))
+    return PairDensities(mixed, distance, table, tail=tail, outlier_distance=wide.distance.reshape(shape))
+
+
+def _at_modes(
+    pairs: StatePairs, bent: Index, part: Linearisation, prior: Array, shape: tuple[int, int]
+) -> PairDensities:
+    """Densities of all pairs, ``part`` (D M, ...), those of the ``bent`` whose mode is found relinearised there."""
+    y = pairs.mode(MAX_ITERATIONS)
+    is_found = pairs.is_mode(y)
+    some, y, rows = pairs.select(np.flatnonzero(is_found)), y[is_found], bent[is_found]
+    found = some.linearised(y)
+    changed = {name: values.copy() for name, values in vars(part).items()}
+    for name, values in vars(found).items():
+        changed[name][rows] = values
+    now, elsewhere = Linearisation(**changed), np.zeros(len(prior), dtype=bool)
+    offsets = np.zeros(part.residual.shape)
+    offsets[rows], elsewhere[rows] = (some.jacobian(found) @ some.tangent(y)[..., None])[..., 0], True
+    innovation = Innovation.of(now, np.concatenate([now.jacobian_robot, now.jacobian_object], axis=-1), prior)
+    return PairDensities(
+        innovation.log_density.reshape(shape),
+        innovation.distance.reshape(shape),
+        _table(now, shape),
+        offsets.reshape(*shape, -1),
+        elsewhere.reshape(shape),
+        _table(part, shape),
     )
 
 
-def _at_modes(pairs: StatePairs, part: Linearisation, bent: Index) -> tuple[Linearisation, Array, Flags]:
-    """``part`` (B, ...) with those of the ``bent`` pairs whose mode is found relinearised there; and which they are.
-
-    The (B, m) offsets are changes of linear residuals by robot and object, from the prediction to the mode.
-    """
-    some = pairs.select(bent)
-    y = some.mode(MAX_ITERATIONS)
-    is_found = some.is_mode(y)
-    bent, y, some = bent[is_found], y[is_found], some.select(np.flatnonzero(is_found))
-    found, end = some.linearised(y), pairs.spaces.layout.size(1)
-    changed = {name: values.copy() for name, values in vars(part).items()}
-    for name, values in vars(found).items():
-        changed[name][bent] = values
-    offsets, elsewhere = np.zeros(part.residual.shape), np.zeros(len(part.residual), dtype=bool)
-    offsets[bent] = (some.jacobian(found)[:, :, :end] @ some.tangent(y)[:, :end, None])[..., 0]
-    elsewhere[bent] = True
-    return Linearisation(**changed), offsets, elsewhere
+def _table(part: Linearisation, shape: tuple[int, int]) -> Linearisation:
+    """Rows (D M, ...) as a table (D, M, ...)."""
+    return Linearisation(**{name: values.reshape(*shape, *values.shape[1:]) for name, values in vars(part).items()})
 
 
 def _no_pairs(shape: tuple[int, int]) -> Linearisation:

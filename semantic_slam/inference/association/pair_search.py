@@ -7,7 +7,6 @@ given both, pair by pair. Joint weighing of several detections starts from there
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -15,7 +14,6 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
 from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
 from semantic_slam.geometry.rows import take
-from semantic_slam.inference.models.correlated_errors import WhiteResidual
 from semantic_slam.inference.models.observation import Linearisation, ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -82,62 +80,35 @@ class PairSearch(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class StatePairs(PairSearch):
-    """Pairs in the tangent spaces of robot and object, with the correlated errors of detections where there are any."""
+    """Pairs in the tangent spaces of robot and object."""
 
     spaces: Spaces
     model: ObservationModel
     detections: Any  # B
-    turns: Array  # (B,) standard deviations of bearings [rad]
     robots: Array  # (B, s)
     objects: Array  # (B, s)
-    covariance: Array  # (B, n, n) of robot and object, and of the detection's correlated errors
-    white: WhiteResidual | None = None  # None: errors are independent
-    slopes: Array | None = None  # (B, 2) of the residuals by correlated errors
-    errors: Array | None = None  # (B, 2) predicted correlated errors
-
-    @cached_property
-    def root(self) -> Array:  # type: ignore[override]
-        return np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
-
-    def at_prediction(self) -> Linearisation:
-        """The detections linearised at the prediction."""
-        return self._geometry(self.robots, self.objects, self.errors)
+    root: Array  # (B, r + l, r + l)
 
     def part(self, tangent: Array) -> Linearisation:
-        r, end = self.spaces.layout.robot, self.spaces.layout.size(1)
+        r = self.spaces.layout.robot
         robot, by_robot = self.spaces.robot.exp_and_jacobian(tangent[:, :r])
-        landmark, by_object = self.spaces.landmark.exp_and_jacobian(tangent[:, r:end])
+        landmark, by_object = self.spaces.landmark.exp_and_jacobian(tangent[:, r:])
         x, o = self.spaces.robot.compose(self.robots, robot), self.spaces.landmark.compose(self.objects, landmark)
-        plain = self._geometry(x, o, None if self.errors is None else self.errors + tangent[:, end:])
+        plain = self.model.geometry(self.detections, x, o)
         return replace(
             plain,
             jacobian_robot=plain.jacobian_robot @ by_robot,
             jacobian_object=plain.jacobian_object @ by_object,
         )
 
-    def jacobian(self, part: Linearisation) -> Array:
-        states = super().jacobian(part)
-        if self.slopes is None:
-            return states
-        return np.concatenate([states, self.slopes[:, :, None] * np.eye(2)], axis=-1)
-
     def select(self, selection: Index) -> "StatePairs":
-        return take(self, selection, _ROWS)
-
-    def bend(self, jacobian: Array) -> Array:
-        """(B,) second-order term of a measurement at one standard deviation of the prediction, in sigmas.
-
-        A direction that turns by a = sigma c has a second-order term of a^2 / 2 of its distance.
-        """
-        variances = np.einsum("bij,bjk,bik->b", jacobian, self.covariance, jacobian)
-        return np.asarray(0.5 * self.turns * variances)
-
-    def _geometry(self, x: Array, o: Array, errors: Array | None) -> Linearisation:
-        plain = self.model.geometry(self.detections, x, o)
-        if self.white is None or self.slopes is None or errors is None:
-            return plain
-        return self.white.linearisation(plain, self.slopes, errors)
+        return take(self, selection, ("detections", "robots", "objects", "root"))
 
 
-_ROWS = ("detections", "turns", "robots", "objects", "covariance", "slopes", "errors")
-"""Fields of :class:`StatePairs` that have a row for each pair."""
+def bend(turns: Array, jacobian: Array, covariance: Array) -> Array:
+    """(B,) second-order term of a measurement at one standard deviation of the prediction, in sigmas.
+
+    ``turns`` (B,): standard deviations of bearings [rad]; ``jacobian`` (B, m, n) of whitened residuals; ``covariance``
+    (B, n, n). A direction that turns by a = sigma c has a second-order term of a^2 / 2 of its distance.
+    """
+    return np.asarray(0.5 * turns * np.einsum("bij,bjk,bik->b", jacobian, covariance, jacobian))

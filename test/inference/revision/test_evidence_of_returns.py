@@ -10,7 +10,7 @@ from semantic_slam.inference.smoothing import growth, smoother
 SIGMAS = np.array([0.05, 0.02])
 POSTS = np.array([[2.0, 1.5], [3.0, -1.0], [0.5, 3.0]])
 TURN = np.array([3.0, 0.0, 2.0])
-BEND = np.array([0.4, -0.6, 0.5])
+BEND = np.array([0.6, -0.9, 0.75])
 """By which the blind turn is not what odometry tells."""
 
 
@@ -52,5 +52,5 @@ def test_keyframes_after_a_return_are_weighed_where_it_has_moved_the_robot(monke
     monkeypatch.setattr(growth, "AT_ONCE", 0.0)
     monkeypatch.setattr(smoother, "STEPPED_SKIP", 1)
     always = log_evidence()
-    assert abs(shipped - always) < 0.3
-    assert abs(late - always) > 0.4
+    assert abs(shipped - always) < 0.1
+    assert abs(late - always) > 0.25

@@ -231,8 +231,13 @@ class LinearisedEvidence:
         return residual.reshape(count, -1), stacked, part.log_normaliser[seen, objects]
 
     def _from_where_linear(self, seen: Index, objects: Index, change: Array, variances: Array) -> tuple[Array, Array]:
-        """Changes (G, m) relative to the linearisation points, and (G, m) variances that remain there."""
+        """Changes (G, m) relative to the linearisation points, and (G, m) variances that remain there.
+
+        In the plane several pairs, linearised each at its own mode, say nothing of their joint one: that is searched.
+        """
         if self._pairs.offsets is None or self._pairs.elsewhere is None:
+            return change, variances
+        if self._pairs.at_prediction is not None and seen.shape[1] > 1:
             return change, variances
         offsets, elsewhere = self._pairs.offsets[seen, objects], self._pairs.elsewhere[seen, objects]
         widths = np.where(elsewhere[..., None], np.minimum(variances.reshape(offsets.shape), 1.0), np.inf)

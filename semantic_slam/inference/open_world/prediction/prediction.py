@@ -109,10 +109,10 @@ class Prediction:
         self, pairs: PairDensities, observed: Sequence[AssociatedDetection], births: Collection[int]
     ) -> LocalMap:
         """The local map updated by what one continuation has ``observed`` of static objects, new ones included."""
-        seen = []
+        seen, part = [], pairs.part if pairs.at_prediction is None else pairs.at_prediction
         for item in observed:
             if item.object_id not in births:
-                part, at = pairs.part, (item.number, int(np.searchsorted(self.near_ids, item.object_id)))
+                at = item.number, int(np.searchsorted(self.near_ids, item.object_id))
                 by_errors = self._residual_by_errors(item.number)
                 slopes = part.jacobian_robot[at], part.jacobian_object[at], by_errors
                 seen.append(LocalDetection(item.object_id, *(slope / item.width for slope in slopes)))
