@@ -21,6 +21,11 @@ def probability(weights: Array, values: Array) -> Array:
     return np.minimum(weights @ np.nan_to_num(values), 1.0)
 
 
+def probability_if_known(weights: Array, values: Array) -> Array:
+    """Like :func:`probability`, for one that not every model states; NaN where no hypothesis does."""
+    return np.where(np.isfinite(values).any(axis=0), probability(weights, values), np.nan)
+
+
 def mean_where_known(weights: Array, values: Array) -> Array:
     """Weighted mean over the hypotheses whose value is not NaN; NaN where there is none."""
     share = weights.reshape(-1, *(1,) * (values.ndim - 1)) * np.isfinite(values)

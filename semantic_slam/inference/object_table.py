@@ -66,7 +66,9 @@ class ObjectTable:
     descriptor_covariances: Array = field(metadata=quantity("L"))  # diagonal
     moving: Array = field(default_factory=left_out, metadata=optional_quantity())  # probability that it moves
     moved: Array = field(default_factory=left_out, metadata=optional_quantity())  # that it was moved since mapping
-    missing: Array = field(default_factory=left_out, metadata=optional_quantity())  # that it has left for good
+    missing: Array = field(  # that it existed, and has left for good
+        default_factory=left_out, metadata=quantity(rule=mixture_rules.probability_if_known, may_be_left_out=True)
+    )
     object_velocities: Array = field(default_factory=left_out, metadata=optional_quantity(6))  # in map, m/s and rad/s
 
 

@@ -4,11 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit, logit
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.maps.class_priors import class_evidence, known_priors
 from semantic_slam.maps.saved_map import MapObjects, SavedMap, have_one_origin
+
+SURELY_NOT = 1e-9
+"""Least probability of existence, and of not existing, that is taken for known: log odds stay finite."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,10 +27,10 @@ class MergedRows:
 def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Array, covariances: Array) -> MapObjects:
     """Build N merged objects at ``states`` (N, 3) with ``covariances`` (N, 3, 3)."""
     count, first = len(one.objects), len(one.objects)
-    partner = dict((*rows.same, *rows.displaced))
+    partner, share = dict((*rows.same, *rows.displaced)), _share(one, other)
     later = [int(row) - first for row in rows.kept[count:].tolist()]
     sources = [(row, partner.get(row, -1)) for row in range(count)] + [(-1, row) for row in later]
-    means, variances = zip(*(_descriptor(one.objects, other.objects, i, j) for i, j in sources), strict=True)
+    means, variances = zip(*(_descriptor(one.objects, other.objects, i, j, share) for i, j in sources), strict=True)
     priors, classes = _classes(one, other, sources)
     ids, names = _numbers(one.objects, other.objects, later)
     unknown = np.full(len(sources), np.nan)
@@ -35,7 +39,7 @@ def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Arr
         names=names,
         poses=pose_vector_from_planar(states),
         covariances=covariance_from_planar(covariances),
-        existence=np.array([_existence(one.objects, other.objects, i, j) for i, j in sources]),
+        existence=np.array([_existence(one.objects, other.objects, i, j, share) for i, j in sources]),
         class_probabilities=classes,
         class_priors=priors,
         descriptors=np.array(means),
@@ -44,6 +48,11 @@ def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Arr
         moved=unknown,
         sightings=np.array([_sightings(one.objects, other.objects, i, j) for i, j in sources]),
     )
+
+
+def _share(one: SavedMap, other: SavedMap) -> float:
+    """Share of what each map knows of an object in both: half where both runs started from one map."""
+    return 0.5 if have_one_origin(one, other) else 1.0
 
 
 def _numbers(one: MapObjects, other: MapObjects, later: list[int]) -> tuple[Index, tuple[str, ...]]:
@@ -59,9 +68,12 @@ def _numbers(one: MapObjects, other: MapObjects, later: list[int]) -> tuple[Inde
     return np.array(ids, dtype=np.int64), tuple(names)
 
 
-def _existence(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
-    told = [objects.existence[row] for objects, row in ((one, i), (other, j)) if row >= 0]
-    return float(1.0 - np.prod(1.0 - np.array(told)))
+def _existence(one: MapObjects, other: MapObjects, i: int, j: int, share: float) -> float:
+    """Probability that either run's object exists; each has the ``share`` of its log odds of what both know alike."""
+    told = np.array([objects.existence[row] for objects, row in ((one, i), (other, j)) if row >= 0])
+    if len(told) == 2 and share < 1.0:
+        return float(expit(share * logit(np.clip(told, SURELY_NOT, 1.0 - SURELY_NOT)).sum()))
+    return float(1.0 - np.prod(1.0 - told))
 
 
 def _sightings(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
@@ -74,7 +86,7 @@ def _classes(one: SavedMap, other: SavedMap, sources: Sequence[tuple[int, int]])
     The priors of the two runs are not independent; the merged prior is their mean. Where both runs started from one
     map, its evidence is contained in both, so each counts half, as for positions.
     """
-    size, share = len(one.class_names or other.class_names), 0.5 if have_one_origin(one, other) else 1.0
+    size, share = len(one.class_names or other.class_names), _share(one, other)
     halves = np.where((np.array(sources).reshape(-1, 2) >= 0).all(axis=1), share, 1.0)[:, None]
     evidence, summed, count = np.ones((len(sources), size)), np.zeros((len(sources), size)), np.zeros((len(sources), 1))
     for known, rows in zip((one, other), np.array(sources).reshape(-1, 2).T, strict=True):
@@ -88,13 +100,17 @@ def _classes(one: SavedMap, other: SavedMap, sources: Sequence[tuple[int, int]])
     return priors, told / told.sum(axis=1, keepdims=True) if size else told
 
 
-def _descriptor(one: MapObjects, other: MapObjects, i: int, j: int) -> tuple[Array, Array]:
-    """(L,) information-weighted mean and variance of both descriptors; NaN where neither is known."""
+def _descriptor(one: MapObjects, other: MapObjects, i: int, j: int, share: float) -> tuple[Array, Array]:
+    """(L,) information-weighted mean and variance of both descriptors; NaN where neither is known.
+
+    Of one in both maps, each has the ``share`` of its information.
+    """
+    halved = share if min(i, j) >= 0 else 1.0
     size = max(one.descriptors.shape[1], other.descriptors.shape[1])
     information, summed = np.zeros(size), np.zeros(size)
     for objects, row in ((one, i), (other, j)):
         if row >= 0 and objects.descriptors.shape[1] == size and np.isfinite(objects.descriptors[row]).all():
-            weight = 1.0 / objects.descriptor_variances[row]
+            weight = halved / objects.descriptor_variances[row]
             information, summed = information + weight, summed + weight * objects.descriptors[row]
     known = information > 0.0
     variance = np.where(known, 1.0 / np.where(known, information, 1.0), np.nan)

@@ -115,3 +115,10 @@ def test_a_velocity_is_averaged_over_the_hypotheses_that_know_it() -> None:
     found = marginals(np.array([0.25, 0.75]), replace(small_table(), object_velocities=velocities))
     np.testing.assert_allclose(found["object_velocities"][0], np.full(6, 2.0))
     assert found["object_velocities"][1, 0] == pytest.approx(2.5) and np.isnan(found["object_velocities"][1, 1])
+
+
+def test_an_object_is_missing_with_the_weight_of_the_hypotheses_in_which_it_was_there() -> None:
+    missing = np.full((2, 2), np.nan)
+    missing[0, 0] = 1.0
+    found = marginals(np.array([0.25, 0.75]), replace(small_table(), missing=missing))
+    assert found["missing"][0] == pytest.approx(0.25) and np.isnan(found["missing"][1])

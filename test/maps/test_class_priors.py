@@ -101,6 +101,20 @@ def test_two_runs_from_one_map_do_not_count_its_classes_twice(room: SavedMap) ->
     np.testing.assert_allclose(apart, (told**2 / prior) / (told**2 / prior).sum(), atol=1e-4)
 
 
+def test_two_runs_from_one_map_do_not_count_twice_that_a_thing_exists(room: SavedMap) -> None:
+    """Both were told that it hardly does, and looked elsewhere; runs of their own each add to it."""
+    doubted = []
+    for own in (room, furnished(5)):
+        existence = own.objects.existence.copy()
+        existence[row_of(own, "odd")] = 0.2
+        doubted.append(with_id(replace(own, objects=replace(own.objects, existence=existence))))
+    origin = [replace(own, provenance=replace(own.provenance, started_from="monday")) for own in doubted]
+    both = merged(*map(with_id, origin), "", same_frame=True)
+    assert both.objects.existence[row_of(both, "odd")] == pytest.approx(0.2, abs=1e-3)
+    apart = merged(*doubted, "", same_frame=True)
+    assert apart.objects.existence[row_of(apart, "odd")] == pytest.approx(0.36, abs=1e-3)
+
+
 def test_what_the_map_at_the_start_says_is_evidence_that_later_maps_hold(room: SavedMap) -> None:
     """Else what was known of an object on Sunday would be forgotten where Monday's map is merged with another."""
     first = with_classes(room, [0.02, 0.97, 0.01], [1.0 / 3.0] * 3, "odd")

@@ -15,13 +15,14 @@ from semantic_slam.inference.smoothing.component import Component, tracked_state
 
 
 def second_boxes(
-    settings: OpenWorldConfiguration, component: Component, births: list[Birth], detected: Array
+    settings: OpenWorldConfiguration, component: Component, existence: Array, births: list[Birth], detected: Array
 ) -> tuple[Array, Array]:
     """(G,) duplicate boxes expected in a frame, and (D, G) intensities [1/m^2 or, in space, 1/m^3] at detections.
 
-    ``detected`` (O, G) are the detection probabilities of the component's objects.
+    ``existence`` (O, G) of the component's objects now, departures included, and ``detected`` (O, G) their detection
+    probabilities.
     """
-    chances = settings.second_box_share * component.objects.existence_given * detected
+    chances = settings.second_box_share * existence * detected
     expected = chances.sum(axis=0)
     if settings.second_box_share <= 0.0 or not births:
         return expected, np.zeros((len(births), len(expected)))

@@ -46,3 +46,18 @@ def test_two_things_that_stand_together_are_two_when_both_are_seen_again_and_aga
     belief = existence_of_second((2.0, 0.5), 6)
     assert len(belief.existence) == 2
     assert belief.existence.min() > 0.95
+
+
+@pytest.mark.parametrize(("gone_s", "least"), [(0.0, 0.0), (36000.0, 0.9)])
+def test_what_has_left_has_no_second_box(gone_s: float, least: float) -> None:
+    """A detection beside a thing that has surely left in ten hours is of something else."""
+    world = {"second_box_share": 0.3, "second_box_m": WIDTH_M, "departures_per_hour": 30.0, "clutter_per_frame": 0.1}
+    world |= {"least_undetected_share": 1.0, "gate_sigma": 2.0}
+    engine = Engine(Configuration.of(association="open", semantic_model={"kind": "none"}, open_world=world))
+    still = (1e-5,) * 3
+    for k in range(4):
+        engine.process(Keyframe.planar(k, detections=[Detection.at(*THING)], motion_sigmas=still))
+    stamp_ns = int((4.0 + gone_s) * 1e9)
+    beside = Detection.at(2.0, 0.4, covariance=0.02**2 * np.eye(2))
+    belief = engine.process(Keyframe.planar(4, detections=[beside], motion_sigmas=still, stamp_ns=stamp_ns))
+    assert least <= belief.existence[-1] <= least + 0.5

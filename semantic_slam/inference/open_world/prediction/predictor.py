@@ -79,8 +79,8 @@ class Predictor:
         belief = predicted.with_objects(near, local, shift)
         objects = objects_in_reach(component.spaces, tracked, robot, reach, near, belief)
         detected = self._detected(component, region, reach, objects)
-        num_second, second = second_boxes(self.settings, component, births, detected)
         population, movers = self._left(component, stamp_ns)
+        num_second, second = second_boxes(self.settings, component, population.existence_given, births, detected)
         expected, intensity, existence = geometry.expected_births(
             self.settings, component, region, robot, births, detections, second
         )
