@@ -1,8 +1,5 @@
 """GTSAM's iSAM2 as configured here, and its single owner."""
 
-from collections.abc import Callable
-from typing import Any
-
 import gtsam
 import numpy as np
 
@@ -85,27 +82,3 @@ def single_step_isam(spaces: Spaces, *, errors_repeat: bool, factorization: str 
     solver.setWildfireThreshold(STIFF_WILDFIRE if errors_repeat else STEPPED_WILDFIRE)
     parameters.setOptimizationParams(solver)
     return gtsam.ISAM2(parameters)
-
-
-def with_factors(
-    owned: OwnedIsam,
-    graph: gtsam.NonlinearFactorGraph,
-    values: gtsam.Values,
-    removed: list[int],
-    last: Any,
-    otherwise: Callable[[], gtsam.ISAM2] | None,
-) -> tuple[OwnedIsam, list[int]]:
-    """The iSAM2 updated with ``graph``, and the slots of its factors. Raises RuntimeError where it is indeterminate.
-
-    Where it is too poorly conditioned for Cholesky (a motion known thousands of times as well as the place where it
-    began), all is factorised anew by the iSAM2 that ``otherwise`` makes; None: there is no other.
-    """
-    first = owned.isam.getFactorsUnsafe().size()
-    try:
-        return owned, owned.isam.update(graph, values, removed, last).getNewFactorsIndices()
-    except RuntimeError:
-        if otherwise is None:
-            raise
-    held, isam = gtsam.NonlinearFactorGraph(owned.isam.getFactorsUnsafe()), otherwise()
-    isam.update(held, owned.isam.getLinearizationPoint())
-    return OwnedIsam(isam), list(range(first, held.size()))

@@ -32,7 +32,7 @@ from semantic_slam.inference.smoothing.factor_table import (
     FactorTable,
     RelinearisedFactors,
 )
-from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam, with_factors
+from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
 from semantic_slam.inference.smoothing.linear.charts import Charts
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, in_charts, new_measurements
 from semantic_slam.inference.smoothing.linear.located import Located
@@ -272,10 +272,7 @@ class Smoother:
             if self.last and values.size()
             else self.last
         )
-        by_qr = partial(single_step_isam, self.spaces, errors_repeat=self.in_charts is not None, factorization="QR")
-        otherwise = by_qr if self.single_steps else None
-        owned, slots = with_factors(owned, together, values, removed, groups(last), otherwise)
-        indices = slots[graph.size() :]
+        indices = owned.isam.update(together, values, removed, groups(last)).getNewFactorsIndices()[graph.size() :]
         split = len(added.factors)
         table = self.factor_table
         made = table.replaced(renewal.rows, table.linear(renewal.rows), indices[split:], renewal.points)
