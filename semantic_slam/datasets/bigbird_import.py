@@ -24,7 +24,7 @@ from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.geometry.transform import between, compose, inverse
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
-from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate, PoseEstimate, header_message
+from semantic_slam.messages.standard import MAP_FRAME, NANOSECONDS, OdometryEstimate, PoseEstimate, header_message
 from semantic_slam.messages.typestore import message_class
 from semantic_slam.perception.frame import CameraModel, Detections
 
@@ -109,7 +109,7 @@ def below(T_map_camera: Array) -> Array:
 def write_start(writer: BagWriter, T_base_camera: Array, view: TurntableView) -> None:
     """What is said once: extrinsics, the start, the object."""
     writer.write(topics.TF_STATIC, static_transform(T_base_camera), FIRST_STAMP_NS)
-    start = PoseEstimate(FIRST_STAMP_NS, "map", below(camera_pose(view)), np.diag([1e-4, 1e-4, 0, 0, 0, 1e-4]))
+    start = PoseEstimate(FIRST_STAMP_NS, MAP_FRAME, below(camera_pose(view)), np.diag([1e-4, 1e-4, 0, 0, 0, 1e-4]))
     writer.write(topics.INITIAL_POSE, start, FIRST_STAMP_NS)
     at_origin = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
     truth = GroundTruthObjects(FIRST_STAMP_NS, (OBJECT_ID,), (view.object_name,), at_origin)
@@ -118,7 +118,7 @@ def write_start(writer: BagWriter, T_base_camera: Array, view: TurntableView) ->
 
 def write_view(writer: BagWriter, view: TurntableView, camera: CameraModel, T_map_base: Array, stamp_ns: int) -> None:
     """One picture with its box; T_map_base composed with the extrinsics is the exact camera pose about the object."""
-    for topic, frame in ((topics.ODOMETRY, "odom"), (topics.GROUND_TRUTH_ODOMETRY, "map")):
+    for topic, frame in ((topics.ODOMETRY, "odom"), (topics.GROUND_TRUTH_ODOMETRY, MAP_FRAME)):
         writer.write(topic, OdometryEstimate(stamp_ns, frame, BODY_FRAME, T_map_base, np.zeros((6, 6))), stamp_ns)
     writer.write(topics.CAMERA_INFO, camera_info(camera, 1.0, stamp_ns, CAMERA_FRAME), stamp_ns)
     path = view.folder / f"{view.stem}.jpg"

@@ -10,6 +10,8 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.typestore import message_class
 
 NANOSECONDS = 1_000_000_000
+MAP_FRAME = "map"
+"""Name of the frame of beliefs, start poses and ground truth in bags and, unless set otherwise, in a running suite."""
 FARTHEST_M = 1e9
 """Largest plausible distance [m] from an origin; larger numbers are faults."""
 

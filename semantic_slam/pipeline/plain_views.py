@@ -9,10 +9,9 @@ from scipy.spatial.transform import Rotation
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.messages.standard import PoseEstimate, header_message, pose_message
+from semantic_slam.messages.standard import MAP_FRAME, PoseEstimate, header_message, pose_message
 from semantic_slam.messages.typestore import message_class
 
-MAP = "map"
 NEWEST = 1000
 """Poses of a path that is published or recorded again and again, so that it stays small."""
 SPHERE, TEXT, ADD, DELETE = 2, 9, 0, 2
@@ -32,13 +31,13 @@ PALETTE = (
 UNKNOWN_COLOUR = (0.6, 0.6, 0.6)
 
 
-def pose_view(belief: HybridBelief, frame: str = MAP) -> PoseEstimate:
+def pose_view(belief: HybridBelief, frame: str = MAP_FRAME) -> PoseEstimate:
     """Pose estimate with the mean and covariance of the whole mixture (moment matching)."""
     pose, covariance = matched_moments(np.exp(belief.log_weights), belief.poses, belief.pose_covariances)
     return PoseEstimate(belief.stamp_ns, frame, pose, covariance)
 
 
-def path_view(stamps_ns: Sequence[int], poses: Array, frame: str = MAP) -> Any:
+def path_view(stamps_ns: Sequence[int], poses: Array, frame: str = MAP_FRAME) -> Any:
     """nav_msgs/Path of (K, 7) poses."""
     stamped = message_class("geometry_msgs/msg/PoseStamped")
     known = [
@@ -54,7 +53,7 @@ class MarkersView:
     Their opacity follows the object's existence probability; they are deleted once it is no longer in the belief.
     """
 
-    def __init__(self, frame: str = MAP) -> None:
+    def __init__(self, frame: str = MAP_FRAME) -> None:
         self._frame = frame
         self._shown: dict[tuple[str, int], None] = {}
 
@@ -140,7 +139,7 @@ def _marker(belief: HybridBelief, namespace: str, number: int, kind: int, best: 
         header=header_message(0, ""), format="", data=np.zeros(0, np.uint8)
     )
     return message_class("visualization_msgs/msg/Marker")(
-        header=header_message(belief.stamp_ns, MAP),
+        header=header_message(belief.stamp_ns, MAP_FRAME),
         ns=namespace,
         id=number,
         type=kind,

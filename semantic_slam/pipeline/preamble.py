@@ -12,9 +12,8 @@ from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import TransformTree, plain_frame
-from semantic_slam.messages.standard import PoseEstimate, is_pose
+from semantic_slam.messages.standard import MAP_FRAME, PoseEstimate, is_pose
 
-MAP_FRAME = "map"
 MAP_PRIOR_FILE = "objects.json"
 ROUNDING = 1e-12
 

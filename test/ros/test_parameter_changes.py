@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from worlds.bags.bag_factory import write_bag, write_configuration
 from worlds.bags.places import place_entries
 from worlds.processes.node_runs import beliefs, processes
+from worlds.processes.services import answered
 
 from semantic_slam.ros.bag_player import Pace
 from semantic_slam.ros.launching.node_set import node_set
@@ -30,30 +31,17 @@ class Operator:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._clients: dict[str, Any] = {}
-
-    def _answer(self, kind: Any, name: str, request: Any) -> Any:
-        if name not in self._clients:
-            self._clients[name] = self._node.create_client(kind, name)
-        client = self._clients[name]
-        assert client.wait_for_service(timeout_sec=TIMEOUT_S)
-        for _ in range(TRIES):  # a reply is lost to a client that its server has not discovered yet
-            future = client.call_async(request)
-            rclpy.spin_until_future_complete(self._node, future, timeout_sec=TIMEOUT_S / TRIES)
-            if future.done():
-                break
-        return future.result()
 
     def set(self, name: str, parameter: str, value: Any) -> str:
         """Set a parameter of a node; why it was refused, "" if it was not."""
         request = SetParameters.Request(parameters=[Parameter(parameter, value=value).to_parameter_msg()])
-        (result,) = self._answer(SetParameters, f"{name}/set_parameters", request).results
+        (result,) = answered(self._node, SetParameters, f"{name}/set_parameters", request, TRIES).results
         assert result.successful != bool(result.reason)
         return str(result.reason)
 
     def text(self, name: str, parameter: str) -> str:
         request = GetParameters.Request(names=[parameter])
-        return str(self._answer(GetParameters, f"{name}/get_parameters", request).values[0].string_value)
+        return str(answered(self._node, GetParameters, f"{name}/get_parameters", request, TRIES).values[0].string_value)
 
 
 @pytest.fixture

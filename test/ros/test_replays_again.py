@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from worlds.bags.bag_factory import frame_stamp, of_topic, write_bag, write_configuration
 from worlds.bags.places import place_entries
 from worlds.processes.node_runs import TIMEOUT_S, assert_same, beliefs, processes
+from worlds.processes.services import answered
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.inference.belief import HybridBelief
@@ -74,7 +75,7 @@ def replayed(specs: Sequence[NodeSpec], nodes: NodeProcesses, node: Node, num_be
         nodes.start(spec)
     for replay in (1, 2, 3):
         if replay == 3:
-            reset(node)
+            answered(node, Trigger, "hypothesis_manager/reset", Trigger.Request())
         nodes.start(specs[-1])
         give_up = time.monotonic() + TIMEOUT_S
         while nodes.exit_code("bag_player") is None or len(heard) < replay * num_beliefs:
@@ -82,13 +83,6 @@ def replayed(specs: Sequence[NodeSpec], nodes: NodeProcesses, node: Node, num_be
             nodes.check()
             assert time.monotonic() < give_up, [belief.keyframe for belief in heard]
     return heard
-
-
-def reset(node: Node) -> None:
-    client = node.create_client(Trigger, "hypothesis_manager/reset")
-    future = client.call_async(Trigger.Request())
-    rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT_S)
-    assert future.done()
 
 
 @pytest.fixture(scope="module")

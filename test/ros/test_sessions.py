@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from worlds.bags.bag_factory import PERIOD, Entry, write_bag, write_configuration
 from worlds.bags.places import place_entries
 from worlds.processes.node_runs import assert_same, beliefs, processes
+from worlds.processes.services import answered
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.evaluation.belief_bag import read_record
@@ -99,11 +100,7 @@ class Robot:
         self.heard.clear()
 
     def ask(self, kind: Any, name: str, request: Any) -> Any:
-        client = self.node.create_client(kind, f"/hypothesis_manager/{name}")
-        assert client.wait_for_service(timeout_sec=TIMEOUT_S)
-        future = client.call_async(request)
-        rclpy.spin_until_future_complete(self.node, future, timeout_sec=TIMEOUT_S)
-        return future.result()
+        return answered(self.node, kind, f"/hypothesis_manager/{name}", request)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
-from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
+from semantic_slam.messages.standard import MAP_FRAME, OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
 
 LABEL = "object"
@@ -58,7 +58,7 @@ class Drive:
         height = float(np.median([image.T_map_camera[2, 3] for image in self._scene.images.values()]))
         self._put(topics.TF_STATIC, static_transform(FIRST_STAMP_NS, BODY_FRAME, CAMERA_FRAME, height), FIRST_STAMP_NS)
         spread = covariance_from_planar(np.diag(INITIAL_SIGMA**2))
-        start = PoseEstimate(FIRST_STAMP_NS, "map", pose_vector_from_planar(initial), spread)
+        start = PoseEstimate(FIRST_STAMP_NS, MAP_FRAME, pose_vector_from_planar(initial), spread)
         self._put(topics.INITIAL_POSE, start, FIRST_STAMP_NS)
         if objects:
             ids = tuple(str(known.object_id) for known in objects)
@@ -73,7 +73,7 @@ class Drive:
         spread = covariance_from_planar(self._odometry.covariances[index])
         self._put(topics.ODOMETRY, OdometryEstimate(stamp, "odom", BODY_FRAME, measured, spread), stamp)
         true_pose = pose_vector_from_planar(self._truth[index])
-        truth = OdometryEstimate(stamp, "map", BODY_FRAME, true_pose, np.zeros((6, 6)))
+        truth = OdometryEstimate(stamp, MAP_FRAME, BODY_FRAME, true_pose, np.zeros((6, 6)))
         self._put(topics.GROUND_TRUTH_ODOMETRY, truth, stamp)
         if stop.keyframe:
             self._write_camera(stop.name, stamp)

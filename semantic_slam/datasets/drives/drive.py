@@ -18,7 +18,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
-from semantic_slam.messages.standard import OdometryEstimate
+from semantic_slam.messages.standard import MAP_FRAME, OdometryEstimate
 from semantic_slam.perception.frame import Detections
 
 Message = tuple[int, str, Any]
@@ -166,7 +166,7 @@ def _streams(drive: Drive, num_frames: int) -> list[Iterator[Message]]:
     """Each topic's messages with their stamps, in order."""
     streams = [_poses(drive.odometry, topics.ODOMETRY, "odom"), detected(drive.frames[:num_frames], drive.associations)]
     if drive.truth is not None:
-        streams.append(_poses(drive.truth, topics.GROUND_TRUTH_ODOMETRY, "map"))
+        streams.append(_poses(drive.truth, topics.GROUND_TRUTH_ODOMETRY, MAP_FRAME))
     if drive.objects is not None:
         streams.append(iter([_objects(drive.objects, int(drive.odometry.stamps_ns[0]))]))
     return streams

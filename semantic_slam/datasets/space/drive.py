@@ -14,7 +14,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthObjects
 from semantic_slam.messages.inertial import imu_message
-from semantic_slam.messages.standard import OdometryEstimate, PoseEstimate
+from semantic_slam.messages.standard import MAP_FRAME, OdometryEstimate, PoseEstimate
 from semantic_slam.perception.frame import Detections
 
 START_COVARIANCE = 1e-6 * np.eye(6)
@@ -68,7 +68,7 @@ def write_spatial_drive(
     if drive.accelerations is not None:
         streams.append(_shown(drive.accelerations))
     if drive.truth is not None:
-        streams.append(_poses(drive.truth, topics.GROUND_TRUTH_ODOMETRY, "map"))
+        streams.append(_poses(drive.truth, topics.GROUND_TRUTH_ODOMETRY, MAP_FRAME))
     if drive.objects is not None:
         streams.append(iter([_objects(drive.objects, int(drive.odometry.stamps_ns[0]))]))
     counts = write_messages(streams, out, title, end_ns)
@@ -79,7 +79,7 @@ def _start(drive: SpatialDrive) -> Message:
     stamp_ns, covariance = int(drive.odometry.stamps_ns[0]), START_COVARIANCE.copy()
     if drive.accelerations is not None:
         covariance[[3, 4], [3, 4]] = FELT_TILT_RAD**2
-    return stamp_ns, topics.INITIAL_POSE, PoseEstimate(stamp_ns, "map", drive.start, covariance)
+    return stamp_ns, topics.INITIAL_POSE, PoseEstimate(stamp_ns, MAP_FRAME, drive.start, covariance)
 
 
 def _shown(told: Accelerations) -> Iterator[Message]:

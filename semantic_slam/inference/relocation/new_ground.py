@@ -28,7 +28,11 @@ class Followed:
     since: int  # keyframe before which the robot was carried
     before: Progress  # up to there
     progress: Progress
-    log_joints: tuple[float, ...]  # after that keyframe, and after each since
+
+    @property
+    def log_joints(self) -> tuple[float, ...]:
+        """log P(history, Z_1:i) after that keyframe, and after each since."""
+        return self.progress.log_joints[self.since + 1 :]
 
     @property
     def num_recognisable(self) -> int:
@@ -58,7 +62,7 @@ class NewGround:
             progress = self._replay.carried(before, NEW_GROUND)
         except LostComponentError:
             return None
-        self.followed.append(Followed(since, before, progress, (progress.log_joint,)))
+        self.followed.append(Followed(since, before, progress))
         return before.component.newest_robot()[:3]
 
     def go_on(self, log_best: float) -> None:
@@ -73,7 +77,7 @@ class NewGround:
                 progress = self._replay.advanced(own.progress, 1)
             except LostComponentError:
                 return None
-            own = replace(own, progress=progress, log_joints=(*own.log_joints, progress.log_joint))
+            own = replace(own, progress=progress)
         return own
 
     def before(self, since: int, lineage: Lineage) -> Progress | None:

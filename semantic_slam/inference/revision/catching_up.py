@@ -18,13 +18,24 @@ STEPS_PER_KEYFRAME = 25
 
 BRANCHES = 4
 """Continuations of one history that are followed side by side."""
+HOPELESS = 40.0
+"""Nats behind the history that it revises at which a replay is given up. Histories that were accepted in the end had
+been up to 12 behind."""
 
 
 class Level(NamedTuple):
-    """A history that has reached the newest keyframe, or has turned out to be impossible."""
+    """A history that has reached the newest keyframe, or was given up."""
 
     asked: Lineage  # as it was proposed
-    own: Revised | None  # through all keyframes so far; None: impossible
+    own: Revised | None  # through all keyframes so far; None: impossible, or hopeless
+
+
+class _Replayed(NamedTuple):
+    """A history that waits to be replayed further."""
+
+    asked: Lineage  # as it was proposed
+    front: list[Progress]  # its continuations, likeliest first; none before it begins
+    against: Sequence[float]  # log P(history, Z_1:i) of the one that it revises
 
 
 class CatchingUp:
@@ -32,16 +43,19 @@ class CatchingUp:
 
     def __init__(self, replay: Replay) -> None:
         self._replay = replay
-        self._waiting: deque[tuple[Lineage, list[Progress]]] = deque()  # none before it begins
+        self._waiting: deque[_Replayed] = deque()
 
     @property
     def is_idle(self) -> bool:
         """Whether the queue is empty."""
         return not self._waiting
 
-    def add(self, lineages: Iterable[Lineage]) -> None:
-        """Append histories to the queue."""
-        self._waiting.extend((lineage, []) for lineage in lineages)
+    def add(self, lineages: Iterable[Lineage], against: Sequence[float] = ()) -> None:
+        """Append histories to the queue.
+
+        ``against``: log P(history, Z_1:i) of the history that they revise, for i = 0 .. k; () if there is none.
+        """
+        self._waiting.extend(_Replayed(lineage, [], against) for lineage in lineages)
 
     def give_up(self) -> None:
         """Empty the queue."""
@@ -51,22 +65,29 @@ class CatchingUp:
         """Histories that reach the newest keyframe within ``count`` more replayed keyframes, also ones added since."""
         now = len(self._replay.steps)
         while self._waiting and count > 0:
-            asked, front = self._waiting.popleft()
+            asked, front, against = self._waiting.popleft()
             front = front or [self._replay.resumed(asked)]
             try:
                 while front[0].at < now and count > 0:
                     count -= len(front)
                     front = self._next(asked, front)
+                    _check_hope(front[0], against)
             except LostComponentError:
                 yield Level(asked, None)
                 continue
             if front[0].at == now:
                 yield Level(asked, self._replay.finished(front[0]))
             else:
-                self._waiting.appendleft((asked, front))
+                self._waiting.appendleft(_Replayed(asked, front, against))
 
     def _next(self, asked: Lineage, front: Sequence[Progress]) -> list[Progress]:
         """The continuations after one more keyframe. Raises LostComponentError where there is none."""
         if front[0].at < len(asked):
             return [self._replay.further(front[0])]
         return self._replay.branched(front, BRANCHES)
+
+
+def _check_hope(best: Progress, against: Sequence[float]) -> None:
+    """Raises LostComponentError where a history is too far behind the one that it revises."""
+    if best.at < len(against) and best.log_joint < against[best.at] - HOPELESS:
+        raise LostComponentError("a revised history is far less likely than the one that it revises")

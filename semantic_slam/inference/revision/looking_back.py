@@ -136,14 +136,16 @@ class LookingBack:
         log_weight = present.live[followed.number].log_weight
         self._log_surplus = log_weight + present.log_evidence - followed.log_joint
         if self._is_in_space:
-            self._catching_up.add(self._dissolving.histories(followed))
+            self._catching_up.add(self._dissolving.histories(followed), followed.log_joints)
             return
+        found: list[Lineage] = []
         if Kind.OTHERWISE in self._kinds:
-            self._catching_up.add(self._proposals(followed, present.ids, present.objects[followed.number]))
-            self._catching_up.add(self._with_movers(followed))
-            self._catching_up.add(self._returns.histories(followed, self._replay.problem.pruning.ratio))
+            found += self._proposals(followed, present.ids, present.objects[followed.number])
+            found += self._with_movers(followed)
+            found += self._returns.histories(followed, self._replay.problem.pruning.ratio)
         if Kind.SECOND_BOXES in self._kinds:
-            self._catching_up.add(self._without_second_boxes(followed, present))
+            found += self._without_second_boxes(followed, present)
+        self._catching_up.add(found, followed.log_joints)
 
     def _without_second_boxes(self, followed: Revised, present: Present) -> list[Lineage]:
         """Histories, not live ones, in which an object is removed as duplicate boxes of the thing beside it."""

@@ -32,9 +32,14 @@ class Progress:
     at: int  # number of keyframes replayed
     number: int  # hypothesis id after ``at`` keyframes
     component: Component
-    log_joint: float  # log P(history, Z_1:at)
+    log_joints: tuple[float, ...]  # log P(history, Z_1:i) for i = 0 .. at
     expected_births: float  # summed over these keyframes
     replicates: Array  # (B,) bootstrap replicates of the weight, see ``Bagging``
+
+    @property
+    def log_joint(self) -> float:
+        """log P(history, Z_1:at)."""
+        return self.log_joints[-1]
 
 
 @dataclass(frozen=True)
@@ -44,10 +49,15 @@ class Revised:
     number: int  # its hypothesis id
     parent_id: int
     lineage: Lineage
-    log_joint: float  # log P(history, Z_1:k)
+    log_joints: tuple[float, ...]  # log P(history, Z_1:i) for i = 0 .. k
     component: Component = field(compare=False)
     expected_births: float = field(default=0.0, compare=False)
     replicates: Array = field(default_factory=lambda: np.zeros(0), compare=False)  # (B,)
+
+    @property
+    def log_joint(self) -> float:
+        """log P(history, Z_1:k)."""
+        return self.log_joints[-1]
 
 
 @dataclass
@@ -101,7 +111,9 @@ class Replay:
         """A history before the first keyframe."""
         beginning = self.problem.beginning(lineage)
         root, log_weight = self.association.root(beginning), self.problem.log_weight_of(beginning)
-        return Progress(lineage, 0, ROOT_ID + beginning, root, log_weight, 0.0, self.problem.bagging.begun(log_weight))
+        return Progress(
+            lineage, 0, ROOT_ID + beginning, root, (log_weight,), 0.0, self.problem.bagging.begun(log_weight)
+        )
 
     def advanced(self, own: Progress, count: int, *, in_place: bool = True) -> Progress:
         """A history after at most ``count`` more keyframes. Raises LostComponentError where it is impossible.
@@ -204,7 +216,7 @@ class Replay:
             at=own.at + 1,
             number=expansion.ids[row],
             component=component,
-            log_joint=own.log_joint + log_psi,
+            log_joints=(*own.log_joints, own.log_joint + log_psi),
             expected_births=own.expected_births + float(expansion.keyframe.expected_births[parent]),
             replicates=self.problem.bagging.grown(own.replicates, own.at, log_psi),
         )
@@ -213,7 +225,7 @@ class Replay:
         """The result of a history that was replayed through all keyframes so far."""
         numbers = self._numbers(own.lineage)
         return Revised(
-            own.number, numbers[-2], own.lineage, own.log_joint, own.component, own.expected_births, own.replicates
+            own.number, numbers[-2], own.lineage, own.log_joints, own.component, own.expected_births, own.replicates
         )
 
     def number_of(self, lineage: Lineage) -> int:

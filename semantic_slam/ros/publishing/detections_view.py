@@ -7,8 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.pipeline.plain_views import MAP
+from semantic_slam.messages.standard import MAP_FRAME, NANOSECONDS
 
 NO_CLASS = "object"
 """Class name of every object if the run has no classes."""
@@ -17,7 +16,7 @@ NO_CLASS = "object"
 class DetectionsView:
     """Makes messages of ``vision_msgs`` (4.x); ``make`` returns the message class of a type name."""
 
-    def __init__(self, make: Callable[[str], Any], frame: str = MAP) -> None:
+    def __init__(self, make: Callable[[str], Any], frame: str = MAP_FRAME) -> None:
         self._make, self._frame = make, frame
 
     def objects(self, belief: HybridBelief) -> Any:

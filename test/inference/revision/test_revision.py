@@ -16,12 +16,12 @@ from semantic_slam.geometry import se2
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Commit, Components
-from semantic_slam.inference.revision.catching_up import BRANCHES, CatchingUp
+from semantic_slam.inference.revision.catching_up import BRANCHES, HOPELESS, CatchingUp, Level
 from semantic_slam.inference.revision.pairs import merged, relative_distances, seen_together
 from semantic_slam.inference.revision.replay import CHECKPOINT, Replay
 from semantic_slam.inference.smoothing import trunks
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.states.lineage import LineageStep
+from semantic_slam.inference.states.lineage import Lineage, LineageStep
 from semantic_slam.ros.rounds.round_checks import fault_of_commit
 
 LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])
@@ -186,6 +186,25 @@ def test_a_history_that_caught_up_is_followed_from_there_on(monkeypatch: pytest.
     (level,) = waiting.go_on(CHECKPOINT)
     monkeypatch.setattr(Replay, "advanced", None)
     assert replay.followed(other) == level.own
+
+
+def test_a_replay_is_given_up_where_it_is_far_behind_the_history_that_it_revises() -> None:
+    engine, replay = followed_in_a_room(12)
+    first, other = [own.lineage for own in engine.live.values()][:2]
+    (level,) = _caught_up(replay, [other], ())
+    assert level.own is not None
+    own = np.array(level.own.log_joints)
+    assert len(own) == 13
+    for nats, reaches_the_end in ((HOPELESS - 1e-6, True), (HOPELESS + 1e-6, False)):
+        better = own + np.where(np.arange(13) == 5, nats, 0.0)
+        alone, beside = _caught_up(replay, [other, first], better.tolist())
+        assert (alone.own is not None) == reaches_the_end and beside.own is not None
+
+
+def _caught_up(replay: Replay, lineages: Sequence[Lineage], against: Sequence[float]) -> list[Level]:
+    waiting = CatchingUp(replace(replay, _kept={}, _beside={}))
+    waiting.add(lineages, against)
+    return list(waiting.go_on(100))
 
 
 def test_histories_that_wait_catch_up_a_few_keyframes_at_a_time() -> None:

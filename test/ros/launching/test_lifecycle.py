@@ -6,16 +6,15 @@ Active, they replay a bag without pictures, as the offline pipeline does.
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 import rclpy
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rclpy.node import Node
 from worlds.bags.bag_factory import write_bag, write_configuration
 from worlds.bags.places import place_entries
 from worlds.processes.node_runs import assert_same, beliefs, processes
+from worlds.processes.services import answered
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag
@@ -25,23 +24,12 @@ from semantic_slam.ros.launching.processes import NodeProcesses
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 10
-TIMEOUT_S, TRIES = 60.0, 3
+TIMEOUT_S = 60.0
 STEPS = (
     (Transition.TRANSITION_CONFIGURE, "inactive"),
     (Transition.TRANSITION_ACTIVATE, "active"),
     (Transition.TRANSITION_DEACTIVATE, "inactive"),
 )
-
-
-def answer(node: Node, kind: Any, name: str, request: Any) -> Any:
-    client = node.create_client(kind, name)
-    assert client.wait_for_service(timeout_sec=TIMEOUT_S)
-    for _ in range(TRIES):  # a reply is lost to a client that its server has not discovered yet
-        future = client.call_async(request)
-        rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT_S / TRIES)
-        if future.done():
-            break
-    return future.result()
 
 
 def wait_until(nodes: NodeProcesses, happened: Callable[[], bool]) -> None:
@@ -68,11 +56,11 @@ def test_nodes_wait_for_their_transitions_replay_as_offline_and_end_well_when_sh
             node = rclpy.create_node("operator")
 
             def state(name: str) -> str:
-                return str(answer(node, GetState, f"{name}/get_state", GetState.Request()).current_state.label)
+                return str(answered(node, GetState, f"{name}/get_state", GetState.Request()).current_state.label)
 
             def change(name: str, transition: int) -> bool:
                 request = ChangeState.Request(transition=Transition(id=transition))
-                return bool(answer(node, ChangeState, f"{name}/change_state", request).success)
+                return bool(answered(node, ChangeState, f"{name}/change_state", request).success)
 
             names = [spec.name for spec in specs]
             assert {state(name) for name in names} == {"unconfigured"}
