@@ -16,7 +16,7 @@ from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building.class_prior import class_prior
 from semantic_slam.inference.inputs.word_reader import WordReader
-from semantic_slam.inference.models.planar.frames import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing, camera_distance
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.class_names import NONE_OF_THESE
@@ -122,14 +122,13 @@ class _Reader:
         return self._measured[stamp_ns]
 
     def _seen_from(self, number: int, keyframe: int, measured: SemanticMeasurements) -> tuple[float, float]:
-        """Direction from object to camera in map [rad] and distance [m], as the belief of the keyframe has them."""
+        """Direction from object to camera in map [rad] and their distance [m], by the belief of the keyframe."""
         beliefs = self._run.record.beliefs
         belief = next(own for own in (beliefs[keyframe], beliefs[-1]) if number in own.object_ids)
         robot = planar_from_pose_vector(beliefs[keyframe].poses[self._hypothesis(keyframe)])
         place = belief.object_poses[belief.object_ids.tolist().index(number), :2]
-        upright = np.array([[*place, 0.0]])
-        bearing = camera_bearing(robot[None], upright, measured.sensor_position[:2])
-        return float(bearing[0]), float(np.hypot(*(place - robot[:2])))
+        seen = robot[None], place[None], measured.sensor_position[:2]
+        return float(camera_bearing(*seen)[0]), float(camera_distance(*seen)[0])
 
     def _hypothesis(self, keyframe: int) -> int:
         """The one that becomes the heaviest in the end, else the heaviest of that keyframe."""
