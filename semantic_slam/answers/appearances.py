@@ -16,7 +16,7 @@ from semantic_slam.evaluation.history import best_history, best_index, lineage
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.models.planar.frames import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing, camera_distance
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground, SeenVectors
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
@@ -138,6 +138,7 @@ def seen_views(
 
 
 def _view(number: int, vector: Array, robot: Array, place: Array, sensor: Array) -> SeenView:
-    direction = camera_bearing(robot[None], np.append(place[:2], 0.0)[None], sensor)[0]
-    away = max(float(np.hypot(*(place[:2] - robot[:2]))), LEAST_RANGE_M)
+    seen = robot[None], place[None, :2], sensor
+    direction, distance = camera_bearing(*seen)[0], camera_distance(*seen)[0]
+    away = max(float(distance), LEAST_RANGE_M)
     return SeenView(object_id=number, vector=vector, direction=float(direction), log_range=float(np.log(away)))

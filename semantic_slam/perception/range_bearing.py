@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.configuration import PerceptionConfiguration
-from semantic_slam.geometry.arrays import Array, squared_norms
-from semantic_slam.geometry.pose import rotation_matrix, transform_points
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import rotated, rotation_matrix, transform_points
+from semantic_slam.perception.boxes.box_sizes import pixel_rays
 from semantic_slam.perception.frame import CameraModel
 
 CENTRAL_FRACTION = 0.6
@@ -37,13 +37,7 @@ def viewing_ray(box: Array, camera: CameraModel) -> Array:
 
 def viewing_rays(boxes: Array, camera: CameraModel) -> Array:
     """(D, 3) unit rays through the centres of (D, 4) boxes, in the optical frame, lens distortion removed."""
-    rays = np.ones((len(boxes), 3))
-    if len(boxes):
-        intrinsics = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
-        distortion = np.array(camera.distortion or (0.0, 0.0, 0.0, 0.0))
-        centres = 0.5 * (boxes[:, None, :2] + boxes[:, None, 2:])
-        rays[:, :2] = cv2.undistortPoints(centres, intrinsics, distortion)[:, 0]
-    return np.asarray(rays / np.sqrt(squared_norms(rays))[:, None])
+    return pixel_rays(0.5 * (boxes[:, :2] + boxes[:, 2:]), camera)
 
 
 def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -> float:
@@ -61,7 +55,7 @@ def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -
 
 def elevation(box: Array, camera: CameraModel, T_base_camera: Array) -> float:
     """Downward angle [rad] of the ray through the box centre, in the body frame: camera elevation over the object."""
-    direction = rotation_matrix(T_base_camera[3:]) @ viewing_ray(box, camera)
+    direction = rotated(rotation_matrix(T_base_camera[3:]), viewing_ray(box, camera))
     return float(np.arcsin(np.clip(-direction[2], -1.0, 1.0)))
 
 
@@ -81,7 +75,7 @@ def range_and_bearing(
     depth = float("nan") if depth_m is None else depth_in_box(depth_m, box, configuration.max_depth_m)
     bearing_variance = configuration.sigma_bearing_rad**2
     if np.isnan(depth):
-        direction = rotation_matrix(T_base_camera[3:]) @ ray
+        direction = rotated(rotation_matrix(T_base_camera[3:]), ray)
         covariance = np.diag([np.nan, bearing_variance])
         return RangeBearing(float("nan"), float(np.arctan2(direction[1], direction[0])), covariance)
     width_m = (box[2] - box[0]) / camera.fx * depth

@@ -117,12 +117,55 @@ def _joint(model: LabelModel, views: list[View], kinds: tuple[str, ...], share: 
     return total
 
 
+def test_views_from_every_distance_and_direction_are_remembered():
+    """With a confusion that is known: the product over views of the kernel to the nearest of all earlier ones."""
+    random, model = np.random.default_rng(0), unfitted(counts=1e9)
+    cells = random.integers([8, 20], size=(60, 2)) * [2, 3] + [66, -12]
+    views = [certain(int(random.integers(4)), int(cell) % DIRECTIONS, STEP_RAD * step) for cell, step in cells]
+    found = seen(model, views).log_likelihood
+    theta = PRIOR / PRIOR.sum(axis=1, keepdims=True)
+    for number, share in enumerate(REPEAT_SHARES):
+        exact = sum(np.log(_given_all_before(views[: n + 1], share, theta)) for n in range(len(views)))
+        np.testing.assert_allclose(found[number], exact, atol=1e-6)
+
+
+def _given_all_before(views: list[View], share: float, theta: np.ndarray) -> np.ndarray:
+    """(K,) probabilities of the last word given all earlier ones; of equally near ones the lowest cell counts."""
+    outlier, (*earlier, (word, _, direction, log_range)) = MODEL.confusions[0].outlier_share, views
+    new = (1.0 - outlier) * theta[:, word] + outlier / MODEL.num_words
+    if not earlier:
+        return new
+    newest = {(cell, away): told for told, _, cell, away in earlier}
+    turns = {place: abs((place[0] - direction + 36) % DIRECTIONS - 36) * STEP_RAD for place in newest}
+    away = {place: np.hypot(turns[place], place[1] - log_range) for place in newest}
+    nearest = min(sorted(away), key=lambda place: round(away[place], 9))
+    repeats = share * np.exp(-away[nearest] / REPEAT_RAD)
+    return repeats * (newest[nearest] == word) + (1.0 - repeats) * new
+
+
+@pytest.mark.parametrize("near", [0.5, 0.9])
+def test_a_robot_that_goes_back_and_forth_between_two_places_hears_what_it_heard_there(near):
+    """Each place repeats its own first answer: as views from two directions that are as far apart."""
+    apart = round(np.log(3.0 / near) / STEP_RAD)
+    there = told(MODEL, [certain(0, log_range=STEP_RAD * apart * (number % 2)) for number in range(20)])
+    around = told(MODEL, [certain(0, apart * (number % 2)) for number in range(20)])
+    np.testing.assert_allclose(there, around, rtol=1e-12)
+    assert np.exp(there[0]) / np.exp(there).sum() < 0.95
+
+
+def test_as_many_views_are_remembered_as_there_are_places():
+    around = [certain(0, cell, STEP_RAD * step) for cell in (0, 9, 30) for step in (-3, 0, 12)]
+    newest = seen(MODEL, [certain(1, *view[2:]) for view in around] + around * 2).newest
+    assert len(newest.directions) == len(around) and not newest.words[0].any()
+
+
 def test_a_first_view_counts_as_any_other_does_where_nothing_was_said_before():
     view, start = viewed(*unsure(0, [0.5, 0.3, 0.1, 0.1])), MODEL.start()
     short, whole = (kind.of(MODEL, start, view, MODEL.drawn(view)).record for kind in (FirstView, LaterView))
     assert short.words == whole.words
-    for name in ("log_likelihood", "counts", "newest"):
+    for name in ("log_likelihood", "counts"):
         np.testing.assert_allclose(getattr(short, name), getattr(whole, name), rtol=1e-12, atol=0.0)
+    assert short.newest.nearest(view) == whole.newest.nearest(view) == (0, 1, 0.0)
 
 
 def test_what_is_filtered_is_near_what_is_exact():

@@ -4,7 +4,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import largest_sigmas
-from semantic_slam.inference.models.planar.frames import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing, camera_distance
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, STEP_RAD
 
@@ -18,8 +18,8 @@ def view_places(given: SemanticInput) -> Index:
     """(K, n, 3) viewpoints of K candidates on each of n objects, in steps; 0 where there is none.
 
     The cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
-    logarithm of the distance [m]; and its standard deviation, 0 in the plane, where ranges are well known. Directions
-    and log distances have the same step.
+    logarithm of their distance [m]; and its standard deviation, 0 in the plane, where ranges are well known.
+    Directions and log distances have the same step.
     """
     robot, objects = _states(given)
     told = [given.step.detections[index].sensor for index in given.used.tolist()]
@@ -35,9 +35,9 @@ def view_places(given: SemanticInput) -> Index:
         wide = largest_sigmas(spread[:, own, own]) / np.maximum(away, LEAST_RANGE_M)
         steps[rows, numbers, 2] = np.ceil(np.minimum(wide, WIDEST) / STEP_RAD)
     else:
-        sensors = np.array(told).reshape(-1, 2)
-        bearing = camera_bearing(robots, seen, sensors[numbers])
-        away = np.hypot(seen[:, 0] - robots[:, 0], seen[:, 1] - robots[:, 1])
+        sensors = np.array(told).reshape(-1, 2)[numbers]
+        bearing = camera_bearing(robots, seen, sensors)
+        away = camera_distance(robots, seen, sensors)
     found = np.rint(np.array([bearing, np.log(np.maximum(away, LEAST_RANGE_M))]) / STEP_RAD)
     found[0] %= DIRECTIONS
     steps[rows, numbers, :2] = found.T

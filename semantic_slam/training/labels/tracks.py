@@ -11,12 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.evaluation.history import best_index, histories, lineage
+from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building.class_prior import class_prior
 from semantic_slam.inference.inputs.word_reader import WordReader
-from semantic_slam.inference.models.planar.frames import camera_bearing
+from semantic_slam.inference.models.planar.frames import camera_bearing, camera_distance
+from semantic_slam.inference.states.spaces import viewpoints_of
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.class_names import NONE_OF_THESE
@@ -122,16 +124,28 @@ class _Reader:
         return self._measured[stamp_ns]
 
     def _seen_from(self, number: int, keyframe: int, measured: SemanticMeasurements) -> tuple[float, float]:
-        """Direction from object to camera in map [rad] and distance [m], as the belief of the keyframe has them."""
+        """Direction from object to camera in map [rad] and their distance [m], by the belief of the keyframe."""
         beliefs = self._run.record.beliefs
         belief = next(own for own in (beliefs[keyframe], beliefs[-1]) if number in own.object_ids)
-        robot = planar_from_pose_vector(beliefs[keyframe].poses[self._hypothesis(keyframe)])
-        place = belief.object_poses[belief.object_ids.tolist().index(number), :2]
-        upright = np.array([[*place, 0.0]])
-        bearing = camera_bearing(robot[None], upright, measured.sensor_position[:2])
-        return float(bearing[0]), float(np.hypot(*(place - robot[:2])))
+        pose = beliefs[keyframe].poses[self._hypothesis(keyframe)]
+        place = belief.object_poses[belief.object_ids.tolist().index(number), :3]
+        return seen_from(pose, place, measured.sensor_position, in_space=self._run.configuration.is_spatial)
 
     def _hypothesis(self, keyframe: int) -> int:
         """The one that becomes the heaviest in the end, else the heaviest of that keyframe."""
         known = self._ancestors[keyframe]
         return known if known >= 0 else best_index(self._run.record.beliefs[keyframe])
+
+
+def seen_from(pose: Array, place: Array, sensor: Array, *, in_space: bool) -> tuple[float, float]:
+    """Direction in map [rad] and distance [m] of a camera from an object, as runs measure them.
+
+    ``pose`` (7,) of the robot and ``place`` (3,) of the object in map, ``sensor`` (3,) of the camera in the body frame;
+    heights count only ``in_space``.
+    """
+    if in_space:
+        from_object = pose[:3] + so3.rotated(pose[3:], sensor) - place
+        view = viewpoints_of(from_object[None])
+        return float(view.azimuth_rad[0]), float(view.range_m[0])
+    seen = planar_from_pose_vector(pose)[None], place[None], sensor[:2]
+    return float(camera_bearing(*seen)[0]), float(camera_distance(*seen)[0])

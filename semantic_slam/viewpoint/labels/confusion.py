@@ -14,8 +14,9 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 HIDDEN_NONE = 2
 """Number of hypotheses for the class "none of the labels": called by the other word, or by any word."""
 DIRECTIONS = 72
-"""Number of azimuth cells around an object; the newest view from each is remembered."""
+"""Number of azimuth cells around an object."""
 STEP_RAD = 2.0 * np.pi / DIRECTIONS
+"""Width of an azimuth cell [rad], and step of the log distances of views."""
 TURNS = STEP_RAD * np.abs(
     (np.arange(DIRECTIONS)[:, None] - np.arange(DIRECTIONS) + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2
 )

@@ -60,10 +60,11 @@ class LabelModel(LabelPrior):
 
     def word_probabilities(self, record: LabelRecord, view: LabelView) -> Array:
         """(R, K, W) predictive word probabilities of one more view, regardless of its own answer and scores."""
-        repeating, earlier = self.repeats(record, record.nearest(view))
+        nearest = record.newest.nearest(view)
+        repeating = self.repeats(nearest)
         counts = self.factors[..., None] * self.prior_of(view)
         counts[..., list(record.words)] += np.moveaxis(record.counts, 0, -1)
         share = self.confusions[view.stretch].outlier_share
         new = (1.0 - share) * counts / counts.sum(axis=2, keepdims=True) + share / self.num_words
-        repeated = repeating[..., None] * (np.arange(self.num_words) == earlier)
+        repeated = repeating[..., None] * (np.arange(self.num_words) == nearest.answer)
         return np.asarray(repeated + (1.0 - repeating[..., None]) * new)

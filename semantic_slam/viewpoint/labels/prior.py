@@ -8,7 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
 from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE, Confusion
-from semantic_slam.viewpoint.labels.record import ANSWER, ANY_STRETCH, UNSEEN, LabelRecord, LabelView
+from semantic_slam.viewpoint.labels.record import ANY_STRETCH, LabelRecord, LabelView, NearestView, NewestViews
 from semantic_slam.viewpoint.labels.runner_up import EVEN_HABITS, LEAST_WORDS, RunnersUp, first_gains
 from semantic_slam.viewpoint.labels.settings import LabelSettings
 
@@ -124,11 +124,10 @@ class LabelPrior:
         """(3,) log likelihood gain of a first view's second word, for the relations RIGHT, TRUTH and NEITHER."""
         return first_gains(self.num_words, self.habits) if self.num_words >= LEAST_WORDS else np.zeros(3)
 
-    def repeats(self, record: LabelRecord, nearest: tuple[int, float]) -> tuple[Array, int]:
-        """(R, 1) probabilities that the nearest earlier view is repeated, and that view's word."""
-        place, away = nearest
-        share = self.settings.repeat_shares * np.exp(-away / self.settings.repeat_rads)
-        return share[:, None], int(record.newest[ANSWER, place])
+    def repeats(self, nearest: NearestView) -> Array:
+        """(R, 1) probabilities that the nearest earlier view is repeated."""
+        share = self.settings.repeat_shares * np.exp(-nearest.away / self.settings.repeat_rads)
+        return np.asarray(share[:, None])
 
     def start(self) -> LabelRecord:
         """Empty record of an object not yet seen."""
@@ -141,7 +140,7 @@ class LabelPrior:
             log_likelihood=np.zeros(size),
             words=(),
             counts=np.zeros((0, *size)),
-            newest=UNSEEN,
+            newest=NewestViews.none(),
             seconds=RunnersUp.start(self.num_words, self.habits),
         )
 

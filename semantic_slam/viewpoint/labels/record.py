@@ -3,19 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
-from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, TURNS
+from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.viewpoint.labels.confusion import TURNS
 from semantic_slam.viewpoint.labels.runner_up import NONE, RunnersUp, RunnerUp
 
 LEAST_REPORTED = 1.0 + 1e-9
 """Scores above the minimum by this factor were reported; the remaining words share the rest evenly."""
-LOG_RANGE, ANSWER, SECOND = 0, 1, 2
-"""Rows of ``LabelRecord.newest``: log distance in metres (inf where unseen), and first and second word (-1: none)."""
-UNSEEN = np.repeat([[np.inf], [-1.0], [float(NONE)]], DIRECTIONS, axis=1)
-"""(3, DIRECTIONS) initial ``newest`` of an object not yet seen."""
 ANY_STRETCH = -1
 """Stretch index of a view outside the fitted stretches."""
 
@@ -46,8 +43,64 @@ class LabelView:
 
     word: LabelWord
     direction: int  # azimuth cell of the direction from object to camera, in the map frame
-    log_range: float  # of the distance in metres
+    log_range: float  # of the distance in metres, in steps of ``STEP_RAD``
     stretch: int = ANY_STRETCH  # stretch index of the drive
+
+
+class NearestView(NamedTuple):
+    """Words of the nearest earlier view, -1 where there is none, and its distance in angle and log range."""
+
+    answer: int
+    second: int
+    away: float
+
+    def repeated_by(self, view: LabelView) -> RunnerUp:
+        """Second word of a view, with the earlier second word that it may repeat."""
+        earlier = self.second if self.answer == view.word.answer else NONE
+        return RunnerUp(first=view.word.answer, second=view.word.second, earlier=earlier, away=self.away)
+
+
+NO_VIEW = NearestView(answer=-1, second=NONE, away=np.inf)
+"""Stands for the nearest earlier view of an object not yet seen."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewestViews:
+    """Newest view of an object from each of P places; a place is an azimuth cell and a step of the log range.
+
+    The number of places is bounded by the numbers of cells and of steps between the nearest and the farthest view.
+    """
+
+    directions: Index  # (P,) azimuth cells, ascending
+    log_ranges: Array  # (P,)
+    words: Index  # (2, P) first and second word, -1 where there is none
+
+    @classmethod
+    def none(cls) -> Self:
+        """No view yet."""
+        return cls(directions=np.zeros(0, dtype=int), log_ranges=np.zeros(0), words=np.zeros((2, 0), dtype=int))
+
+    def nearest(self, view: LabelView) -> NearestView:
+        """Nearest earlier view; among equally near ones that of the lowest azimuth cell."""
+        if not len(self.directions):
+            return NO_VIEW
+        away = np.hypot(TURNS[view.direction, self.directions], self.log_ranges - view.log_range)
+        place = int(away.argmin())
+        answer, second = self.words[:, place].tolist()
+        return NearestView(answer=answer, second=second, away=float(away[place]))
+
+    def following(self, view: LabelView) -> Self:
+        """With one more view, in place of an earlier one from its place."""
+        first, end = np.searchsorted(self.directions, [view.direction, view.direction + 1]).tolist()
+        same = np.flatnonzero(self.log_ranges[first:end] == view.log_range)
+        start = first + int(same[0]) if len(same) else end
+        rest = start + len(same)
+        words = np.array([[view.word.answer], [view.word.second]])
+        return type(self)(
+            directions=np.concatenate([self.directions[:start], [view.direction], self.directions[rest:]]),
+            log_ranges=np.concatenate([self.log_ranges[:start], [view.log_range], self.log_ranges[rest:]]),
+            words=np.concatenate([self.words[:, :start], words, self.words[:, rest:]], axis=1),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,27 +110,8 @@ class LabelRecord:
     log_likelihood: Array  # (R, K) of all views
     words: tuple[int, ...]  # (N) words reported so far
     counts: Array  # (N, R, K) of new answers
-    newest: Array  # (3, DIRECTIONS) of the newest view from each direction: LOG_RANGE, ANSWER, SECOND
+    newest: NewestViews  # one from each place
     seconds: RunnersUp  # evidence of the second-best words
-
-    def nearest(self, view: LabelView) -> tuple[int, float]:
-        """Azimuth cell of the nearest earlier view, and its distance in angle and log range."""
-        away = np.hypot(TURNS[view.direction], self.newest[LOG_RANGE] - view.log_range)
-        place = int(away.argmin())
-        return place, float(away[place])
-
-    def runner_up(self, view: LabelView, nearest: tuple[int, float]) -> RunnerUp:
-        """Second word of a view, with the earlier second word that it may repeat."""
-        place, away = nearest
-        same = self.newest[ANSWER, place] == view.word.answer
-        earlier = int(self.newest[SECOND, place]) if same else NONE
-        return RunnerUp(first=view.word.answer, second=view.word.second, earlier=earlier, away=away)
-
-    def newest_with(self, view: LabelView) -> Array:
-        """(3, DIRECTIONS) ``newest`` updated with one more view."""
-        newest = self.newest.copy()
-        newest[:, view.direction] = view.log_range, view.word.answer, view.word.second
-        return newest
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -98,7 +98,7 @@ class FirstView:
             log_likelihood=self.log_likelihood[by_score],
             words=word.reported,
             counts=counts[:, by_score],
-            newest=before.newest_with(view),
+            newest=before.newest.following(view),
             seconds=before.seconds if second is None else second.after,
         )
 
@@ -120,16 +120,16 @@ class LaterView:
     @classmethod
     def of(cls, prior: LabelPrior, record: LabelRecord, view: LabelView, drawn: Array) -> Self:
         """Weigh a view of an object with words or without; ``drawn`` (2, K) as :meth:`LabelPrior.drawn` finds it."""
-        word, share, nearest = view.word, prior.confusions[view.stretch].outlier_share, record.nearest(view)
+        word, share, nearest = view.word, prior.confusions[view.stretch].outlier_share, record.newest.nearest(view)
         totals = prior.weighted_totals[view.stretch][prior.sector_of(view)] + record.counts.sum(axis=0)
         of_class, weights = prior.factors * drawn[prior.by_score], _weights(prior, record.words, view)
         new = (of_class + np.einsum("rn,nrk->rk", weights, record.counts)) / totals
-        repeating, earlier = prior.repeats(record, nearest)
+        repeating = prior.repeats(nearest)
         anew = 1.0 - repeating
         inlier, outlier = (anew * (1.0 - share)) * new, anew * (share / prior.num_words)
-        likelihood = inlier + (outlier + repeating if earlier == word.answer else outlier)
+        likelihood = inlier + (outlier + repeating if nearest.answer == word.answer else outlier)
         told = record.log_likelihood + np.log(likelihood)
-        second = record.seconds.following(record.runner_up(view, nearest))
+        second = record.seconds.following(nearest.repeated_by(view))
         if second is not None:  # scores include it already, where they count
             told += prior.by_word * second.gained[prior.classes_of_rows]
         return cls(
@@ -161,7 +161,7 @@ class LaterView:
             log_likelihood=self.log_likelihood,
             words=shares.words,
             counts=shares.after,
-            newest=self.before.newest_with(self.view),
+            newest=self.before.newest.following(self.view),
             seconds=self.before.seconds if self.second is None else self.second.after,
         )
 

@@ -24,6 +24,11 @@ def camera_bearing(robot: Array, objects: Array, sensor: Array) -> Array:
     return np.asarray(np.arctan2(left, ahead))
 
 
+def camera_distance(robot: Array, objects: Array, sensor: Array) -> Array:
+    """(K,) distances [m] in the plane from (K, 2) or (K, 3) objects to the cameras of (K, 3) robots."""
+    return np.asarray(np.hypot(*_from_object(robot, objects, sensor)))
+
+
 def _from_object(x: Array, o: Array, sensor: Array) -> tuple[Array, Array]:
     """(B,) offsets of the cameras from the objects along the two axes of map."""
     ahead, left = x[..., 0] - o[..., 0], x[..., 1] - o[..., 1]
