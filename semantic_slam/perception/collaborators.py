@@ -46,6 +46,6 @@ class AppearanceCheck(Protocol):
 
 def crop_features(extractor: FeatureExtractor, image: Bytes, boxes: Array) -> Array:
     """(D, F) learned features of the objects in (D, 4) boxes of an RGB image."""
-    crops = [square_crop(image, box, extractor.input_size) for box in boxes]
-    features = [extractor.features(crop[None]) for crop in crops]  # one by one: a network rounds by the batch size
-    return np.concatenate([np.zeros((0, extractor.num_features)), *features])
+    size = extractor.input_size
+    crops = np.array([square_crop(image, box, size) for box in boxes], dtype=np.uint8)
+    return extractor.features(crops.reshape(len(boxes), size, size, 3))

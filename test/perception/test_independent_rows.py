@@ -6,13 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semantic_slam.class_models.latent_space import load_extractor
-from semantic_slam.configuration import Configuration, PerceptionConfiguration
+from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.pose import rotated, rotation_matrix, transform_points
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
-from semantic_slam.perception.collaborators import crop_features
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.places_geometry import places_of_boxes
 from semantic_slam.perception.points_in_space import points_of_boxes
@@ -99,16 +97,3 @@ def test_rotations_are_sums_of_products_in_the_order_of_the_axes() -> None:
         np.testing.assert_array_equal(rotated(rotation, vectors), exact)
         np.testing.assert_array_equal(rotated(rotation, np.asfortranarray(vectors)), exact)
         np.testing.assert_allclose(rotated(rotation, vectors), vectors @ rotation.T, rtol=0.0, atol=1e-15)
-
-
-def test_learned_features_are_those_of_a_box_alone() -> None:
-    extractor = load_extractor(Configuration.of(semantic_model={"kind": "latent"}).semantic_model)
-    assert extractor is not None
-    random = np.random.default_rng(3)
-    image = random.integers(0, 255, size=(480, 640, 3), dtype=np.uint8)
-    for _ in range(3):
-        boxes = boxes_of(random)
-        together = crop_features(extractor, image, boxes)
-        alone = [crop_features(extractor, image, box[None])[0] for box in boxes]
-        np.testing.assert_array_equal(together, alone)
-    assert crop_features(extractor, image, np.zeros((0, 4))).shape == (0, extractor.num_features)
