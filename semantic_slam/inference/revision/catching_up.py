@@ -19,8 +19,8 @@ STEPS_PER_KEYFRAME = 25
 BRANCHES = 4
 """Continuations of one history that are followed side by side."""
 HOPELESS = 40.0
-"""Nats behind the history that it revises at which a replay is given up. Histories that were accepted in the end had
-been up to 12 behind."""
+"""Nats behind the history that it revises at which a replay is given up. In two
+simulated walks, the histories that entered in the end had been up to 17 behind on the way."""
 
 
 class Level(NamedTuple):
