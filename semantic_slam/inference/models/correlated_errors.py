@@ -42,10 +42,16 @@ SAME_PLACE = 16.0
 """Squared Mahalanobis distance in range and bearing below which a detection may be at a place of the frame before."""
 
 
+def sensor_sigmas(settings: DetectionErrorsConfiguration) -> Array:
+    """(2,) prior standard deviations [m, rad] of the constant sensor errors; (0,) where there are none."""
+    sigmas = np.array([settings.sigma_range_offset_m, settings.sigma_yaw_rad])
+    return sigmas if sigmas.any() else sigmas[:0]
+
+
 def sensor_slopes(settings: DetectionErrorsConfiguration, detections: Sequence[Any]) -> Array:
     """H (2 D, 2), Jacobian of the f of D detections by the constant sensor errors; (2 D, 0) where there are none."""
-    sigmas = np.array([settings.sigma_range_offset_m, settings.sigma_yaw_rad])
-    if not sigmas.any():
+    sigmas = sensor_sigmas(settings)
+    if not len(sigmas):
         return np.zeros((2 * len(detections), 0))
     whiten = np.array([own.whiten for own in detections]).reshape(-1, 2)
     return np.asarray(whiten * sigmas / np.sqrt(settings.correlated_share))
