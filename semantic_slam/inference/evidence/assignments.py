@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.states.observers import Observers
 
 AT_MODES = (
     "log_evidence",
@@ -19,6 +20,7 @@ AT_MODES = (
     "innovation_nees",
 )
 """Columns that are computed at the mode of a candidate."""
+_OBSERVER = ("robot", "robot_covariance", "sensor", "sensor_covariance")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +39,8 @@ class Assignments:
     effective_sample_sizes: Array | None = None  # (K,) NaN where nothing was sampled
     robot: Array | None = None  # (K, s)
     robot_covariance: Array | None = None  # (K, r, r)
+    sensor: Array | None = None  # (K, d) constant errors of the sensor
+    sensor_covariance: Array | None = None  # (K, d, r + d) of these with the robot and among each other
     object_states: Array | None = None  # (K, n, s) of each detection's object
     object_covariances: Array | None = None  # (K, n, l, l)
     innovation_nees: Array | None = (
@@ -76,6 +80,10 @@ class Assignments:
         column = getattr(self, name)
         assert column is not None, name
         return np.asarray(column)
+
+    def observers(self, rows: Index) -> Observers:
+        """The robots in the plane and their sensors' constant errors at the modes of some rows."""
+        return Observers.of(*(self.column(name)[rows] for name in _OBSERVER))
 
     def gaining(self, **columns: Any) -> "Assignments":
         """The assignments with more columns, or with columns replaced."""

@@ -5,11 +5,11 @@ standard normal in each component, is a Gaussian process over viewing geometry w
 
     Cov(f_i, f_j) = rho (c + (1 - c) exp(-|p_i - p_j|^2 / (2 l^2))),
 
-where p are places relative to the robot, c the share that a whole frame has in common (heading, clock, scale of
-ranges), and rho = exp(-metres / m - radians / a) decays with the motion between two frames: Gauss-Markov along the
-drive. A robot at rest thus learns a place no better than the variance of f allows. Dependence on earlier frames passes
-through the newest frame with detections alone: exact while the same places are in view; places out of view for a frame
-are forgotten.
+where p are places relative to the robot (:func:`lasting_places`), c the share that a whole frame has in common
+(heading, clock, scale of ranges), and rho = exp(-metres / m - radians / a) decays with the motion between two frames:
+Gauss-Markov along the drive. A robot at rest thus learns a place no better than the variance of f allows. Dependence on
+earlier frames passes through the newest frame with detections alone: exact while the same places are in view; places
+out of view for a frame are forgotten.
 
 Constant sensor errors, a range offset and a yaw of the mount, persist: with g ~ N(0, I) in units of their standard
 deviations, H_i g is added to f_i. g is a further entry behind those of the detections, and drifts as the biases of
@@ -23,9 +23,11 @@ from typing import Any, Self
 import gtsam
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.optimize import linear_sum_assignment
 
 from semantic_slam.configuration import DetectionErrorsConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.models.odometry_bias import CHANGE
@@ -36,12 +38,20 @@ OWN_SHARE = 1e-4
 """Share of the variance of f that no two detections share: keeps covariances regular where two coincide."""
 CHANGE_OF_SENSOR = CHANGE / np.sqrt(STRETCH)
 """Standard deviation of the change of g from one frame to the next."""
+SAME_PLACE = 16.0
+"""Squared Mahalanobis distance in range and bearing below which a detection may be at a place of the frame before."""
+
+
+def sensor_sigmas(settings: DetectionErrorsConfiguration) -> Array:
+    """(2,) prior standard deviations [m, rad] of the constant sensor errors; (0,) where there are none."""
+    sigmas = np.array([settings.sigma_range_offset_m, settings.sigma_yaw_rad])
+    return sigmas if sigmas.any() else sigmas[:0]
 
 
 def sensor_slopes(settings: DetectionErrorsConfiguration, detections: Sequence[Any]) -> Array:
     """H (2 D, 2), Jacobian of the f of D detections by the constant sensor errors; (2 D, 0) where there are none."""
-    sigmas = np.array([settings.sigma_range_offset_m, settings.sigma_yaw_rad])
-    if not sigmas.any():
+    sigmas = sensor_sigmas(settings)
+    if not len(sigmas):
         return np.zeros((2 * len(detections), 0))
     whiten = np.array([own.whiten for own in detections]).reshape(-1, 2)
     return np.asarray(whiten * sigmas / np.sqrt(settings.correlated_share))
@@ -55,6 +65,36 @@ def correlation(settings: DetectionErrorsConfiguration, one: Array, other: Array
     for component, common in enumerate((settings.common_range_share, settings.common_bearing_share)):
         found[:, component, :, component] = common + (1.0 - common) * near
     return (1.0 - OWN_SHARE) * found.reshape(2 * len(one), 2 * len(other))
+
+
+def lasting_places(
+    settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, detections: Sequence[Any]
+) -> Array:
+    """(D, 2) places [m] of D detections in the body frame, for the kernel, which is over true places.
+
+    What stands still has, relative to the robot, the place that its last detection had, moved by odometry. Detections
+    are matched with these places one to one, and keep them except for the share of their errors that the motion has
+    renewed: otherwise the white noise of a measured place would count as motion.
+    """
+    places = np.array([own.place for own in detections])
+    if carried is None:
+        return places
+    ranged = np.array([own.has_range for own in detections], dtype=bool)
+    offsets = _polar(carried.places)[None] - _polar(places)[:, None]
+    offsets[..., 1] = wrap_angle(offsets[..., 1])
+    whitened = offsets @ np.swapaxes([own.whiten for own in detections], 1, 2)
+    renewed = 1.0 - settings.correlated_share * carried.left  # white, or changed since
+    squared = (whitened**2).sum(axis=-1) / (2.0 * renewed)
+    squared[~ranged] = SAME_PLACE
+    rows, columns = linear_sum_assignment(np.minimum(squared, SAME_PLACE))
+    same = squared[rows, columns] < SAME_PLACE
+    places[rows[same]] += carried.left * (carried.places[columns[same]] - places[rows[same]])
+    return places
+
+
+def _polar(places: Array) -> Array:
+    """(n, 2) range [m] and bearing [rad] of places (n, 2)."""
+    return np.stack([np.hypot(places[:, 0], places[:, 1]), np.arctan2(places[:, 1], places[:, 0])], axis=1)
 
 
 @dataclass(frozen=True)
@@ -140,7 +180,7 @@ class ErrorTransition:
         cls, settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, detections: Sequence[Any]
     ) -> Self:
         """The transition to detections in the body frame; ``carried`` is already expressed at the newest keyframe."""
-        places, by_sensor = np.array([own.place for own in detections]), sensor_slopes(settings, detections)
+        places, by_sensor = lasting_places(settings, carried, detections), sensor_slopes(settings, detections)
         matrix, noise = _repeated(settings, carried, places)
         matrix, noise = _with_sensor(matrix, noise, by_sensor, None if carried is None else carried.by_sensor)
         return cls(

@@ -14,6 +14,7 @@ from semantic_slam.configuration import DetectionErrorsConfiguration, MovingConf
 from semantic_slam.configuration.labelled_numbers import labelled_numbers
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.inference.models.correlated_errors import sensor_sigmas
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,11 @@ class Moving:
     def stands(self) -> Flags:
         """(S,) whether an object stands still under a speed setting. Raises InputError."""
         return np.asarray(self.speeds == 0.0)
+
+    @cached_property
+    def sensor_sigmas(self) -> Array:
+        """(d,) prior standard deviations of the constant sensor errors, range offset [m] and yaw [rad], if any."""
+        return sensor_sigmas(self.errors)
 
     def shares(self, labels: Sequence[str]) -> Array:
         """(D,) prior probabilities that the objects of detections with these labels move."""

@@ -78,7 +78,8 @@ def mover_marginals(component: Component, movers: Movers, robot_covariance: Arra
 
     ``robot_covariance`` (3, 3) is that of the newest pose, in its tangent space.
     """
-    states, covariances = as_objects(movers.seen_from(component.newest_robot()), robot_covariance)
+    observer = component.observer(robot_covariance)
+    states, covariances = as_objects(movers.seen_from(observer), observer.covariances[0])
     return component.objects.rates.average(movers.existence), states, covariances
 
 

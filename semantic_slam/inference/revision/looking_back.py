@@ -193,7 +193,9 @@ class LookingBack:
         steps = [replace(own, detections=followed.component.sensed(own.detections)) for own in self._replay.steps]
         trail = followed.component.tracked.trail
         since = max(now - AGAIN * self._settings.every_keyframes, 0)
-        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since)
+        errors = followed.component.tracked.sensor
+        sensor = None if errors is None else errors[:, 0]
+        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since, sensor)
         alone = standing_proposals(lineage, movers, since)
         return self._each_and_all(lineage, groups, self._tried, with_mover) + self._each_and_all(
             lineage, alone, self._stood, with_standing

@@ -32,6 +32,7 @@ from semantic_slam.inference.states.keys import number_of, object_key, robot_key
 from semantic_slam.inference.states.metre import Metre
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.inference.states.observers import Observers
 from semantic_slam.inference.states.outlier_counts import OutlierCounts
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects, TrackedStates
@@ -109,6 +110,11 @@ class Component:
     def newest_robot(self) -> Array:
         """(s,) estimate of the robot's pose at the newest keyframe."""
         return np.asarray(self.states([robot_key(self.keyframe)])[0, : self.spaces.storage.robot])
+
+    def observer(self, robot_covariance: Array) -> Observers:
+        """The newest pose of a robot in the plane, of this covariance (3, 3), with its sensor's constant errors."""
+        mean, spread = (np.zeros(0), np.zeros((0, 3))) if self.tracked is None else self.tracked.constant_errors
+        return Observers.of(self.newest_robot()[None], robot_covariance[None], mean[None], spread[None])
 
     @property
     def oldest(self) -> int:

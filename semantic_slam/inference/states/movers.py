@@ -1,9 +1,10 @@
 """Moving (or possibly moving) objects of one hypothesis, tracked as a few Gaussians each, outside the smoother.
 
 A state is x, y [m] and velocity [m/s] in map, and the correlated part of its detections' errors, two numbers of unit
-variance along range and bearing. It is conditional on the robot: state = mean + gain d + e, where d is the tangent
-vector from the robot's reference pose to its true pose, and e has covariance ``spreads`` and is independent of the
-robot. Later corrections of the robot's pose thus carry over to the object, but not the other way round.
+variance along range and bearing. It is conditional on the observer, the robot and its sensor's constant errors: state =
+mean + gain d + e, where d is the tangent vector from the observer's reference to its true state, and e has covariance
+``spreads`` and is independent of the observer. Later corrections of the observer thus carry over to the object, but not
+the other way round.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.states.observers import Observers
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 STATE = 6
@@ -32,6 +34,7 @@ class Movers:
 
     stamp_ns: int
     robot: Array  # (3,) reference pose
+    sensor: Array  # (d,) reference constant errors of the sensor
     stands: Flags  # (S,) speed hypotheses under which a mover stands still
     ids: Index  # (T,)
     moving: Array  # (T, G) probability of being a mover, if it exists; 1 where that is decided
@@ -39,19 +42,20 @@ class Movers:
     detectable: Array | None  # (T, G) probability that it can be detected next; None: always
     log_speeds: Array  # (T, S) log probabilities of the speed hypotheses
     means: Array  # (T, S, 6)
-    gains: Array  # (T, S, 6, 3) Jacobians by the robot's pose
-    spreads: Array  # (T, S, 6, 6) covariances given the robot
+    gains: Array  # (T, S, 6, 3 + d) Jacobians by the observer
+    spreads: Array  # (T, S, 6, 6) covariances given the observer
 
     def __len__(self) -> int:
         return len(self.ids)
 
     @classmethod
-    def none(cls, stands: Flags, num_rates: int, misses_in_runs: bool) -> "Movers":
-        """The empty table, before the first detection; ``stands`` (S,)."""
+    def none(cls, stands: Flags, num_rates: int, misses_in_runs: bool, num_sensor: int) -> "Movers":
+        """The empty table, before the first detection; ``stands`` (S,); ``num_sensor`` d."""
         num_speeds = len(stands)
         return cls(
             stamp_ns=0,
             robot=np.zeros(3),
+            sensor=np.zeros(num_sensor),
             stands=stands,
             ids=np.zeros(0, dtype=int),
             moving=np.zeros((0, num_rates)),
@@ -59,7 +63,7 @@ class Movers:
             detectable=np.zeros((0, num_rates)) if misses_in_runs else None,
             log_speeds=np.zeros((0, num_speeds)),
             means=np.zeros((0, num_speeds, STATE)),
-            gains=np.zeros((0, num_speeds, STATE, 3)),
+            gains=np.zeros((0, num_speeds, STATE, 3 + num_sensor)),
             spreads=np.zeros((0, num_speeds, STATE, STATE)),
         )
 
@@ -116,17 +120,18 @@ class Movers:
         some: dict[str, Any] = {name: getattr(self, name)[:, kept] for name in _PER_RATE if _is_known(self, name)}
         return replace(self, **some)
 
-    def seen_from(self, robot: Array) -> "Movers":
-        """The movers relative to another reference pose of the robot (3,)."""
-        shift = se2.log(se2.between(self.robot, robot))
-        return replace(self, robot=robot, means=self.means + self.gains @ shift)
+    def seen_from(self, observer: Observers) -> "Movers":
+        """The movers relative to another reference: that of the one ``observer``."""
+        robot, sensor = observer.robots[0], observer.sensors[0]
+        shift = np.concatenate([se2.log(se2.between(self.robot, robot)), sensor - self.sensor])
+        return replace(self, robot=robot, sensor=sensor, means=self.means + self.gains @ shift)
 
-    def moments(self, robot_covariance: Array) -> tuple[Array, Array]:
-        """(T, 6) means and (T, 6, 6) covariances over the speeds, for a robot with its mean at the reference pose."""
+    def moments(self, observer_covariance: Array) -> tuple[Array, Array]:
+        """(T, 6) means and (T, 6, 6) covariances over the speeds, for an observer with its mean at the reference."""
         share = np.exp(self.log_speeds)
         mean = np.einsum("ts,tsi->ti", share, self.means)
         apart = self.means - mean[:, None]
-        by_robot = self.gains @ robot_covariance @ np.swapaxes(self.gains, -1, -2)
+        by_robot = self.gains @ observer_covariance @ np.swapaxes(self.gains, -1, -2)
         within = self.spreads + by_robot + apart[..., :, None] * apart[..., None, :]
         return mean, np.einsum("ts,tsij->tij", share, within)
 

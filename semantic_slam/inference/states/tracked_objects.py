@@ -129,11 +129,23 @@ class TrackedStates:
     @property
     def sensor(self) -> Array | None:
         """(d, 2) means and standard deviations of the sensor's constant errors; None if they are not estimated."""
-        if self.errors is None or self.carried_covariance is None or not self.errors.by_sensor.size:
+        mean, covariance = self.constant_errors
+        if not len(mean):
             return None
-        first = len(self.errors.by_sensor)
-        spread = np.sqrt(np.diagonal(self.carried_covariance)[len(self.carried_covariance) - self.num_errors + first :])
-        return np.stack([self.errors.mean[first:], spread], axis=1)
+        return np.stack([mean, np.sqrt(np.diagonal(covariance[:, -len(mean) :]))], axis=1)
+
+    @property
+    def constant_errors(self) -> tuple[Array, Array]:
+        """(d,) means of the sensor's constant errors, and their (d, r + d) covariance with robot and each other.
+
+        d is 0 if they are not estimated.
+        """
+        size = len(self.robot_covariance)
+        count = 0 if self.errors is None else self.errors.by_sensor.shape[1]
+        if self.errors is None or self.carried_covariance is None or not count:
+            return np.zeros(0), np.zeros((0, size))
+        rows = self.carried_covariance[-count:]
+        return self.errors.mean[-count:], np.concatenate([rows[:, :size], rows[:, -count:]], axis=1)
 
     @property
     def num_errors(self) -> int:

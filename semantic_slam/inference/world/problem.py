@@ -179,5 +179,7 @@ class Problem:
             elsewhere=plain.object_ids if is_elsewhere else frozenset(),
             settings=self.noises[number],
             metre=None if self.objects or not self.sigma_metre else Metre(self.sigma_metre, robot.mean[:2]),
-            movers=Movers.none(self.moving.stands, len(rates), in_runs) if self.moving.is_on else None,
+            movers=None
+            if not self.moving.is_on
+            else Movers.none(self.moving.stands, len(rates), in_runs, len(self.moving.sensor_sigmas)),
         )

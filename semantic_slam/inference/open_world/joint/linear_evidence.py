@@ -27,6 +27,8 @@ class _Results:
     log_evidence: Array  # (K,) of the detections, births under their stand-in priors
     robot: Array  # (K, s) modes
     robot_covariance: Array  # (K, r, r)
+    sensor: Array  # (K, d) constant errors of the sensor
+    sensor_covariance: Array  # (K, d, r + d)
     object_states: Array  # (K, D, s) NaN without an object
     object_covariances: Array  # (K, D, l, l)
     bend: Array  # (K,)
@@ -35,14 +37,16 @@ class _Results:
     outlier_probability: Array  # (K, D)
 
     @classmethod
-    def empty(cls, shape: tuple[int, ...], spaces: Spaces) -> "_Results":
-        """Unfilled results, (K, D) in shape."""
+    def empty(cls, shape: tuple[int, ...], spaces: Spaces, sensor: tuple[Array, Array]) -> "_Results":
+        """Unfilled results, (K, D) in shape; of the ``sensor`` as predicted."""
         count, detections = shape
         storage, r, own = spaces.storage, spaces.layout.robot, spaces.layout.landmark
         return cls(
             log_evidence=np.zeros(count),
             robot=np.empty((count, storage.robot)),
             robot_covariance=np.empty((count, r, r)),
+            sensor=np.repeat(sensor[0][None], count, axis=0),
+            sensor_covariance=np.repeat(sensor[1][None], count, axis=0),
             object_states=np.full((count, detections, storage.landmark), np.nan),
             object_covariances=np.full((count, detections, own, own), np.nan),
             bend=np.zeros(count),
@@ -84,16 +88,19 @@ class LinearisedEvidence:
         turns: Array,
         errors: PredictedErrors | None = None,
         anchors: Array | None = None,
+        sensor: tuple[Array, Array] | None = None,
     ):
         """``mean`` (1 + M, s) and ``covariance`` of robot and near objects; ``turns`` (D,) sigmas of bearings [rad].
 
         ``errors`` of the detections where these are correlated, the ``pairs`` being whitened accordingly; ``anchors``
-        (M, 3) from where objects were first seen along a ray alone, NaN of others.
+        (M, 3) from where objects were first seen along a ray alone, NaN of others. ``sensor``: (d,) expected constant
+        errors, and their (d, r + d) covariance with the robot and among each other; None: none are estimated.
         """
         self.spaces, self.mean, self.covariance = spaces, mean, covariance
         self.births, self.turns, self.errors = births, turns, errors
         self.layout, self.known, self.tail = spaces.layout, len(mean) - 1, pairs.tail
         self._part, self._pairs, self._anchors = pairs.part, pairs, anchors
+        self._sensor = (np.zeros(0), np.zeros((0, self.layout.robot))) if sensor is None else sensor
 
     @classmethod
     def of(cls, spaces: Spaces, prediction: Prediction, pairs: PairDensities) -> Self:
@@ -107,6 +114,7 @@ class LinearisedEvidence:
             np.sqrt([d.turn_variance for d in prediction.detections]),
             prediction.errors,
             prediction.anchors,
+            prediction.sensor,
         )
 
     def evaluate(self, assignments: Assignments, columns: Index) -> Assignments:
@@ -115,7 +123,7 @@ class LinearisedEvidence:
         ``columns`` (K, D): object; M + i where detection i starts one; -1 where it is ignored, being clutter or weighed
         elsewhere.
         """
-        results = _Results.empty(columns.shape, self.spaces)
+        results = _Results.empty(columns.shape, self.spaces, self._sensor)
         is_known = (columns >= 0) & (columns < self.known)
         counts = is_known.sum(axis=1)
         for count in np.unique(counts).tolist():
@@ -133,7 +141,7 @@ class LinearisedEvidence:
             joint = self._innovation(seen, objects)
             choices = self._choices(joint)
             covariance = joint.covariance if choices is None else choices.covariance
-            inverse, (_, log_determinant) = np.linalg.inv(covariance), np.linalg.slogdet(covariance)
+            inverse, (_, log_determinant) = np.asarray(np.linalg.inv(covariance)), np.linalg.slogdet(covariance)
             weighted = (inverse @ joint.residual[..., None])[..., 0]
             shift = -(weighted[:, None] @ joint.cross)[:, 0]
             after = after - _transposed(joint.cross) @ inverse @ joint.cross
@@ -146,11 +154,27 @@ class LinearisedEvidence:
                 result.outlier[rows[:, None], seen] = choices.outlier
                 result.outlier_probability[rows[:, None], seen] = choices.probability
             result.innovation_nees[rows] = squared / degrees
+            if self.errors is not None and len(self._sensor[0]):
+                self._fill_sensor(result, rows, self._with_sensor(self.errors, joint, seen, places), inverse, joint)
             change = (joint.jacobian @ shift[..., None])[..., 0]
             variances = np.diagonal(joint.covariance, axis1=1, axis2=2) - 1.0
             result.bend[rows] = self._bend(seen, *self._from_where_linear(seen, objects, change, variances))
         own = np.concatenate([np.zeros((len(rows), 1), dtype=int), 1 + objects], axis=1)
         self._fill(result, rows, columns, seen, own, self.layout.blocks(shift), after)
+
+    @staticmethod
+    def _with_sensor(errors: PredictedErrors, joint: JointInnovation, seen: Index, places: Index) -> Array:
+        """(G, m, d) covariance of the residuals of detections ``seen`` (G, n) with the constant sensor errors."""
+        rows, sensor = _components(seen), slice(2 * len(errors.slopes), None)
+        repeated = errors.slopes.ravel()[rows][..., None] * errors.covariance[rows, sensor]
+        return np.asarray(joint.jacobian @ errors.cross[places, sensor] + repeated)
+
+    def _fill_sensor(self, result: _Results, rows: Index, cross: Array, inverse: Array, joint: JointInnovation) -> None:
+        """Update the constant sensor errors, by their covariance ``cross`` (G, m, d) with the residuals."""
+        gain = _transposed(cross) @ inverse
+        result.sensor[rows] -= (gain @ joint.residual[..., None])[..., 0]
+        with_robot = joint.cross[..., self.layout.block(0)]
+        result.sensor_covariance[rows] -= gain @ np.concatenate([with_robot, cross], axis=2)
 
     def _choices(self, joint: JointInnovation) -> OutlierChoices | None:
         """Which detections are outliers; None: none can be."""

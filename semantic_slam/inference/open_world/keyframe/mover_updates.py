@@ -11,6 +11,7 @@ from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.lineage import MOVES, LineageStep
 from semantic_slam.inference.states.movers import Movers
+from semantic_slam.inference.states.observers import Observers
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 LIKELY = 0.5
@@ -20,31 +21,30 @@ LIKELY = 0.5
 def movers_after(
     prediction: Prediction,
     taken: LineageStep,
-    robot: Array,
-    covariance: Array,
+    observer: Observers | None,
     update: ExistenceUpdate,
     least_existence: float,
 ) -> Movers | None:
-    """Moving objects after a keyframe, given the robot's mode ``robot`` (3,) and its ``covariance`` (3, 3).
+    """Moving objects after a keyframe, given the one ``observer`` at its mode; None: nothing moves.
 
     ``update`` is that of the existence of objects standing still. A second detection decides whether an object moves:
     if its history takes it to stand still, it is dropped from the moving objects.
     """
     predicted = prediction.movers
-    if predicted is None:
+    if predicted is None or observer is None:
         none = prediction.component.movers
         return None if none is None else none.with_rates(update.rates_kept)
     association, moves = np.array(taken.association, dtype=int), np.array(taken.class_assignment) == MOVES
     numbers = np.flatnonzero(moves)
     rows = predicted.movers.rows(association[numbers])
-    seen = predicted.observed(rows, numbers, robot, covariance).with_rates(update.rates_kept)
+    seen = predicted.observed(rows, numbers, observer).with_rates(update.rates_kept)
     left = np.flatnonzero(~np.isin(predicted.movers.ids, association))
-    others = _missed(prediction, predicted, left, update, least_existence).seen_from(robot)
+    others = _missed(prediction, predicted, left, update, least_existence).seen_from(observer)
     known = others.joined(_detectable_again(update.rates, seen))
     new = np.flatnonzero(np.isin(association, update.new_ids) & (predicted.shares > 0.0))
     existence = update.new_existence[np.searchsorted(update.new_ids, association[new])]
     return known.take(np.argsort(known.ids)).joined(
-        _detectable_again(update.rates, predicted.started(new, association[new], existence, robot))
+        _detectable_again(update.rates, predicted.started(new, association[new], existence, observer))
     )
 
 

@@ -235,7 +235,7 @@ class OpenAssociation:
         if movers is None or not len(movers):
             nothing = np.zeros((len(log_new), 0))
             return nothing, nothing > 0.0, None
-        density, distance = movers.pairs(prediction.predicted.covariance[0, :3, :3])
+        density, distance = movers.pairs(prediction.observer)
         least = least_detected(self.settings)
         by_rates = log_weights + movers.log_detected(least, log_missed, prediction.undecided)
         moving = density + np.logaddexp.reduce(by_rates, axis=1)

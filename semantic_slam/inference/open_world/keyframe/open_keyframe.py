@@ -163,7 +163,7 @@ class OpenKeyframe:
         return [self._update(some, row, steps[row], existence[number]) for row, number in enumerate(rows)]
 
     def _update(self, own: Assignments, row: int, taken: LineageStep, existence: ExistenceUpdate) -> ComponentUpdate:
-        states = own.column("object_states")[row]
+        states, robot = own.column("object_states")[row], own.column("robot")[row]
         parent = int(own.parents[row])
         prediction, births = self.predictions[parent], self._births[parent]
         given = zip(prediction.detections, taken.association, taken.class_assignment, strict=True)
@@ -178,13 +178,13 @@ class OpenKeyframe:
         local = None
         if self.parents.components[parent].single_steps:
             local = prediction.local_after(self.pairs[parent], [observed[number] for number in standing], births)
-        robot, spread = own.column("robot")[row], own.column("robot_covariance")[row]
+        observer = None if prediction.movers is None else own.observers(np.array([row]))
         least = self.problem.open_world.least_existence
         return ComponentUpdate(
             observed=[observed[number] for number in standing],
             objects=list(states[standing]),
             robot=robot,
-            movers=movers_after(prediction, taken, robot, spread, existence, least),
+            movers=movers_after(prediction, taken, observer, existence, least),
             predicted=prediction.objects.robot,
             new_objects={int(n): births[int(n)].at(modes[int(n)], robot) for n in existence.new_ids},
             existence=existence,
@@ -229,7 +229,6 @@ class OpenKeyframe:
             return rows
         evidence, states = rows.column("log_evidence").copy(), rows.column("object_states").copy()
         covariances = rows.column("object_covariances").copy()
-        robot, spread = rows.column("robot"), rows.column("robot_covariance")
         at, numbers = np.nonzero(rows.classes == MOVES)
         ids = rows.object_ids(self.object_ids)[at, numbers]
         for parent, prediction in enumerate(self.predictions):
@@ -237,9 +236,10 @@ class OpenKeyframe:
             if prediction.movers is None or not len(own):
                 continue
             objects, detections, row = prediction.movers.movers.rows(ids[own]), numbers[own], at[own]
-            density = prediction.movers.log_densities(objects, detections, robot[row], spread[row])[0]
+            observers = rows.observers(row)
+            density = prediction.movers.log_densities(objects, detections, observers)[0]
             np.add.at(evidence, row, density)
-            places, around = prediction.movers.places(detections, robot[row], spread[row])
+            places, around = prediction.movers.places(detections, observers)
             states[row, detections], covariances[row, detections] = places, around
         return rows.gaining(log_evidence=evidence, object_states=states, object_covariances=covariances)
 

@@ -15,7 +15,8 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.moving.moving_objects import PlacedDetections, rotation
+from semantic_slam.inference.open_world.moving.moving_objects import rotation
+from semantic_slam.inference.open_world.moving.placed_detections import PlacedDetections
 from semantic_slam.inference.states.lineage import MOVES, Lineage, LineageStep, movers_of
 from semantic_slam.inference.states.movers import Movers
 
@@ -54,13 +55,15 @@ def mover_proposals(
     moving: Moving,
     settings: OpenWorldConfiguration,
     since: int = 0,
+    sensor: Array | None = None,
 ) -> list[Group]:
     """Groups of objects, with ids from ``first_new`` on, that may be one moving object; largest gain first.
 
     ``trail`` (K, 3): the robot at the keyframes of ``steps``, whose detections have the noise that the history assumes.
-    Objects not seen from keyframe ``since`` on are left out: all evidence of them was weighed before.
+    Objects not seen from keyframe ``since`` on are left out: all evidence of them was weighed before. ``sensor`` (d,):
+    expected constant errors of the sensor, in units of their standard deviations; None: none are estimated.
     """
-    every = _sightings(lineage, steps, trail)
+    every = _sightings(lineage, steps, trail, np.zeros(0) if sensor is None else moving.sensor_sigmas * sensor)
     seen = {n: own for n, own in every.items() if n >= first_new and own.keyframes[-1] >= since}
     groups: dict[Group, Sightings] = {(n,): own for n, own in seen.items() if len(own.stamps_ns) <= MOST_DETECTIONS}
     share = moving.largest_share
@@ -131,13 +134,15 @@ def with_mover(lineage: Lineage, group: Group) -> Lineage:
     return tuple(steps)
 
 
-def _sightings(lineage: Lineage, steps: Sequence[Step], trail: Array) -> Mapping[int, Sightings]:
+def _sightings(lineage: Lineage, steps: Sequence[Step], trail: Array, sensor: Array) -> Mapping[int, Sightings]:
+    """Object -> its detections, corrected by the expected errors ``sensor`` (d,), range offset [m] and yaw [rad]."""
     rows: dict[int, list[tuple[int, int, Array, float]]] = {}
     for keyframe, (taken, step, robot) in enumerate(zip(lineage, steps, trail, strict=True)):
         if not len(step.detections):
             continue
-        placed = PlacedDetections.of(step.detections)
-        places = robot[:2] + placed.points @ rotation(robot[None])[0].T
+        placed = PlacedDetections.of(step.detections, sensor)
+        points = placed.without_sensor_errors(np.arange(len(placed.points)), np.ones((len(placed.points), len(sensor))))
+        places = robot[:2] + points @ rotation(robot[None])[0].T
         variances = 0.5 * np.trace(placed.covariances, axis1=1, axis2=2) + ROBOT_SIGMA_M**2
         for number in np.flatnonzero(placed.has_range).tolist():
             own = (keyframe, step.stamp_ns, places[number], float(variances[number]))

@@ -1,23 +1,25 @@
 """Moving objects in a keyframe of one hypothesis: prediction, association densities, and update.
 
-They are not variables of the smoother. A detection of one is weighed with robot and object integrated out, the robot
-being known from all that stands still; the object is updated given the robot, the robot is not updated by it.
+They are not variables of the smoother. A detection of one is weighed with robot, constant sensor errors and object
+integrated out, robot and sensor errors being known from all that stands still; the object is updated given these, and
+does not update them.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.open_world.existence import log_miss
+from semantic_slam.inference.open_world.moving.placed_detections import PlacedDetections
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.movers import STATE, Movers
+from semantic_slam.inference.states.observers import Observers
 
 LOST_M = 5.0
 """Standard deviation [m] of its position, under every likely speed, above which a moving object is not recognised."""
@@ -25,38 +27,6 @@ LOG_LEAST_SPEED = float(np.log(0.01))
 """Log probability below which a speed is ignored there."""
 HEADING_VARIANCE = 3.1**2
 """Variance [rad^2] of the heading of a moving object, which is unknown."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlacedDetections:
-    """D detections as points in the body frame."""
-
-    has_range: Flags  # (D,) a bearing alone is not used for moving objects
-    points: Array  # (D, 2) metres
-    covariances: Array  # (D, 2, 2)
-    by_error: Array  # (D, 2, 2) Jacobian by whitened range and bearing errors
-    log_area: Array  # (D,) from a density per square metre to one per metre and radian
-
-    @classmethod
-    def of(cls, detections: Sequence[Any]) -> Self:
-        """With the covariances that a hypothesis assumes."""
-        count = len(detections)
-        has_range = np.array([item.has_range for item in detections], dtype=bool)
-        reach = np.array([item.range_m for item in detections])
-        reach = np.where(has_range, reach, 1.0)
-        bearing = np.array([item.bearing_rad for item in detections])
-        cos, sin = np.cos(bearing), np.sin(bearing)
-        polar = np.stack([np.stack([cos, -reach * sin], -1), np.stack([sin, reach * cos], -1)], -2)
-        spread = np.array([item.covariance for item in detections]).reshape(count, 2, 2)
-        spread = np.where(has_range[:, None, None], spread, np.eye(2))
-        by_error = polar.reshape(count, 2, 2) @ np.linalg.cholesky(spread)
-        return cls(
-            has_range=has_range,
-            points=np.stack([reach * cos, reach * sin], axis=-1).reshape(count, 2),
-            covariances=by_error @ np.swapaxes(by_error, -1, -2),
-            by_error=by_error,
-            log_area=np.log(reach),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,14 +44,13 @@ class PredictedMovers:
     def __len__(self) -> int:
         return len(self.movers)
 
-    def log_densities(self, rows: Index, numbers: Index, robot: Array, covariance: Array) -> tuple[Array, Array]:
+    def log_densities(self, rows: Index, numbers: Index, observers: Observers) -> tuple[Array, Array]:
         """(N,) log densities per metre and radian of detections ``numbers`` (N,) as of the objects in ``rows`` (N,).
 
-        Also (N,) their Mahalanobis distances under the best fitting speed. The robot is known by (N, 3) poses and (N,
-        3, 3) covariances.
+        Also (N,) their Mahalanobis distances under the best fitting speed. There are N ``observers``.
         """
-        residual, by_state, by_robot = self._linearised(rows, numbers, robot)
-        innovation = by_robot @ covariance[:, None] @ np.swapaxes(by_robot, -1, -2)
+        residual, by_state, by_robot = self._linearised(rows, numbers, observers)
+        innovation = by_robot @ observers.covariances[:, None] @ np.swapaxes(by_robot, -1, -2)
         innovation = innovation + by_state @ self.movers.spreads[rows] @ np.swapaxes(by_state, -1, -2)
         innovation = innovation + self._white(numbers)
         squared, log_determinant = _squared(residual, innovation)
@@ -89,11 +58,10 @@ class PredictedMovers:
         density = np.logaddexp.reduce(by_speed, axis=1) + self.detections.log_area[numbers]
         return density, np.sqrt(squared.min(axis=1))
 
-    def pairs(self, covariance: Array) -> tuple[Array, Array]:
-        """(D, T) log densities and distances at the prediction; infinite distance where not recognisable."""
+    def pairs(self, observer: Observers) -> tuple[Array, Array]:
+        """(D, T) log densities and distances for the one predicted observer; infinite distance: not recognisable."""
         numbers, rows = np.nonzero(self.detections.has_range[:, None] & self.recognised)
-        robots = broadcast_copy(self.movers.robot, (len(rows), 3))
-        found = self.log_densities(rows, numbers, robots, np.broadcast_to(covariance, (len(rows), 3, 3)))
+        found = self.log_densities(rows, numbers, observer.take(np.zeros(len(rows), dtype=int)))
         density = np.full((len(self.shares), len(self)), -np.inf)
         distance = np.full(density.shape, np.inf)
         density[numbers, rows], distance[numbers, rows] = found
@@ -132,18 +100,19 @@ class PredictedMovers:
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(own.existence * own.moving * np.maximum(self.detected, least)) - against)
 
-    def observed(self, rows: Index, numbers: Index, robot: Array, covariance: Array) -> Movers:
+    def observed(self, rows: Index, numbers: Index, observer: Observers) -> Movers:
         """The objects in ``rows`` updated by the detections ``numbers``, one each; they move, and exist for sure.
 
-        The robot is known by ``robot`` (3,), the new reference pose, and ``covariance`` (3, 3).
+        They become relative to the one ``observer``.
         """
-        own = self.movers.take(rows).seen_from(robot)
-        residual, by_state, by_robot = self._linearised(rows, numbers, broadcast_copy(robot, (len(rows), 3)))
+        own = self.movers.take(rows).seen_from(observer)
+        observers = observer.take(np.zeros(len(rows), dtype=int))
+        residual, by_state, by_robot = self._linearised(rows, numbers, observers)
         cross = own.spreads @ np.swapaxes(by_state, -1, -2)
         innovation = by_state @ cross + self._white(numbers)
         gain = cross @ np.linalg.inv(innovation)
         squared, log_determinant = _squared(
-            residual, innovation + by_robot @ covariance @ np.swapaxes(by_robot, -1, -2)
+            residual, innovation + by_robot @ observer.covariances[0] @ np.swapaxes(by_robot, -1, -2)
         )
         log_speeds = own.log_speeds - 0.5 * (squared + log_determinant)
         return replace(
@@ -156,36 +125,44 @@ class PredictedMovers:
             spreads=own.spreads - gain @ innovation @ np.swapaxes(gain, -1, -2),
         )
 
-    def places(self, numbers: Index, robot: Array, covariance: Array) -> tuple[Array, Array]:
-        """(N, 3) states and (N, 3, 3) covariances of objects as detected from robots (N, 3) with (N, 3, 3).
+    def places(self, numbers: Index, observers: Observers) -> tuple[Array, Array]:
+        """(N, 3) states and (N, 3, 3) covariances of objects as detected by N ``observers``.
 
         First order, without the prior of their positions.
         """
-        turn, points = rotation(robot), self.detections.points[numbers]
+        turn = rotation(observers.robots)
+        points = self.detections.without_sensor_errors(numbers, observers.sensors)
         states, covariances = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3, 3))
-        states[:, :2] = robot[:, :2] + np.einsum("nij,nj->ni", turn, points)
-        slope = np.zeros((len(numbers), 2, 3))
-        slope[:, 0, 0] = slope[:, 1, 1] = 1.0
-        slope[:, 0, 2], slope[:, 1, 2] = -points[:, 1], points[:, 0]
-        spread = slope @ covariance @ np.swapaxes(slope, 1, 2) + self.detections.covariances[numbers]
+        states[:, :2] = observers.robots[:, :2] + np.einsum("nij,nj->ni", turn, points)
+        slope = self._place_by_observer(points, numbers)
+        spread = slope @ observers.covariances @ np.swapaxes(slope, 1, 2) + self.detections.covariances[numbers]
         covariances[:, :2, :2] = turn @ spread @ np.swapaxes(turn, 1, 2)
         covariances[:, 2, 2] = HEADING_VARIANCE
         return states, covariances
 
-    def started(self, numbers: Index, ids: Index, existence: Array, robot: Array) -> Movers:
-        """The moving objects that the detections ``numbers`` may start, seen from a robot (3,)."""
+    def _place_by_observer(self, points: Array, numbers: Index) -> Array:
+        """(N, 2, 3 + d) Jacobian, in the body frame, of detected ``points`` (N, 2) by the robot and sensor errors."""
+        slope = np.zeros((len(numbers), 2, 3))
+        slope[:, 0, 0] = slope[:, 1, 1] = 1.0
+        slope[:, 0, 2], slope[:, 1, 2] = -points[:, 1], points[:, 0]
+        return np.concatenate([slope, -self.detections.by_sensor[numbers]], axis=2)
+
+    def started(self, numbers: Index, ids: Index, existence: Array, observer: Observers) -> Movers:
+        """The moving objects that the detections ``numbers`` may start, seen by the one ``observer``."""
         count, speeds = len(numbers), self.model.speeds
-        turn, place = rotation(robot[None])[0], self.detections.points[numbers]
+        robot, sensors = observer.robots[0], np.repeat(observer.sensors, count, axis=0)
+        turn, place = rotation(observer.robots)[0], self.detections.without_sensor_errors(numbers, sensors)
         by_error = np.sqrt(self.model.errors.correlated_share) * (turn @ self.detections.by_error[numbers])[:, None]
         shape = (count, len(speeds))
         means, gains, spreads = (
             np.zeros((*shape, STATE)),
-            np.zeros((*shape, STATE, 3)),
+            np.zeros((*shape, STATE, 3 + sensors.shape[1])),
             np.zeros((*shape, STATE, STATE)),
         )
         means[..., :2] = (robot[:2] + place @ turn.T)[:, None]
         gains[..., :2, :2] = turn
         gains[..., :2, 2] = (np.stack([-place[:, 1], place[:, 0]], axis=1) @ turn.T)[:, None]
+        gains[..., :2, 3:] = -(turn @ self.detections.by_sensor[numbers])[:, None]
         spreads[..., :2, :2] = (turn @ self.detections.covariances[numbers] @ turn.T)[:, None]
         spreads[..., 2:4, 2:4] = self.model.speeds[:, None, None] ** 2 * np.eye(2)
         spreads[..., 4:, 4:] = np.eye(2)
@@ -194,6 +171,7 @@ class PredictedMovers:
         return Movers(
             stamp_ns=self.movers.stamp_ns,
             robot=robot,
+            sensor=observer.sensors[0],
             stands=self.movers.stands,
             ids=ids,
             moving=np.repeat(self.shares[numbers, None], existence.shape[1], axis=1),
@@ -209,31 +187,31 @@ class PredictedMovers:
         """(N, 1, 2, 2) covariances of the white part of the detections' errors."""
         return (1.0 - self.model.errors.correlated_share) * self.detections.covariances[numbers, None]
 
-    def _linearised(self, rows: Index, numbers: Index, robot: Array) -> tuple[Array, Array, Array]:
-        """(N, S, 2) residuals in the body frame, Jacobians (N, 1, 2, 6) by the state and (N, S, 2, 3) by the robot.
+    def _linearised(self, rows: Index, numbers: Index, observers: Observers) -> tuple[Array, Array, Array]:
+        """(N, S, 2) residuals in the body frame, Jacobians (N, 1, 2, 6) by state and (N, S, 2, 3 + d) by observer.
 
         Points are linear in the state; the rotation of the robot is linearised at the detection.
         """
-        shift = se2.log(se2.between(broadcast_copy(self.movers.robot, robot.shape), robot))
-        gains = self.movers.gains[rows]
+        robot, gains = observers.robots, self.movers.gains[rows]
+        shift = observers.shifts_from(self.movers.robot, self.movers.sensor)
         states = self.movers.means[rows] + np.einsum("nsij,nj->nsi", gains, shift)
-        points, by_state = self.detections.points[numbers], np.zeros((len(rows), 1, 2, STATE))
+        points = self.detections.without_sensor_errors(numbers, observers.sensors)
+        by_state = np.zeros((len(rows), 1, 2, STATE))
         by_state[:, 0, :, :2] = np.swapaxes(rotation(robot), -1, -2)
         by_state[:, 0, :, 4:] = np.sqrt(self.model.errors.correlated_share) * self.detections.by_error[numbers]
         states[..., :2] -= robot[:, None, :2]
-        turned = np.zeros((len(rows), 1, 2, 3))
-        turned[..., 0, 0] = turned[..., 1, 1] = -1.0
-        turned[:, 0, 0, 2], turned[:, 0, 1, 2] = points[:, 1], -points[:, 0]
+        directly = -self._place_by_observer(points, numbers)[:, None]
         residual = points[:, None] - (by_state @ states[..., None])[..., 0]
-        return residual, by_state, by_state @ gains + turned
+        return residual, by_state, by_state @ gains + directly
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotMotion:
-    """The predicted motion of the robot between two keyframes; poses (3,), covariances (3, 3)."""
+    """The predicted motion of the robot between two keyframes; covariances (3 + d, 3 + d) with its sensor's errors."""
 
-    before: Array  # current estimate
-    after: Array
+    before: Array  # (3,) current estimate
+    after: Array  # (3,)
+    sensor: Array  # (d,) expected constant errors, before and after
     covariance_before: Array
     cross: Array  # of the pose before with the one after
     covariance: Array  # after
@@ -256,7 +234,7 @@ def predicted_movers(
     detected = _detected(moved, motion.covariance, region, rates)
     if moved.detectable is not None:
         detected = detected * (moved.detectable / rates.runs.share)[:, None]
-    placed = PlacedDetections.of(detections)
+    placed = PlacedDetections.of(detections, model.sensor_sigmas)
     variances = 0.5 * np.trace(moved.spreads[..., :2, :2], axis1=-2, axis2=-1)
     variances[moved.log_speeds < LOG_LEAST_SPEED] = np.inf
     return PredictedMovers(
@@ -273,7 +251,8 @@ def predicted_movers(
 def _moved(model: Moving, movers: Movers, motion: RobotMotion, stamp_ns: int) -> Movers:
     """The objects after one motion of the robot, whose new pose becomes the reference."""
     elapsed_s = max(stamp_ns - movers.stamp_ns, 0) / 1e9
-    known = movers.seen_from(motion.before)
+    sensor, covariances = motion.sensor[None], motion.covariance_before[None]
+    known = movers.seen_from(Observers(robots=motion.before[None], sensors=sensor, covariances=covariances))
     transition, noise = _transition(model, known, motion.control, elapsed_s)
     turned = np.swapaxes(transition, -1, -2)
     by_robot = known.gains @ motion.covariance_before @ np.swapaxes(known.gains, -1, -2)
@@ -320,9 +299,9 @@ def _detected(movers: Movers, covariance: Array, region: SensorRegion, rates: De
     return np.asarray(rates.probability * inside[..., None] * fall_off)
 
 
-def as_objects(movers: Movers, robot_covariance: Array) -> tuple[Array, Array]:
+def as_objects(movers: Movers, observer_covariance: Array) -> tuple[Array, Array]:
     """(T, 3) states and (T, 3, 3) covariances of moving objects in the form of static ones; headings are unknown."""
-    mean, spread = movers.moments(robot_covariance)
+    mean, spread = movers.moments(observer_covariance)
     states, covariances = np.zeros((len(movers), 3)), np.zeros((len(movers), 3, 3))
     states[:, :2], covariances[:, :2, :2] = mean[:, :2], spread[:, :2, :2]
     covariances[:, 2, 2] = HEADING_VARIANCE

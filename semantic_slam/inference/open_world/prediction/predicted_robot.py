@@ -6,11 +6,13 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.correlated_errors import CHANGE_OF_SENSOR
 from semantic_slam.inference.models.odometry_bias import with_changed_bias
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.moving.moving_objects import RobotMotion
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalMap
+from semantic_slam.inference.states.tracked_objects import TrackedStates
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,16 +56,23 @@ class PredictedRobot:
             log_level=log_level,
         )
 
-    @property
-    def motion(self) -> RobotMotion:
-        """The motion from the previous keyframe to this one."""
-        tracked = tracked_states(self.component)
+    def motion(self, num_sensor: int, *, drifts: bool) -> RobotMotion:
+        """The motion from the previous keyframe to this one, with the sensor's d = ``num_sensor`` constant errors.
+
+        ``drifts``: whether these change, as they do from one frame with detections to the next.
+        """
+        tracked, size, width = tracked_states(self.component), len(self.covariance), self.transition.shape[1]
+        sensor, within, with_moved = _sensor_before(tracked, num_sensor, width)
+        cross = self.before[:size] @ self.transition.T
+        by_robot, by_moved = with_moved[:, :size], with_moved @ self.transition.T
+        change = CHANGE_OF_SENSOR**2 * np.eye(num_sensor) if drifts else 0.0
         return RobotMotion(
             before=tracked.robot,
             after=self.state,
-            covariance_before=tracked.robot_covariance,
-            cross=self.before[: len(self.covariance)] @ self.transition.T,
-            covariance=self.covariance,
+            sensor=sensor,
+            covariance_before=np.block([[tracked.robot_covariance, by_robot.T], [by_robot, within]]),
+            cross=np.block([[cross, by_robot.T], [by_moved, within]]),
+            covariance=np.block([[self.covariance, by_moved.T], [by_moved, within + change]]),
             control=self.control,
         )
 
@@ -88,3 +97,11 @@ def _control(component: Component, motion: Motion) -> Array:
     if motion.by_bias is None:
         return motion.control
     return component.spaces.robot.retract(motion.control, motion.by_bias @ tracked_states(component).bias)
+
+
+def _sensor_before(tracked: TrackedStates, num_sensor: int, width: int) -> tuple[Array, Array, Array]:
+    """(d,) expected constant sensor errors, their (d, d) covariance, and their (d, w) with robot and biases."""
+    if tracked.errors is None or not num_sensor:
+        return np.zeros(num_sensor), np.eye(num_sensor), np.zeros((num_sensor, width))
+    rows = tracked.motion_covariance[-num_sensor:]
+    return tracked.errors.mean[-num_sensor:], rows[:, -num_sensor:], rows[:, :width]

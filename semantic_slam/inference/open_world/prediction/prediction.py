@@ -20,6 +20,7 @@ from semantic_slam.inference.smoothing.component import Component, tracked_state
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.observers import Observers
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 
@@ -78,6 +79,24 @@ class Prediction:
         own = self.movers.movers
         mixed[:, self.undecided] += (own.moving * self.movers.detected)[~own.decided]
         return mixed
+
+    @property
+    def sensor(self) -> tuple[Array, Array]:
+        """(d,) expected constant sensor errors, and (d, r + d) covariance with the robot and among each other."""
+        own = self.carried_errors if self.errors is None else self.errors.transition
+        count = 0 if own is None else own.by_sensor.shape[1]
+        if own is None or not count:
+            return np.zeros(0), np.zeros((0, self.local.layout.robot))
+        rows = np.arange(self.local.errors.stop - count, self.local.errors.stop)
+        columns = np.concatenate([np.arange(self.local.layout.robot), rows])
+        return own.mean[-count:], self.local.covariance[rows[:, None], columns]
+
+    @property
+    def observer(self) -> Observers:
+        """The robot in the plane and the constant errors of its sensor."""
+        robot, covariance = self.predicted.mean[0, :1, :3], self.predicted.covariance[:1, :3, :3]
+        mean, spread = self.sensor
+        return Observers.of(robot, covariance, mean[None], spread[None])
 
     @property
     def existence(self) -> Array:

@@ -14,7 +14,7 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.models.step import Motion
-from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers, RobotMotion, predicted_movers
+from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers, predicted_movers
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.prediction.nearby import local_around, near_objects, objects_in_reach
@@ -85,7 +85,7 @@ class Predictor:
             self.settings, component, region, robot, births, detections, second
         )
         return Prediction(
-            movers=self._movers(component, movers, predicted.motion, region, stamp_ns, detections, labels),
+            movers=self._movers(component, movers, predicted, region, stamp_ns, detections, labels),
             component=component,
             population=population,
             near=near,
@@ -145,7 +145,7 @@ class Predictor:
         self,
         component: Component,
         movers: Movers | None,
-        robot_motion: RobotMotion,
+        predicted: PredictedRobot,
         region: SensorRegion,
         stamp_ns: int,
         detections: Sequence[Any],
@@ -157,7 +157,7 @@ class Predictor:
         return predicted_movers(
             self._moving,
             movers,
-            robot_motion,
+            predicted.motion(len(self._moving.sensor_sigmas), drifts=bool(detections)),
             stamp_ns,
             region=region,
             rates=component.objects.rates,
