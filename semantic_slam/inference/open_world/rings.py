@@ -1,7 +1,8 @@
 """Distances over which first detections are summed: rings of the region in the plane, shells in space.
 
-Where detection falls off with distance, rings of equal area miss the near field of a long range. There are as many
-expected first detections in each ring, averaged over the half ranges, and the fall-off is averaged over the ring.
+Where detection falls off with distance, rings of equal area miss the near field of a long range. Rings then hold equal
+parts of the first detections expected, averaged over typical half ranges, and the fall-off is averaged over each ring.
+They are the same for all half ranges, so that settings of the rates are independent of each other.
 """
 
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from semantic_slam.geometry.arrays import Array
 
 SHARES = np.linspace(0.0, 1.0, 513) ** 3
 """Shares of the area or volume from the nearest distance on, denser there, over which the fall-off is integrated."""
+TYPICAL = np.array([0.05, 0.2, np.inf, np.inf])
+"""Half ranges, as shares of the farthest distance, by which rings are chosen."""
 NUM_EVEN, NUM_FALLING = 4, 8
 """Number of rings where detection does not fall off with distance, and where it does."""
 
@@ -49,17 +52,23 @@ def rings(
             fall_off=ones,
         )
     ranges = _roots(inner + SHARES * (outer - inner), dimension)
-    density = np.exp2(-(ranges[:, None] ** 2 - nearest_m**2) / half_ranges**2)
-    found = np.zeros(density.shape)
-    np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(SHARES)[:, None], axis=0, out=found[1:])
-    middles = np.interp((np.arange(falling) + 0.5) / falling, (found / found[-1]).mean(axis=1), SHARES)
+    typical = _sums(ranges, TYPICAL * farthest_m)
+    middles = np.interp((np.arange(falling) + 0.5) / falling, (typical / typical[-1]).mean(axis=1), SHARES)
     edges = np.concatenate([[0.0], 0.5 * (middles[1:] + middles[:-1]), [1.0]])
-    within = np.diff([np.interp(edges, SHARES, own) for own in found.T], axis=1).T
+    within = np.diff([np.interp(edges, SHARES, own) for own in _sums(ranges, half_ranges).T], axis=1).T
     return Rings(
         ranges_m=_roots(inner + middles * (outer - inner), dimension),
         shares=np.diff(edges),
         fall_off=within / np.diff(edges)[:, None] * np.exp2(-((nearest_m / half_ranges) ** 2)),
     )
+
+
+def _sums(ranges_m: Array, half_ranges_m: Array) -> Array:
+    """(N, P) fall-off summed up to each of ``ranges_m`` (N,), at :data:`SHARES`, as share of that at the nearest."""
+    density = np.exp2(-(ranges_m[:, None] ** 2 - ranges_m[0] ** 2) / half_ranges_m**2)
+    found = np.zeros(density.shape)
+    np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(SHARES)[:, None], axis=0, out=found[1:])
+    return found
 
 
 def _roots(values: Array, dimension: int) -> Array:

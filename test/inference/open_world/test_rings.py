@@ -65,7 +65,7 @@ def test_where_ranges_are_depths_the_fall_off_is_still_one_of_distance(share: fl
         bounds = np.array([NEAREST_M, FARTHEST_M]) / np.cos(off)
         inner, outer = 0.5 ** (bounds / half_range) ** 2
         total += half_range**2 / np.log(2.0) / 2.0 * (inner - outer) * 1.6 / 2000
-    assert expected(of, rates(half_range), NOWHERE) == pytest.approx(DENSITY * DETECTED * total, rel=0.02)
+    assert expected(of, rates(half_range), NOWHERE) == pytest.approx(DENSITY * DETECTED * total, rel=0.1)
 
 
 @pytest.mark.parametrize("share", SHARES)
