@@ -28,7 +28,7 @@ class Birth:
     gain: Array  # (3, 3) Jacobian of the object's pose by the robot's
     spread: Array  # (3, 3) covariance of the stand-in prior given the robot
     noise: Array  # (3, 3) covariance given the robot and the detection
-    by_error: Array  # (3, 2) Jacobian of its position by the detection's whitened error; 0 for a bearing alone
+    by_error: Array  # (3, 2) Jacobian of its position by the detection's whitened error
     log_area: float  # log evidence of the detection under a birth intensity of one
     log_stand_in: float  # log evidence of the detection under the stand-in prior ``spread``
 
@@ -44,19 +44,7 @@ def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_vie
     gain = se2.adjoint(se2.between(prior.mean, robot))
     noise = np.diag([0.0, 0.0, prior.covariance[2, 2]])
     if not detection.has_range:
-        noise[:2, :2] = prior.covariance[:2, :2]
-        across = np.hypot(*(prior.mean[:2] - robot[:2])) or 1.0
-        variance = detection.covariance[1, 1] + prior.covariance[0, 0] / across**2
-        stand_in = -0.5 * float(np.log(2.0 * np.pi * variance))
-        return Birth(
-            prior=prior,
-            gain=gain,
-            spread=noise,
-            noise=noise,
-            by_error=np.zeros((3, 2)),
-            log_area=-float(np.log(field_of_view_rad)),
-            log_stand_in=stand_in,
-        )
+        return _along_bearing(detection, robot, prior, gain, noise, field_of_view_rad)
     cos, sin, reach = np.cos(detection.bearing_rad), np.sin(detection.bearing_rad), detection.range_m
     polar = np.array([[cos, -reach * sin], [sin, reach * cos]])
     noise[:2, :2] = polar @ detection.covariance @ polar.T
@@ -72,5 +60,35 @@ def birth_of(model: ObservationModel, detection: Any, robot: Array, field_of_vie
         noise=noise,
         by_error=by_error,
         log_area=float(np.log(reach)),
+        log_stand_in=stand_in,
+    )
+
+
+def _along_bearing(
+    detection: Any, robot: Array, prior: GaussianPrior, gain: Array, heading: Array, field_of_view_rad: float
+) -> Birth:
+    """The birth by a bearing alone; ``heading`` (3, 3) is the covariance of the object's heading, zero elsewhere.
+
+    The prior, of variance p in all directions, is the stand-in prior. Given the bearing, the variance across it is
+    p r / (p + r), with r = (reach times the bearing's standard deviation)^2: a Kalman update.
+    """
+    spread, variance = heading.copy(), prior.covariance[0, 0]
+    spread[:2, :2] = prior.covariance[:2, :2]
+    reach = float(np.hypot(*(se2.between(robot, prior.mean)[:2] - detection.origin)))
+    by_bearing = reach**2 * detection.covariance[1, 1]
+    gain_across = variance / (variance + by_bearing)
+    along = np.array([np.cos(detection.bearing_rad), np.sin(detection.bearing_rad)])
+    across = np.array([-along[1], along[0]])
+    noise, by_error = heading.copy(), np.zeros((3, 2))
+    noise[:2, :2] = variance * np.outer(along, along) + gain_across * by_bearing * np.outer(across, across)
+    by_error[:2, 1] = gain_across * np.sqrt(by_bearing) * across
+    stand_in = -0.5 * float(np.log(2.0 * np.pi * (detection.covariance[1, 1] + variance / reach**2)))
+    return Birth(
+        prior=prior,
+        gain=gain,
+        spread=spread,
+        noise=noise,
+        by_error=by_error,
+        log_area=-float(np.log(field_of_view_rad)),
         log_stand_in=stand_in,
     )

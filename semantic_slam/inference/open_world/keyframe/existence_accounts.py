@@ -39,22 +39,14 @@ class ExistenceAccounts:
         accounts: list[_Account] = [None] * len(assignments)  # type: ignore[list-item]
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
-            if_missed = [
-                _IfMissed(prediction, detected, self._settings)
-                for detected in self._detected(prediction, assignments.take(rows))
-            ]
-            for at, row in enumerate(rows.tolist()):
-                own = if_missed[at if len(if_missed) > 1 else 0]
-                accounts[row] = _Account.of(own, object_ids[row], moves[row], self._born)
+            detected = self._detected(prediction, assignments.take(rows))
+            for row, standing in zip(rows.tolist(), detected, strict=True):
+                if_missed = _IfMissed(prediction, standing, self._settings)
+                accounts[row] = _Account.of(if_missed, object_ids[row], moves[row], self._born)
         return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
 
     def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
-        """(K, O, G) detection probabilities at the candidates' modes; (1, O, G) at the prediction where that is enough.
-
-        The prediction is enough where the robot is not lost and objects do not occlude each other.
-        """
-        if not prediction.is_lost and prediction.region.occluder_radius_m <= 0.0:
-            return prediction.detected[None]
+        """(K, O, G) detection probabilities at the candidates' modes, averaged over where the robot still may be."""
         detected = np.zeros((len(rows), *prediction.detected.shape))
         detected[:, prediction.in_reach] = geometry_of(prediction.component.spaces).detections_at(
             prediction.region,

@@ -31,8 +31,6 @@ MOST_AHEAD = 80
 """Most objects ahead of the sensor in a local map: any of them may be detected before it is read again."""
 AHEAD_RAD = 0.2
 """Margin beyond the region's bearings, into which a turn of the robot may bring objects."""
-LOST_SIGMA_M, LOST_SIGMA_RAD = 3.0, 0.15
-"""Standard deviations of the predicted robot above which it counts as lost."""
 
 
 class PlanarGeometry:
@@ -103,7 +101,3 @@ class PlanarGeometry:
         across = (sigma**2 + tracked.sigmas**2) / np.maximum(distance, LEAST_DISTANCE_M) ** 2
         turn = np.abs(wrap_angle(bearing - detection.bearing_rad))
         return np.asarray(turn / np.sqrt(detection.covariance[1, 1] + spread[2, 2] + across))
-
-    def is_lost(self, spread: Array) -> bool:
-        far = float(position_sigmas(spread[None])[0]) > LOST_SIGMA_M
-        return far or float(spread[2, 2]) > LOST_SIGMA_RAD**2

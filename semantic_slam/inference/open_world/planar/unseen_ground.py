@@ -5,10 +5,11 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.open_world.planar.detection_probability import NOTHING, undetected_share
 from semantic_slam.inference.open_world.planar.region import SensorRegion
+from semantic_slam.inference.open_world.rings import NUM_EVEN, rings
 from semantic_slam.inference.states.detection_rates import DetectionRates
 
-NUM_RINGS, NUM_BEARINGS = 4, 8
-"""Sample points of equal area over which the region is averaged."""
+NUM_BEARINGS = 8
+"""Directions over which the region is averaged."""
 
 
 def first_detections(
@@ -25,20 +26,33 @@ def first_detections(
     They are fewer where the sensor has looked before: ``trail`` (T, 3) are the robot's earlier poses, and (D, 2) points
     are in map. A share of at least ``least`` remains. Objects ``hiding`` (N, 2) occlude what is behind them.
     """
-    ranges, everywhere = _all_over(region, robot)
+    everywhere, fall_off, shares = _all_over(region, rates, robot)
     places = np.concatenate([everywhere, points])
-    distances = np.concatenate([ranges, np.hypot(*(points - robot[:2]).T)])
-    found = rates.birth_density * rates.probability * rates.fall_off(distances)
+    fall_off = np.concatenate([fall_off, rates.fall_off(np.hypot(*(points - robot[:2]).T))])
+    found = rates.birth_density * rates.probability * fall_off
     found = rates.by_direction.times(found, places - robot[:2], region.direction_rad + robot[2])
     if least < 1.0 and len(trail):
         found = found * np.maximum(undetected_share(region, rates, trail, places, hiding), least)
-    return region.area_m2 * found[: len(ranges)].mean(axis=0), found[len(ranges) :]
+    count = len(everywhere)
+    return region.area_m2 * (found[:count] * (count * shares[:, None])).mean(axis=0), found[count:]
 
 
-def _all_over(region: SensorRegion, robot: Array) -> tuple[Array, Array]:
-    """(P,) ranges and (P, 2) points in map, each representing an equal part of the region."""
-    centres = (np.arange(NUM_RINGS) + 0.5) / NUM_RINGS
-    ranges = np.sqrt(region.min_range_m**2 + centres * (region.max_range_m**2 - region.min_range_m**2))
-    bearing, range_m = (grid.ravel() for grid in np.meshgrid(region.even_bearings(NUM_BEARINGS), ranges))
-    turn, reach = bearing + robot[2], range_m * region.per_range(bearing)
-    return reach, robot[:2] + np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)
+def _all_over(region: SensorRegion, rates: DetectionRates, robot: Array) -> tuple[Array, Array, Array]:
+    """(P, 2) points in map, the mean fall-off (P, G) of the region's parts about them, and the parts' shares (P,).
+
+    The fall-off is one of distance: where ranges are depths, half ranges as depths are shorter off the axis. With twice
+    as many rings every second direction is left out of each, by turns.
+    """
+    bearings = region.even_bearings(NUM_BEARINGS)
+    slopes = region.per_range(bearings)
+    half_ranges, which = np.unique(rates.half_range_m, return_inverse=True)
+    different, at = np.unique(slopes, return_inverse=True)
+    as_ranges = (half_ranges / different[:, None]).ravel()
+    own = rings(region.min_range_m, region.max_range_m, tuple(as_ranges.tolist()), 2)
+    count = len(own.ranges_m)
+    turns = count // NUM_EVEN
+    ring, direction = np.nonzero(np.arange(count)[:, None] % turns == np.arange(NUM_BEARINGS) % turns)
+    reach, turn = own.ranges_m[ring] * slopes[direction], bearings[direction] + robot[2]
+    points = robot[:2] + np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)
+    fall_off = own.fall_off.reshape(count, len(different), len(half_ranges))[ring, at[direction]]
+    return points, fall_off[:, which], own.shares[ring] * turns / NUM_BEARINGS

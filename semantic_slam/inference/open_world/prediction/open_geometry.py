@@ -69,9 +69,6 @@ class OpenGeometry(Protocol):
     ) -> Array:
         """(D, O) distances in standard deviations between detections and predicted objects."""
 
-    def is_lost(self, spread: Array) -> bool:
-        """Whether a predicted robot with (r, r) covariance is too uncertain to tell what is in view."""
-
 
 def geometry_of(spaces: Spaces) -> OpenGeometry:
     """The open-world geometry of some state spaces."""

@@ -15,7 +15,6 @@ from semantic_slam.inference.models.step import AssociatedDetection
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
-from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap, LocalStart
 from semantic_slam.inference.states.carried_errors import CarriedErrors
@@ -113,11 +112,6 @@ class Prediction:
         """(M, 3) position from which a near object was first seen along a ray alone, NaN for others; None: all NaN."""
         anchors = tracked_states(self.component).anchors
         return None if anchors is None else anchors[self.near]
-
-    @property
-    def is_lost(self) -> bool:
-        """Whether the robot's prediction is too uncertain to tell what is in view."""
-        return geometry_of(self.component.spaces).is_lost(self.objects.robot_covariance)
 
     @property
     def mover_ids(self) -> Index:

@@ -11,13 +11,14 @@ import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import so3
-from semantic_slam.geometry.arrays import Array, squared_norms
+from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
 from semantic_slam.inference.open_world.births import WIDTH, Birth
 from semantic_slam.inference.open_world.existence import birth
 from semantic_slam.inference.open_world.planar.detection_probability import share_after_looks
 from semantic_slam.inference.open_world.planar.expected_births import HIDES, LEAST_IN_SIGHT
+from semantic_slam.inference.open_world.rings import NUM_EVEN, Rings, rings
 from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component, tracked_states
@@ -96,16 +97,20 @@ def expected_births_in_space(
     duplicate boxes of known objects.
     """
     rates, tracked = component.objects.rates, tracked_states(component)
-    everywhere, shares = region.all_over()
+    shells, along, which = _shells(region, rates)
+    everywhere, shares = region.all_over(shells)
     at = region.camera.on(robot)
-    places = np.concatenate([at[:3] + so3.rotated(at[3:], everywhere), _born_at(births, detections, robot, region)])
-    distances = np.sqrt(squared_norms(places - at[:3]))
-    found = rates.birth_density * rates.probability * rates.fall_off(distances)
+    born = _born_at(births, detections, robot, along.ranges_m)
+    places = np.concatenate([at[:3] + so3.rotated(at[3:], everywhere), born])
+    fall_off = rates.fall_off(np.sqrt(squared_norms(born - at[:3]))).reshape(len(births), len(AROUND), len(rates))
+    fall_off[_are_rays(detections)] = len(AROUND) * along.shares[:, None] * along.fall_off[:, which]
+    count = len(shares)
+    every = np.tile(shells.fall_off[:, which], (count // len(shells.shares), 1))
+    found = rates.birth_density * rates.probability * np.concatenate([every, fall_off.reshape(-1, len(rates))])
     if settings.least_undetected_share < 1.0 and len(tracked.trail):
         hiding = tracked.states[component.objects.existence > HIDES]
         left = undetected_share_in_space(region, rates, tracked.trail, places, hiding)
         found = found * np.maximum(left, settings.least_undetected_share)
-    count = len(shares)
     expected = region.volume_m3 * (shares @ found[:count])
     at_births = found[count:].reshape(len(births), len(AROUND), len(rates)).mean(axis=1)
     at_births *= _in_sight(region, detections)[:, None]
@@ -148,15 +153,28 @@ def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> 
     return in_sight
 
 
-def _born_at(births: list[Birth], detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion) -> Array:
+def _shells(region: SpatialRegion, rates: DetectionRates) -> tuple[Rings, Rings, Index]:
+    """Shells of the region, then those along a ray, as many as :data:`AROUND`; (G,) which half range a setting has."""
+    half_ranges, which = np.unique(rates.half_range_m, return_inverse=True)
+    bounds = region.min_range_m, region.max_range_m, tuple(half_ranges.tolist()), 3
+    everywhere, along = (rings(*bounds, even=count, falling=count) for count in (NUM_EVEN, len(AROUND)))
+    return everywhere, along, which
+
+
+def _are_rays(detections: Sequence[SpatialDetection]) -> Flags:
+    """(D,) which detections have no range."""
+    return np.array([not own.has_range for own in detections], dtype=bool)
+
+
+def _born_at(births: list[Birth], detections: Sequence[SpatialDetection], robot: Array, ranges_m: Array) -> Array:
     """(6 D, 3) sample points in map of where the objects of detections may be, given the robot.
 
-    For a ray alone they represent equal parts of the volume along it.
+    For a ray alone they are at ``ranges_m`` (6,) along it.
     """
     places = np.empty((len(births), len(AROUND), 3))
-    is_ray = np.array([not own.has_range for own in detections], dtype=bool)
+    is_ray = _are_rays(detections)
     rays = SpatialDetections.of([own for own in detections if not own.has_range])
-    reached = rays.origin[:, None] + region.shells(len(AROUND))[:, None] * rays.ray[:, None]
+    reached = rays.origin[:, None] + ranges_m[:, None] * rays.ray[:, None]
     places[is_ray] = robot[:3] + so3.rotated(robot[3:], reached)
     for number in np.flatnonzero(~is_ray).tolist():
         places[number] = births[number].prior.mean + AROUND @ np.linalg.cholesky(births[number].noise).T

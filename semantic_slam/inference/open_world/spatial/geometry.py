@@ -22,9 +22,6 @@ from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
-LOST_SIGMA_M, LOST_SIGMA_RAD = 1.0, 0.15
-"""Standard deviations of the predicted robot above which it counts as lost."""
-
 
 @dataclass(frozen=True)
 class SpatialGeometry:
@@ -103,10 +100,6 @@ class SpatialGeometry:
                 across = (place**2 + known) / distances(seen) ** 2
                 own[:] = off_axis(seen, detection.ray) / np.sqrt(detection.ray_variance + turn**2 + across)
         return found
-
-    def is_lost(self, spread: Array) -> bool:
-        turn, place = _sigmas(spread)
-        return place > LOST_SIGMA_M or turn > LOST_SIGMA_RAD
 
     def _seen(
         self, region: SpatialRegion, objects: PredictedObjects, robot: Array, covariance: Array

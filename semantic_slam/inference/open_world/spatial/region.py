@@ -9,12 +9,13 @@ from scipy.special import ndtr
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, squared_norms
 from semantic_slam.inference.models.spatial.camera import Camera
+from semantic_slam.inference.open_world.rings import Rings
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 
 LEAST_SIGMA = 1e-6
 """Least softness [m, rad] of the region's edges."""
-NUM_SHELLS, NUM_COLUMNS, NUM_ROWS = 4, 6, 4
-"""Sample points over which the region is averaged."""
+NUM_COLUMNS, NUM_ROWS = 6, 4
+"""Rays over which the region is averaged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,17 +113,20 @@ class SpatialRegion:
         centres = (np.arange(count) + 0.5) / count
         return np.cbrt(self.min_range_m**3 + centres * (self.max_range_m**3 - self.min_range_m**3))
 
-    def all_over(self) -> tuple[Array, Array]:
-        """(P, 3) sample points of the region in the optical frame, and the shares (P,) of its volume they represent."""
-        ranges = self.shells(NUM_SHELLS)
+    def all_over(self, shells: Rings) -> tuple[Array, Array]:
+        """(P, 3) sample points of the region in the optical frame, and the shares (P,) of its volume they represent.
+
+        Points of the same ray are consecutive, one in each shell.
+        """
         x, y = (
             np.tan(half) * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
             for half, count in ((self.half_width_rad, NUM_COLUMNS), (self.half_height_rad, NUM_ROWS))
         )
-        right, down, reach = (grid.ravel() for grid in np.meshgrid(x, y, ranges, indexing="ij"))
+        right, down, reach = (grid.ravel() for grid in np.meshgrid(x, y, shells.ranges_m, indexing="ij"))
         rays = np.stack([right, down, np.ones(len(right))], axis=1)
         length = np.sqrt(squared_norms(rays))
-        shares = length**-3  # solid angle per area of an image at depth 1
+        count = len(shells.shares)
+        shares = length**-3 * np.tile(count * shells.shares, NUM_COLUMNS * NUM_ROWS)
         return rays * (reach / length)[:, None], shares / shares.sum()
 
 
