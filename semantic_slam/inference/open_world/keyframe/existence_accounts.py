@@ -14,6 +14,7 @@ from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, exis
 from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.open_world.spatial.seen_again import seen_again
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
@@ -41,18 +42,23 @@ class ExistenceAccounts:
             rows = np.flatnonzero(assignments.parents == parent)
             if_missed = [
                 _IfMissed(prediction, detected, self._settings)
-                for detected in self._detected(prediction, assignments.take(rows))
+                for detected in self._detected(prediction, assignments.take(rows), object_ids[rows])
             ]
             for at, row in enumerate(rows.tolist()):
                 own = if_missed[at if len(if_missed) > 1 else 0]
                 accounts[row] = _Account.of(own, object_ids[row], moves[row], self._born)
         return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
 
-    def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
+    def _detected(self, prediction: Prediction, rows: Assignments, object_ids: Index) -> Array:
         """(K, O, G) detection probabilities at the candidates' modes; (1, O, G) at the prediction where that is enough.
 
-        The prediction is enough where the robot is not lost and objects do not occlude each other.
+        The prediction is enough where the robot is not lost, objects do not occlude each other, and none of
+        ``object_ids`` (K, D), as associated, was first seen along a ray alone.
         """
+        return seen_again(prediction, rows, object_ids, self._detected_at(prediction, rows))
+
+    def _detected_at(self, prediction: Prediction, rows: Assignments) -> Array:
+        """(K, O, G) or (1, O, G) by the predicted objects, whatever is detected."""
         if not prediction.is_lost and prediction.region.occluder_radius_m <= 0.0:
             return prediction.detected[None]
         detected = np.zeros((len(rows), *prediction.detected.shape))
