@@ -99,7 +99,7 @@ class _Found:
     offsets: Array  # (B, m) of the linear residuals where they were linearised
 
     def put_into(self, pairs: PairDensities) -> PairDensities:
-        """``pairs`` with these replaced."""
+        """``pairs`` with these replaced; joint assignments are then linear at the modes of their pairs."""
         if not len(self.numbers):
             return pairs
         at, shape = (self.numbers, self.columns), pairs.distance.shape
@@ -109,6 +109,8 @@ class _Found:
         for name, values in vars(self.part).items():
             getattr(part, name)[at] = values
         offsets, elsewhere = np.zeros((*shape, self.offsets.shape[1])), np.zeros(shape, dtype=bool)
+        if pairs.offsets is not None and pairs.elsewhere is not None:
+            offsets, elsewhere = pairs.offsets.copy(), pairs.elsewhere.copy()
         offsets[at], elsewhere[at] = self.offsets, True
         return PairDensities(density, distance, part, offsets, elsewhere)
 
