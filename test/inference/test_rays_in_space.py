@@ -63,23 +63,40 @@ def test_the_prior_s_factor_by_differences() -> None:
 @pytest.mark.parametrize("range_m", [0.6, 1.2, 3.0])
 def test_the_evidence_of_a_second_ray_is_that_over_all_ranges(baseline: float, range_m: float) -> None:
     """Against an integral over the range: to 0.3 nats where the object was expected, nowhere half a nat off."""
+    found, exact = second_ray(np.array([0.0, baseline, 0.0]), range_m)
+    assert found == pytest.approx(exact, abs=0.5)
+    if 0.6 < range_m < 2.0:
+        assert found == pytest.approx(exact, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("forward", "baseline", "range_m"), [(1.5, 0.05, 2.5), (2.5, 0.05, 4.5), (2.5, 0.2, 4.5), (2.5, 0.6, 4.5)]
+)
+def test_an_object_expected_behind_the_camera_by_now_is_recognised_ahead(
+    forward: float, baseline: float, range_m: float
+) -> None:
+    """It was expected 1.2 m ahead; a search from there had it at 2 to 162 nats too little."""
+    found, exact = second_ray(np.array([forward, baseline, 0.0]), range_m)
+    assert found == pytest.approx(exact, abs=0.5)
+
+
+def second_ray(place: np.ndarray, range_m: float) -> tuple[float, float]:
+    """Log density of a ray from ``place`` to an object ``range_m`` along the first one; and the integral."""
     anchor, expected = np.zeros(3), ANYWHERE.range_m * np.array([1.0, 0.0, 0.0])
     across = (RAY_SIGMA * ANYWHERE.range_m) ** 2
     covariance = np.zeros((9, 9))
     covariance[:6, :6] = 1e-10 * np.eye(6)
     covariance[6:, 6:] = np.diag([(ANYWHERE.sigma * ANYWHERE.range_m) ** 2, across, across])
-    robot = np.append([0.0, baseline, 0.0], ORIGIN[3:])
+    robot = np.append(place, ORIGIN[3:])
     predicted = PredictedBelief(
         SPACES.layout, SPACES.storage.stacked(robot[None], expected[None])[None], covariance[None]
     )
-    detection = ray_to(np.array([range_m, -baseline, 0.0]))
+    detection = ray_to(np.array([range_m, 0.0, 0.0]) - place)
     model = SpatialObservation()
     pairs = pair_densities(SPACES, model, [detection], predicted.mean[0], covariance)
     parent = ParentPairs(detections=[detection], predicted=predicted, anchors=anchor[None], pairs=pairs)
     (found,) = pairs_at_modes(SPACES, model, [parent])
-    assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.5)
-    if 0.6 < range_m < 2.0:
-        assert found.log_density[0, 0] == pytest.approx(integrated(detection, robot, expected, covariance), abs=0.3)
+    return found.log_density[0, 0], integrated(detection, robot, expected, covariance)
 
 
 def test_pairs_are_searched_together_as_each_would_be_by_itself() -> None:

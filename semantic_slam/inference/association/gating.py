@@ -36,7 +36,7 @@ class PairDensities:
     part: Linearisation  # (D, M, ...)
     offsets: Array | None = None  # (D, M, m) change of linear residuals, prediction to linearisation point; None: 0
     elsewhere: Flags | None = None  # (D, M) pairs that were linearised elsewhere than at the prediction
-    at_prediction: Linearisation | None = None  # (D, M, ...) in the plane, at the prediction; None: ``part`` is there
+    at_prediction: Linearisation | None = None  # (D, M, ...) at the prediction; None: ``part`` is there
     tail: HeavyTail | None = None  # outlier model of the detections' errors; None: there are no outliers
     outlier_distance: Array | None = None  # (D, M) Mahalanobis, under an outlier's wider covariance
     log_words: Array | None = None  # (D, M + 1) log likelihoods of labels by object, last: no object; None: unused
@@ -78,7 +78,7 @@ def pair_densities(
     if slopes is not None:
         jacobian = np.concatenate([jacobian, slopes[:, :, None] * np.eye(2)], axis=-1)
     shape = len(detections), count
-    if spaces.name == "planar" and slopes is None and tail is None:  # whose candidates are weighed at their modes
+    if slopes is None and tail is None:  # candidates are weighed at their modes
         turns = np.repeat(np.sqrt([own.turn_variance for own in detections]), count)
         bent = np.flatnonzero(bend(turns, jacobian, prior) > LARGEST_BEND)
         if len(bent):

@@ -41,13 +41,17 @@ class PairSearch(ABC):
     def select(self, selection: Index) -> Self:
         """The chosen pairs."""
 
+    def start(self) -> Array:
+        """(B, n) where the searches begin: the prediction."""
+        return np.zeros((len(self.root), self.root.shape[-1]))
+
     def jacobian(self, part: Linearisation) -> Array:
         """(B, m, n) Jacobian of the residuals."""
         return np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
 
     def mode(self, most_steps: int = MOST_STEPS) -> Array:
         """(B, n) mode of each pair; where dropped, the point at which the search stopped."""
-        search = LevenbergMarquardt(self, np.zeros((len(self.root), self.root.shape[-1])))
+        search = LevenbergMarquardt(self, self.start())
         search.advance(FIRST_STEPS, np.full(len(self.root), TOLERANCE))
         y = search.y
         left = np.flatnonzero(search.energy + self.detections.log_normaliser < HOPELESS)

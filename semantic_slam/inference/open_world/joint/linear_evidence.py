@@ -257,7 +257,8 @@ class LinearisedEvidence:
     def _from_where_linear(self, seen: Index, objects: Index, change: Array, variances: Array) -> tuple[Array, Array]:
         """Changes (G, m) relative to the linearisation points, and (G, m) variances that remain there.
 
-        In the plane several pairs, linearised each at its own mode, say nothing of their joint one: that is searched.
+        Several pairs, linearised each at its own mode, say nothing of their joint one: that is searched, unless the
+        range of one of their objects is poorly known.
         """
         if self._pairs.offsets is None or self._pairs.elsewhere is None:
             return change, variances

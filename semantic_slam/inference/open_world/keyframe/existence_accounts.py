@@ -14,6 +14,7 @@ from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, exis
 from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.open_world.spatial.seen_again import seen_again
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
@@ -39,14 +40,17 @@ class ExistenceAccounts:
         accounts: list[_Account] = [None] * len(assignments)  # type: ignore[list-item]
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
-            detected = self._detected(prediction, assignments.take(rows))
+            detected = self._detected(prediction, assignments.take(rows), object_ids[rows])
             for row, standing in zip(rows.tolist(), detected, strict=True):
                 if_missed = _IfMissed(prediction, standing, self._settings)
                 accounts[row] = _Account.of(if_missed, object_ids[row], moves[row], self._born)
         return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
 
-    def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
-        """(K, O, G) detection probabilities at the candidates' modes, averaged over where the robot still may be."""
+    def _detected(self, prediction: Prediction, rows: Assignments, object_ids: Index) -> Array:
+        """(K, O, G) detection probabilities at the candidates' modes, averaged over where the robot still may be.
+
+        ``object_ids`` (K, D) of the detections: those first seen along a ray alone are in view if seen again.
+        """
         detected = np.zeros((len(rows), *prediction.detected.shape))
         detected[:, prediction.in_reach] = geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
@@ -58,7 +62,7 @@ class ExistenceAccounts:
         )
         if prediction.detectable is not None:
             detected *= prediction.detectable / prediction.rates.runs.share
-        return detected
+        return seen_again(prediction, rows, object_ids, detected)
 
 
 class _IfMissed:

@@ -97,8 +97,10 @@ class SpatialGeometry:
                 own[:] = self.distances(tracked.states, born.prior.mean) / errors
             else:
                 seen = body - detection.origin
-                across = (place**2 + known) / distances(seen) ** 2
-                own[:] = off_axis(seen, detection.ray) / np.sqrt(detection.ray_variance + turn**2 + across)
+                away = distances(seen)
+                across = (place**2 + known) / away**2
+                turned = turn * np.maximum(distances(body) / away, 1.0)  # about the body, which is not the camera
+                own[:] = off_axis(seen, detection.ray) / np.sqrt(detection.ray_variance + turned**2 + across)
         return found
 
     def _seen(

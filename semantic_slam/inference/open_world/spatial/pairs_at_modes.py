@@ -10,17 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, squared_norms
 from semantic_slam.geometry.rows import joined_rows, take
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.association.pair_search import PairSearch
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.observation import Innovation, Linearisation, ObservationModel
-from semantic_slam.inference.states.range_chart import moved_and_slopes, relative_sigmas
+from semantic_slam.inference.states.range_chart import LEAST_DISTANCE_M, moved_and_slopes, relative_sigmas
 from semantic_slam.inference.states.spaces import Spaces
 
 LEAST_SIGMA = 0.1
 """Relative standard deviation of a range below which a detection is linear enough at the prediction."""
+LEAST_SQUARED_SINE = 1e-12
+"""Least square of the sine between two rays that pass each other anywhere."""
+FARTHEST_START = 3.0
+"""Standard deviations of the log range from the prediction within which a search begins."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +99,7 @@ class _Found:
     offsets: Array  # (B, m) of the linear residuals where they were linearised
 
     def put_into(self, pairs: PairDensities) -> PairDensities:
-        """``pairs`` with these replaced."""
+        """``pairs`` with these replaced; joint assignments are then linear at the modes of their pairs."""
         if not len(self.numbers):
             return pairs
         at, shape = (self.numbers, self.columns), pairs.distance.shape
@@ -105,6 +109,8 @@ class _Found:
         for name, values in vars(self.part).items():
             getattr(part, name)[at] = values
         offsets, elsewhere = np.zeros((*shape, self.offsets.shape[1])), np.zeros(shape, dtype=bool)
+        if pairs.offsets is not None and pairs.elsewhere is not None:
+            offsets, elsewhere = pairs.offsets.copy(), pairs.elsewhere.copy()
         offsets[at], elsewhere[at] = self.offsets, True
         return PairDensities(density, distance, part, offsets, elsewhere)
 
@@ -133,6 +139,38 @@ class PairProblem(PairSearch):
     def select(self, selection: Index) -> "PairProblem":
         """The chosen pairs."""
         return take(self, selection, _ROWS)
+
+    def start(self) -> Array:
+        """(B, n) the prediction, or where the detection meets the object's ray, whichever has the lower energy.
+
+        No descent leads from an object that is expected behind the camera to one in front of it.
+        """
+        predicted, met = super().start(), self._met()
+        lower = self.normal_equations(met)[0] < self.normal_equations(predicted)[0]
+        return np.where(lower[:, None], met, predicted)
+
+    def _met(self) -> Array:
+        """(B, n) the mode given the log range at which the object's ray passes the detection; 0 where it does not.
+
+        Two rays pass where they are nearest, in front of both.
+        """
+        seen, space = self.detections, self.spaces.robot
+        camera = space.displacement(self.robots, seen.origin, np.zeros(3))
+        look = space.displacement(self.robots, seen.ray, self.robots[:, :3])
+        away = self.objects - self.anchors
+        distance = np.maximum(np.sqrt(squared_norms(away)), LEAST_DISTANCE_M)
+        unit, apart = away / distance[:, None], camera - self.anchors
+        cosine, along = np.vecdot(unit, look), np.vecdot(unit, apart)
+        squared_sine = np.maximum(1.0 - cosine**2, LEAST_SQUARED_SINE)
+        depth = np.where(seen.has_range, seen.range_m, (cosine * along - np.vecdot(look, apart)) / squared_sine)
+        reach = along + cosine * depth
+        row = np.zeros(self.root.shape[::2])
+        row[:, self.spaces.layout.robot :] = unit
+        whitened = (row[:, None] @ self.root)[:, 0]
+        sigma = np.sqrt(squared_norms(whitened))
+        ratio = np.log(np.where((reach > 0.0) & (depth > 0.0), reach, distance) / distance)
+        steps = np.clip(ratio * distance / sigma, -FARTHEST_START, FARTHEST_START)
+        return np.asarray((steps / sigma)[:, None] * whitened)
 
     def part(self, tangent: Array) -> Linearisation:
         size, space = self.spaces.layout.robot, self.spaces.robot
