@@ -12,10 +12,12 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
 from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
+from semantic_slam.inference.open_world.prediction.nearby import views_of
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
+from semantic_slam.inference.states.views import Looks, Views
 
 
 def least_detected(settings: OpenWorldConfiguration) -> float:
@@ -39,24 +41,21 @@ class ExistenceAccounts:
         accounts: list[_Account] = [None] * len(assignments)  # type: ignore[list-item]
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
-            if_missed = [
-                _IfMissed(prediction, detected, self._settings)
-                for detected in self._detected(prediction, assignments.take(rows))
-            ]
+            looks = self._looks(prediction, assignments.take(rows))
+            if_missed = [_IfMissed(prediction, looks.of(k), self._settings) for k in range(len(looks.in_view))]
             for at, row in enumerate(rows.tolist()):
                 own = if_missed[at if len(if_missed) > 1 else 0]
                 accounts[row] = _Account.of(own, object_ids[row], moves[row], self._born)
         return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
 
-    def _detected(self, prediction: Prediction, rows: Assignments) -> Array:
-        """(K, O, G) detection probabilities at the candidates' modes; (1, O, G) at the prediction where that is enough.
+    def _looks(self, prediction: Prediction, rows: Assignments) -> Looks:
+        """Looks at the objects in reach from the candidates' modes; from the prediction (K = 1) where that is enough.
 
         The prediction is enough where the robot is not lost and objects do not occlude each other.
         """
         if not prediction.is_lost and prediction.region.occluder_radius_m <= 0.0:
-            return prediction.detected[None]
-        detected = np.zeros((len(rows), *prediction.detected.shape))
-        detected[:, prediction.in_reach] = geometry_of(prediction.component.spaces).detections_at(
+            return prediction.looks
+        return geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
             prediction.rates,
             prediction.objects,
@@ -64,19 +63,18 @@ class ExistenceAccounts:
             rows.column("robot_covariance"),
             self._step,
         )
-        if prediction.detectable is not None:
-            detected *= prediction.detectable / prediction.rates.runs.share
-        return detected
 
 
 class _IfMissed:
     """A parent's O objects at one candidate's mode: log factors and existence if missed, and the change if detected."""
 
-    def __init__(self, prediction: Prediction, standing: Array, settings: OpenWorldConfiguration) -> None:
-        """``standing`` (O, G) is the detection probability of an object if it stands still."""
-        self.prediction, self.standing, self.settings = prediction, standing, settings
+    def __init__(self, prediction: Prediction, looks: Looks, settings: OpenWorldConfiguration) -> None:
+        """``looks`` (K = 1) at the objects in reach, if they stand still."""
+        self.prediction, self.looks, self.settings = prediction, looks, settings
         self.least = least_detected(settings)
-        self.detected = prediction.detected_at_all(standing[None])[0]  # (O, G)
+        self.standing = np.zeros(prediction.existence.shape)  # (O, G) detection probability of what stands still
+        self.standing[prediction.in_reach] = looks.detected[0]
+        self.detected = prediction.detected_at_all(self.standing[None])[0]  # (O, G)
         self.log_missed = log_miss(prediction.existence, self.detected)  # (O, G)
 
     @cached_property
@@ -164,7 +162,7 @@ class _Account:
             new_existence=prediction.birth_existence[np.ix_(self.new, np.flatnonzero(left))],
             rates=rates,
             rates_kept=None if left.all() else left,
-            detectable=self._detectable(left, kept),
+            views=self._views(kept).with_rates(left),
             gone=gone,
             stamp_ns=prediction.population.stamp_ns,
             moving=None if prediction.movers is None else 1.0 - stands,
@@ -179,17 +177,14 @@ class _Account:
         gone[self.observed] = 0.0
         return np.asarray(gone)
 
-    def _detectable(self, left: Flags, kept: Flags) -> Array | None:
-        """Probability that kept and new objects can be detected next; None where misses do not come in runs."""
-        detectable = self.if_missed.prediction.detectable
-        if detectable is None:
-            return None
-        rates = self.if_missed.prediction.rates
-        seen = np.zeros(len(detectable), dtype=bool)
-        seen[self.observed] = True
-        after = rates.runs.after(detectable, self.if_missed.detected, seen)[kept]
-        after = np.concatenate([after, np.ones((len(self.new), after.shape[1]))])
-        return rates.runs.next(after)[:, left]
+    def _views(self, kept: Flags) -> Views:
+        """What is known of being in view, of the objects ``kept`` (O,), then of the new ones."""
+        prediction = self.if_missed.prediction
+        runs, reach = prediction.rates.runs, prediction.in_reach
+        seen = np.isin(reach, self.observed)
+        in_reach = self.if_missed.looks.after(seen, runs)
+        all_objects = views_of(prediction.population).unreached(runs).updated(reach, in_reach)
+        return all_objects.take(kept).joined(all_objects.started(len(self.new), runs))
 
 
 class ExistenceUpdates(Sequence[ExistenceUpdate]):
