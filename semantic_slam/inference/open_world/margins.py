@@ -28,11 +28,16 @@ class Margins(NamedTuple):
     @property
     def inside(self) -> Array:
         """(...,) probability of being inside."""
-        return np.asarray(np.maximum(ndtr(self.upper) - ndtr(self.lower), 0.0).prod(axis=0))
+        return np.asarray(self.within.prod(axis=0))
+
+    @property
+    def within(self) -> Array:
+        """(C, ...) probability of each coordinate to be between its edges."""
+        return np.asarray(np.maximum(ndtr(self.upper) - ndtr(self.lower), 0.0))
 
     def shares(self, covariance: Array) -> Array:
         """(C, ...) variance of each coordinate by a (..., d, d) part of the covariance, over its whole variance."""
-        return np.asarray(((self.slopes @ covariance) * self.slopes).sum(axis=-1))
+        return _products(self.slopes, covariance, self.slopes)
 
 
 class Places(NamedTuple):
@@ -52,11 +57,13 @@ class Places(NamedTuple):
         """
         now = margins_of(self.points, self.covariance)
         before = margins_of((self.points - self.shift) @ self.turn, self.turn.T @ self.covariance @ self.turn)
-        slopes = before.slopes @ self.turn.T
         fresh = np.minimum(now.shares(self.by_motion), now.shares(self.by_robot))
-        lasting = np.clip(((slopes @ self.covariance) * now.slopes).sum(axis=-1) * (1.0 - fresh), 0.0, 1.0)
-        within, then = (np.maximum(ndtr(own.upper) - ndtr(own.lower), 0.0) for own in (now, before))
-        common = ndtr(np.minimum(now.upper, before.upper)) - ndtr(np.maximum(now.lower, before.lower))
+        correlation = _products(before.slopes @ self.turn.T, self.covariance, now.slopes)
+        lasting = np.clip(correlation * (1.0 - fresh), 0.0, 1.0)
+        known = np.sqrt(np.maximum(1.0 - fresh, LEAST_VARIANCE))
+        lower, upper = before.lower / known, before.upper / known
+        within, then = now.within, np.maximum(ndtr(upper) - ndtr(lower), 0.0)
+        common = ndtr(np.minimum(now.upper, upper)) - ndtr(np.maximum(now.lower, lower))
         apart = within * then
         both = apart + lasting * (np.maximum(common, 0.0) - apart)
         return Overlap(then.prod(axis=0), within.prod(axis=0), both.prod(axis=0)), lasting
@@ -83,3 +90,8 @@ def with_occlusion(overlap: Overlap, before: Array, now: Array, lasting: Array) 
     apart = before * now
     both = apart + lasting * (np.minimum(before, now) - apart)
     return Overlap(before=overlap.before * before, now=overlap.now * now, both=overlap.both * both)
+
+
+def _products(left: Array, matrices: Array, right: Array) -> Array:
+    """(C, ...) products of vectors (C, ..., d) with matrices (..., d, d) between them."""
+    return np.asarray(((left[..., None, :] @ matrices)[..., 0, :] * right).sum(axis=-1))
