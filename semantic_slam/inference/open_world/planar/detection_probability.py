@@ -49,11 +49,6 @@ class Occluders(NamedTuple):
         known = np.isfinite(self.ranges_m)
         return float(self.variances[known, 1].mean()) if known.any() else 0.0
 
-    def variances_before(self, relative: Array, covariance: Array) -> Array:
-        """(..., D, 2) variances of distance and angle between detections and positions (..., 2) with (..., 2, 2)."""
-        own = polar_variances(relative, covariance)
-        return np.asarray(own[..., None, :] + self.variances)
-
 
 NOTHING_SHOWN = Occluders(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
 """No occluders."""
@@ -102,7 +97,10 @@ def _looks(
     covariance: Array,
     shown: Occluders,
 ) -> Looks:
-    """Looks at objects ``relative`` (K, N, 3) to robots with (K, 3, 3); chances by expected distance and direction."""
+    """Looks at objects ``relative`` (K, N, 3) to robots with (K, 3, 3).
+
+    Detection probabilities fall off with the expected distance and depend on the expected direction.
+    """
     places = _places(relative, prediction, covariance)
     overlap, lasting = places.overlap(region.margins)
     unoccluded = np.ones(overlap.now.shape)
