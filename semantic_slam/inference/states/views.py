@@ -39,7 +39,7 @@ class Views:
 
     @classmethod
     def unknown(cls, detectable: Array | None, num_objects: int, num_rates: int) -> "Views":
-        """Of objects that no keyframe has concerned; ``detectable`` (O, G) a priori."""
+        """Views of objects that no keyframe has concerned; ``detectable`` (O, G) a priori."""
         return cls(
             hidden=np.ones((num_objects, num_rates)),
             unoccluded=np.ones(num_objects),
@@ -48,7 +48,7 @@ class Views:
         )
 
     def take(self, rows: Index | Flags) -> "Views":
-        """Those of some of the objects."""
+        """Views of some of the objects."""
         return Views(
             hidden=self.hidden[rows],
             unoccluded=self.unoccluded[rows],
@@ -57,7 +57,7 @@ class Views:
         )
 
     def with_rates(self, left: Flags) -> "Views":
-        """Those under the sensor settings ``left`` (G,)."""
+        """Views under the sensor settings ``left`` (G,)."""
         columns = np.s_[:, left]
         return replace(
             self,
@@ -67,12 +67,12 @@ class Views:
         )
 
     def unreached(self, runs: MissRuns) -> "Views":
-        """Those after a keyframe whose sensor reached none of the objects."""
+        """Views after a keyframe whose sensor reached none of the objects."""
         out = None if self.detectable_hidden is None else runs.next(self.detectable_hidden)
         return Views.unknown(out, *self.hidden.shape)
 
     def started(self, count: int, runs: MissRuns) -> "Views":
-        """Those of ``count`` objects that the keyframe has detected first."""
+        """Views of ``count`` objects that the keyframe has detected first."""
         shape = count, self.hidden.shape[1]
         inside = outside = None
         if self.detectable is not None:
@@ -142,7 +142,7 @@ class Looks(NamedTuple):
         return np.asarray(self.in_view * self.chance)
 
     def of(self, number: int) -> "Looks":
-        """Those from one of the poses, K = 1, or from the only one."""
+        """Looks from one of the poses, K = 1, or from the only one."""
         own = slice(number, number + 1) if len(self.in_view) > 1 else slice(0, 1)
         return Looks(
             in_view=self.in_view[own],
