@@ -39,7 +39,7 @@ def revised_objects(
         objects,
         ids=after.ids,
         existence_given=existence,
-        detectable=None if objects.detectable is None else objects.detectable[rows],
+        views=None if objects.views is None else objects.views.take(rows),
         gone=None if objects.gone is None else objects.gone[rows],
         rates=replace(objects.rates, log_weights=log_weights),
     )

@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
+from semantic_slam.inference.states.views import Views
 
 BEYOND = 1e6
 """Metres to a position that the sensor never sees."""
@@ -24,7 +25,7 @@ class HypothesisObjects:
 
     ids: Index  # (O,)
     existence_given: Array  # (O, G) probability of existence under each setting
-    detectable: Array | None = None  # (O, G) probability that it can be detected next, if it exists; None: always
+    views: Views | None = None  # what detections and misses say of being in view; None: misses do not count
     gone: Array | None = None  # (O, G) probability that it existed and has left since; None: nothing leaves
     stamp_ns: int | None = None  # time to which departures are accounted for; None: before the first keyframe
     rates: DetectionRates = CERTAIN
@@ -65,7 +66,7 @@ class HypothesisObjects:
         return HypothesisObjects(
             ids=np.concatenate([self.ids[update.kept], update.new_ids]),
             existence_given=np.concatenate([update.existence[update.kept], update.new_existence]),
-            detectable=update.detectable,
+            views=update.views,
             gone=None
             if update.gone is None
             else np.concatenate([update.gone[update.kept], 0.0 * update.new_existence]),
@@ -163,7 +164,7 @@ class ExistenceUpdate:
     new_existence: Array  # (n, G)
     rates: DetectionRates = CERTAIN  # the settings that are left
     rates_kept: Flags | None = None  # which of the parent's settings these are; None: all
-    detectable: Array | None = None  # of the kept objects, then of the new ones, where misses come in runs
+    views: Views | None = None  # of the kept objects, then of the new ones; None: misses do not count
     gone: Array | None = None  # (O, G) probability that it has left, where departures are modelled
     stamp_ns: int | None = None  # of this keyframe, where departures are modelled
     moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing moves

@@ -35,6 +35,7 @@ from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.states.metre import Metre
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.states.views import Views
 from semantic_slam.inference.world.carried import Carried
 from semantic_slam.inference.world.departures import Departures
 from semantic_slam.inference.world.displaced_objects import Displaced
@@ -164,7 +165,7 @@ class Problem:
         objects = replace(
             plain.objects,
             existence_given=(1.0 - share) * stated,
-            detectable=np.broadcast_to(rates.runs.share, shape) if in_runs else None,
+            views=Views.unknown(np.broadcast_to(rates.runs.share, shape) if in_runs else None, *shape),
             gone=share * stated if Departures(self.open_world).is_on else None,
             rates=rates,
         )

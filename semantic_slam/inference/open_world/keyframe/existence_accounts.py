@@ -12,11 +12,13 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
 from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
+from semantic_slam.inference.open_world.prediction.nearby import views_of
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.spatial.seen_again import seen_again
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
+from semantic_slam.inference.states.views import Looks, Views
 
 
 def least_detected(settings: OpenWorldConfiguration) -> float:
@@ -40,19 +42,18 @@ class ExistenceAccounts:
         accounts: list[_Account] = [None] * len(assignments)  # type: ignore[list-item]
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
-            detected = self._detected(prediction, assignments.take(rows), object_ids[rows])
-            for row, standing in zip(rows.tolist(), detected, strict=True):
-                if_missed = _IfMissed(prediction, standing, self._settings)
+            looks = self._looks(prediction, assignments.take(rows), object_ids[rows])
+            for at, row in enumerate(rows.tolist()):
+                if_missed = _IfMissed(prediction, looks.of(at), self._settings)
                 accounts[row] = _Account.of(if_missed, object_ids[row], moves[row], self._born)
         return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
 
-    def _detected(self, prediction: Prediction, rows: Assignments, object_ids: Index) -> Array:
-        """(K, O, G) detection probabilities at the candidates' modes, averaged over where the robot still may be.
+    def _looks(self, prediction: Prediction, rows: Assignments, object_ids: Index) -> Looks:
+        """Looks at the objects in reach from the candidates' modes, averaged over where the robot still may be.
 
         ``object_ids`` (K, D) of the detections: those first seen along a ray alone are in view if seen again.
         """
-        detected = np.zeros((len(rows), *prediction.detected.shape))
-        detected[:, prediction.in_reach] = geometry_of(prediction.component.spaces).detections_at(
+        looks = geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
             prediction.rates,
             prediction.objects,
@@ -60,19 +61,19 @@ class ExistenceAccounts:
             rows.column("robot_covariance"),
             self._step,
         )
-        if prediction.detectable is not None:
-            detected *= prediction.detectable / prediction.rates.runs.share
-        return seen_again(prediction, rows, object_ids, detected)
+        return seen_again(prediction, rows, object_ids, looks)
 
 
 class _IfMissed:
     """A parent's O objects at one candidate's mode: log factors and existence if missed, and the change if detected."""
 
-    def __init__(self, prediction: Prediction, standing: Array, settings: OpenWorldConfiguration) -> None:
-        """``standing`` (O, G) is the detection probability of an object if it stands still."""
-        self.prediction, self.standing, self.settings = prediction, standing, settings
+    def __init__(self, prediction: Prediction, looks: Looks, settings: OpenWorldConfiguration) -> None:
+        """``looks`` (K = 1) at the objects in reach, if they stand still."""
+        self.prediction, self.looks, self.settings = prediction, looks, settings
         self.least = least_detected(settings)
-        self.detected = prediction.detected_at_all(standing[None])[0]  # (O, G)
+        self.standing = np.zeros(prediction.existence.shape)  # (O, G) detection probability of what stands still
+        self.standing[prediction.in_reach] = looks.detected[0]
+        self.detected = prediction.detected_at_all(self.standing[None])[0]  # (O, G)
         self.log_missed = log_miss(prediction.existence, self.detected)  # (O, G)
 
     @cached_property
@@ -160,7 +161,7 @@ class _Account:
             new_existence=prediction.birth_existence[np.ix_(self.new, np.flatnonzero(left))],
             rates=rates,
             rates_kept=None if left.all() else left,
-            detectable=self._detectable(left, kept),
+            views=self._views(kept).with_rates(left),
             gone=gone,
             stamp_ns=prediction.population.stamp_ns,
             moving=None if prediction.movers is None else 1.0 - stands,
@@ -175,17 +176,14 @@ class _Account:
         gone[self.observed] = 0.0
         return np.asarray(gone)
 
-    def _detectable(self, left: Flags, kept: Flags) -> Array | None:
-        """Probability that kept and new objects can be detected next; None where misses do not come in runs."""
-        detectable = self.if_missed.prediction.detectable
-        if detectable is None:
-            return None
-        rates = self.if_missed.prediction.rates
-        seen = np.zeros(len(detectable), dtype=bool)
-        seen[self.observed] = True
-        after = rates.runs.after(detectable, self.if_missed.detected, seen)[kept]
-        after = np.concatenate([after, np.ones((len(self.new), after.shape[1]))])
-        return rates.runs.next(after)[:, left]
+    def _views(self, kept: Flags) -> Views:
+        """What is known of being in view, of the objects ``kept`` (O,), then of the new ones."""
+        prediction = self.if_missed.prediction
+        runs, reach = prediction.rates.runs, prediction.in_reach
+        seen = np.isin(reach, self.observed)
+        in_reach = self.if_missed.looks.after(seen, runs)
+        all_objects = views_of(prediction.population).unreached(runs).updated(reach, in_reach)
+        return all_objects.take(kept).joined(all_objects.started(len(self.new), runs))
 
 
 class ExistenceUpdates(Sequence[ExistenceUpdate]):

@@ -76,8 +76,10 @@ def _missed(
 
 def _of_static(prediction: Prediction, update: ExistenceUpdate, object_ids: Index) -> Array:
     """(n, G) detectability in the next keyframe of objects that are also kept as static ones."""
-    assert update.detectable is not None
-    return np.asarray(update.detectable[np.searchsorted(prediction.component.objects.ids[update.kept], object_ids)])
+    assert update.views is not None and update.views.detectable is not None
+    return np.asarray(
+        update.views.detectable[np.searchsorted(prediction.component.objects.ids[update.kept], object_ids)]
+    )
 
 
 def _detectable_again(rates: DetectionRates, movers: Movers) -> Movers:

@@ -7,10 +7,12 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.open_world.margins import Places, with_occlusion
 from semantic_slam.inference.open_world.planar.region import NO_SCAN, SensorRegion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
+from semantic_slam.inference.states.views import Looks
 
 LEAST_DETECTION_SHARE = 0.02
 """Least share of the detection probability for detected objects that seem to lie outside the region."""
@@ -41,10 +43,15 @@ class Occluders(NamedTuple):
             free_range_scan=free_range_scan,
         )
 
-    def variances_before(self, relative: Array, covariance: Array) -> Array:
-        """(..., D, 2) variances of distance and angle between detections and positions (..., 2) with (..., 2, 2)."""
-        own = polar_variances(relative, covariance)
-        return np.asarray(own[..., None, :] + self.variances)
+    @property
+    def bearing_variance(self) -> float:
+        """Mean variance of the bearings [rad^2] of what occludes; 0 without any."""
+        known = np.isfinite(self.ranges_m)
+        return float(self.variances[known, 1].mean()) if known.any() else 0.0
+
+
+NOTHING_SHOWN = Occluders(np.zeros(0), np.zeros(0), np.zeros((0, 2)))
+"""No occluders."""
 
 
 def polar_variances(relative: Array, covariance: Array) -> Array:
@@ -63,46 +70,54 @@ def detection_probabilities(
     robot: Array,
     covariance: Array,
     shown: Occluders,
-) -> Array:
-    """(K, N, G) detection probabilities of existing objects from modes ``robot`` (K, 3) with (K, 3, 3).
+) -> Looks:
+    """Looks at existing objects from modes ``robot`` (K, 3) with (K, 3, 3).
 
     Objects may be occluded by what is ``shown``.
     """
     shift = se2.log(se2.between(prediction.robot, robot))  # (K, 3)
     moved = np.einsum("nij,kj->kni", prediction.gain, shift)
     objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
-    relative = se2.between(robot[:, None], objects)
-    spread = _relative_covariance(relative, prediction, covariance)
-    inside = region.contains(relative[..., :2], spread)
-    if region.occluder_radius_m > 0.0:
-        variances = shown.variances_before(relative[..., :2], spread)
-        inside *= region.not_occluded(
-            relative[..., :2], shown.ranges_m, shown.bearings_rad, shown.free_range_scan, variances
-        )
-    return _by_rates(region, rates, inside, relative)
+    return _looks(region, rates, prediction, se2.between(robot[:, None], objects), covariance, shown)
 
 
 def predicted_detection_probabilities(
     region: SensorRegion, rates: DetectionRates, prediction: PredictedObjects
-) -> Array:
-    """(N, G) detection probabilities of existing objects at the prediction, without occlusion."""
+) -> Looks:
+    """Looks at existing objects from the predicted robot (K = 1), without occlusion."""
     relative = se2.between(prediction.robot, prediction.objects)[None]
-    spread = _relative_covariance(relative, prediction, prediction.robot_covariance[None])
-    return _by_rates(region, rates, region.contains(relative[..., :2], spread)[0], relative[0])
+    return _looks(region, rates, prediction, relative, prediction.robot_covariance[None], NOTHING_SHOWN)
 
 
-def _by_rates(region: SensorRegion, rates: DetectionRates, inside: Array, relative: Array) -> Array:
-    """(..., G) detection probabilities of objects at (..., 3) in the body frame, each inside with probability (...,).
+def _looks(
+    region: SensorRegion,
+    rates: DetectionRates,
+    prediction: PredictedObjects,
+    relative: Array,
+    covariance: Array,
+    shown: Occluders,
+) -> Looks:
+    """Looks at objects ``relative`` (K, N, 3) to robots with (K, 3, 3).
 
-    They fall off with the expected distance and depend on the expected direction.
+    Detection probabilities fall off with the expected distance and depend on the expected direction.
     """
-    distance = np.hypot(relative[..., 0], relative[..., 1])
-    found = inside[..., None] * rates.probability * rates.fall_off(distance)
-    return rates.by_direction.times(found, relative, region.direction_rad)
+    places = _places(relative, prediction, covariance)
+    overlap, lasting = places.overlap(region.margins)
+    unoccluded = np.ones(overlap.now.shape)
+    if region.occluder_radius_m > 0.0:
+        own = polar_variances(places.points, places.covariance)
+        variances = own[..., None, :] + shown.variances
+        ranges, bearings = shown.ranges_m, shown.bearings_rad
+        unoccluded = region.not_occluded(places.points, ranges, bearings, shown.free_range_scan, variances)
+        lasts = lasting[1] * places.lasting_sight(own[..., 1], shown.bearing_variance)
+        overlap = with_occlusion(overlap, prediction.views.unoccluded, unoccluded, lasts)
+    chance = rates.probability * rates.fall_off(np.hypot(relative[..., 0], relative[..., 1]))
+    chance = rates.by_direction.times(chance, relative, region.direction_rad)
+    return prediction.views.predicted(overlap, unoccluded, chance, rates.runs)
 
 
-def _relative_covariance(relative: Array, prediction: PredictedObjects, covariance: Array) -> Array:
-    """(K, N, 2, 2) of the objects' positions in the body frame, to first order.
+def _places(relative: Array, prediction: PredictedObjects, covariance: Array) -> Places:
+    """Positions in the body frame with (K, N, 2, 2) covariances, to first order.
 
     With p = R_x^T (t_o - t_x): dp/dx = [-I, -S p] and dp/do = [R_x^T R_o, 0], S a quarter turn.
     """
@@ -114,7 +129,16 @@ def _relative_covariance(relative: Array, prediction: PredictedObjects, covarian
     by_object[..., 0, 0], by_object[..., 0, 1], by_object[..., 1, 0], by_object[..., 1, 1] = cos, -sin, sin, cos
     together = by_robot + by_object @ prediction.gain
     by_remainder = by_object @ prediction.remainder @ np.swapaxes(by_object, -1, -2)
-    return np.asarray(together @ covariance[:, None] @ np.swapaxes(together, -1, -2) + by_remainder)
+    spread = together @ covariance[:, None] @ np.swapaxes(together, -1, -2)
+    turned = prediction.robot_before[2]
+    return Places(
+        points=relative[..., :2],
+        covariance=spread + by_remainder,
+        by_robot=spread,
+        by_motion=by_robot @ prediction.motion_noise @ np.swapaxes(by_robot, -1, -2),
+        turn=np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]]),
+        shift=prediction.robot_before[:2],
+    )
 
 
 def undetected_share(

@@ -26,6 +26,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 from semantic_slam.inference.states.tracked_objects import TrackedStates
+from semantic_slam.inference.states.views import Looks
 
 MOST_AHEAD = 80
 """Most objects ahead of the sensor in a local map: any of them may be detected before it is read again."""
@@ -56,7 +57,7 @@ class PlanarGeometry:
     ) -> tuple[Array, Array, Array]:
         return expected_births(settings, component, region, robot, births, detections, second)
 
-    def predicted_detections(self, region: SensorRegion, rates: DetectionRates, objects: PredictedObjects) -> Array:
+    def predicted_detections(self, region: SensorRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
         return predicted_detection_probabilities(region, rates, objects)
 
     def detections_at(
@@ -67,7 +68,7 @@ class PlanarGeometry:
         robot: Array,
         covariance: Array,
         step: Step,
-    ) -> Array:
+    ) -> Looks:
         shown = Occluders.of(step.detections, step.free_range_scan)
         return detection_probabilities(region, rates, objects, robot, covariance, shown)
 

@@ -12,6 +12,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar.depth_ranges import WIDEST_RAD, covered, distance_per_depth, off_axis
 from semantic_slam.inference.models.sensed_region import SensedRegion
+from semantic_slam.inference.open_world.margins import Margins
 
 NO_SCAN = np.zeros((0, 2))
 EXACT = np.zeros((1, 2))
@@ -96,6 +97,13 @@ class SensorRegion:
         Range and bearing count as independent normals: exact for a half-plane, close where the spread is small
         against the region.
         """
+        return self.margins(relative, covariance).inside
+
+    def margins(self, relative: Array, covariance: Array) -> Margins:
+        """How far objects at ``relative`` (..., 2) in the body frame, with (..., 2, 2), are inside.
+
+        Coordinates are range and bearing.
+        """
         distance = np.maximum(np.hypot(relative[..., 0], relative[..., 1]), 1e-3)
         radial = relative / distance[..., None]
         across = np.stack([-radial[..., 1], radial[..., 0]], axis=-1)
@@ -104,11 +112,13 @@ class SensorRegion:
         half, turn = 0.5 * self.field_of_view_rad, np.arctan2(relative[..., 1], relative[..., 0])
         slope = self.per_range(turn)
         nearest, farthest = self.min_range_m * slope, self.max_range_m * slope
-        inside = ndtr((farthest - distance) / sigma_range) - ndtr((nearest - distance) / sigma_range)
-        if half >= np.pi:
-            return np.asarray(np.maximum(inside, 0.0))
         bearing, sigma = self.off_centre(turn), sigma_across / distance
-        return np.asarray(np.maximum(inside, 0.0) * (ndtr((half - bearing) / sigma) - ndtr((-half - bearing) / sigma)))
+        half = np.inf if half >= np.pi else half
+        return Margins(
+            lower=np.stack([(nearest - distance) / sigma_range, (-half - bearing) / sigma]),
+            upper=np.stack([(farthest - distance) / sigma_range, (half - bearing) / sigma]),
+            slopes=np.stack([radial / sigma_range[..., None], across / sigma_across[..., None]]),
+        )
 
     def off_centre(self, bearings_rad: Array) -> Array:
         """Angles between bearings in the body frame and the sector's middle, in [-pi, pi)."""

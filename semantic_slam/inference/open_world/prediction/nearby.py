@@ -12,12 +12,13 @@ from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
+from semantic_slam.inference.open_world.prediction.predicted_robot import PredictedRobot
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalMap
 from semantic_slam.inference.smoothing.tracking import carried_keys
 from semantic_slam.inference.states.keys import object_key
-from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.inference.states.tracked_objects import TrackedStates
+from semantic_slam.inference.states.tracked_objects import HypothesisObjects
+from semantic_slam.inference.states.views import Views
 
 LOCAL_OBJECTS = 40
 """Objects around robot and detections that a new local map holds besides those near the detections."""
@@ -86,13 +87,13 @@ def local_around(component: Component, robot: Array, near: Index, ahead: Index) 
 
 
 def objects_in_reach(
-    spaces: Spaces, tracked: TrackedStates, robot: Array, reach: Index, near: Index, predicted: PredictedBelief
+    component: Component, robot: PredictedRobot, reach: Index, near: Index, predicted: PredictedBelief
 ) -> PredictedObjects:
-    """Objects within range given the robot; those without a known cross-covariance are taken to move with it."""
+    """Objects within range given the ``robot``; those without a known cross-covariance are taken to move with it."""
     r, landmark = predicted.layout.block(0), slice(predicted.layout.landmark)
     spread = predicted.covariance[0, r, r]
-    states = tracked.states[reach]
-    gain = geometry_of(spaces).moving_along(robot, states)
+    states = tracked_states(component).states[reach]
+    gain = geometry_of(component.spaces).moving_along(robot.state, states)
     remainder = np.zeros((len(reach), landmark.stop, landmark.stop))
     known = np.searchsorted(reach, near)
     inside = known < len(reach)
@@ -104,4 +105,20 @@ def objects_in_reach(
         own = cross @ np.linalg.inv(spread)
         gain[known[inside]] = own
         remainder[known[inside]] = blocks[numbers, landmark, numbers, landmark] - own @ np.swapaxes(cross, 1, 2)
-    return PredictedObjects(robot=robot, robot_covariance=spread, objects=states, gain=gain, remainder=remainder)
+    return PredictedObjects(
+        robot=robot.state,
+        robot_covariance=spread,
+        objects=states,
+        gain=gain,
+        remainder=remainder,
+        views=views_of(component.objects).take(reach),
+        robot_before=component.spaces.robot.between(robot.state, tracked_states(component).robot),
+        motion_noise=robot.noise.covariance,
+    )
+
+
+def views_of(objects: HypothesisObjects) -> Views:
+    """What is known of being in view, of all O objects; nothing where no keyframe has accounted for it."""
+    if objects.views is None:
+        return Views.unknown(None, *objects.existence_given.shape)
+    return objects.views

@@ -15,6 +15,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
+from semantic_slam.inference.states.views import Looks
 
 
 class OpenGeometry(Protocol):
@@ -41,8 +42,8 @@ class OpenGeometry(Protocol):
         ``second`` (D, G): intensities of duplicate boxes of known objects.
         """
 
-    def predicted_detections(self, region: Any, rates: DetectionRates, objects: PredictedObjects) -> Array:
-        """(N, G) detection probabilities at the prediction, without occlusion."""
+    def predicted_detections(self, region: Any, rates: DetectionRates, objects: PredictedObjects) -> Looks:
+        """Looks at the N objects from the predicted robot (K = 1), without occlusion."""
 
     def detections_at(
         self,
@@ -52,8 +53,8 @@ class OpenGeometry(Protocol):
         robot: Array,
         covariance: Array,
         step: Step,
-    ) -> Array:
-        """(K, N, G) detection probabilities at modes ``robot`` (K, s) with covariances (K, r, r), with occlusion."""
+    ) -> Looks:
+        """Looks at the N objects from modes ``robot`` (K, s) with covariances (K, r, r), with occlusion."""
 
     def distances(self, states: Array, robot: Array) -> Array:
         """(O,) distances [m] of objects from a robot (s,)."""

@@ -21,6 +21,7 @@ from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.observers import Observers
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
+from semantic_slam.inference.states.views import Looks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ class Prediction:
     detections: Sequence[Any]  # D, with the covariances that the hypothesis assumes
     region: Any  # the type depends on the geometry
     detected: Array  # (O, G) detection probabilities at the prediction, without occlusion
-    detectable: Array | None  # (O, G) probability that an object can be detected at all, where misses come in runs
+    looks: Looks  # at the objects in reach (K = 1), likewise
     movers: PredictedMovers | None = None  # objects that move or may move; None: nothing moves
     log_level: float = 0.0  # log density of the gravity measurement, if any
 

@@ -16,7 +16,6 @@ from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers, predicted_movers
 from semantic_slam.inference.open_world.planar.region import SensorRegion
-from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.prediction.nearby import local_around, near_objects, objects_in_reach
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.predicted_robot import PredictedRobot
@@ -77,8 +76,10 @@ class Predictor:
         carried = None if tracked.errors is None else tracked.errors.moved(predicted.noise.control, self.errors)
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         belief = predicted.with_objects(near, local, shift)
-        objects = objects_in_reach(component.spaces, tracked, robot, reach, near, belief)
-        detected = self._detected(component, region, reach, objects)
+        objects = objects_in_reach(component, predicted, reach, near, belief)
+        looks = geometry.predicted_detections(region, component.objects.rates, objects)
+        detected = np.zeros(component.objects.existence_given.shape)
+        detected[reach] = looks.detected[0]
         population, movers = self._left(component, stamp_ns)
         num_second, second = second_boxes(self.settings, component, population.existence_given, births, detected)
         expected, intensity, existence = geometry.expected_births(
@@ -103,7 +104,7 @@ class Predictor:
             in_reach=reach,
             objects=objects,
             detected=detected,
-            detectable=component.objects.detectable,
+            looks=looks,
             detections=detections,
             region=region,
         )
@@ -131,15 +132,6 @@ class Predictor:
         if absent := component.elsewhere | component.left_behind:
             reach = reach[~np.isin(component.objects.ids[reach], list(absent))]
         return reach
-
-    def _detected(self, component: Component, region: Any, reach: Index, objects: PredictedObjects) -> Array:
-        """(O, G) detection probabilities at the prediction; ``objects`` are those within ``reach`` (N,)."""
-        rates, detectable = component.objects.rates, component.objects.detectable
-        detected = np.zeros((len(component.objects.ids), len(rates)))
-        detected[reach] = geometry_of(component.spaces).predicted_detections(region, rates, objects)
-        if detectable is not None:
-            detected *= detectable / rates.runs.share
-        return detected
 
     def _movers(
         self,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry import se3
+from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, squared_norms
 from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.observation import ObservationModel
@@ -14,13 +14,15 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.ray import distances, off_axis
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.open_world.margins import Places, with_occlusion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.spatial.births import births_in_space, expected_births_in_space, shown_by
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
-from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
+from semantic_slam.inference.states.views import Looks
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,9 @@ class SpatialGeometry:
     ) -> tuple[Array, Array, Array]:
         return expected_births_in_space(settings, component, region, robot, births, detections, second)
 
-    def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Array:
-        robot, covariance = objects.robot[None], objects.robot_covariance[None]
-        seen, spread = self._seen(region, objects, robot, covariance)
-        return np.asarray(_by_rates(rates, region.contains(seen, spread), seen)[0])
+    def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
+        nothing = np.zeros((0, 3)), np.zeros((0, 2))
+        return self._looks(region, rates, objects, objects.robot[None], objects.robot_covariance[None], nothing)
 
     def detections_at(
         self,
@@ -62,10 +63,8 @@ class SpatialGeometry:
         robot: Array,
         covariance: Array,
         step: Step,
-    ) -> Array:
-        seen, spread = self._seen(region, objects, robot, covariance)
-        inside = region.contains(seen, spread)
-        return _by_rates(rates, inside * region.not_occluded(seen, spread, *shown_by(region, step.detections)), seen)
+    ) -> Looks:
+        return self._looks(region, rates, objects, robot, covariance, shown_by(region, step.detections))
 
     def distances(self, states: Array, robot: Array) -> Array:
         return np.asarray(np.sqrt(squared_norms(states - robot[:3])))
@@ -103,27 +102,48 @@ class SpatialGeometry:
                 own[:] = off_axis(seen, detection.ray) / np.sqrt(detection.ray_variance + turned**2 + across)
         return found
 
-    def _seen(
-        self, region: SpatialRegion, objects: PredictedObjects, robot: Array, covariance: Array
-    ) -> tuple[Array, Array]:
-        """(K, N, 3) objects in the optical frame at modes ``robot`` (K, 7) with (K, 6, 6), and their covariances.
+    def _looks(
+        self,
+        region: SpatialRegion,
+        rates: DetectionRates,
+        objects: PredictedObjects,
+        robot: Array,
+        covariance: Array,
+        shown: tuple[Array, Array],
+    ) -> Looks:
+        """Looks from modes ``robot`` (K, 7) with (K, 6, 6) at objects that those ``shown`` may occlude."""
+        places = self._places(region, objects, robot, covariance)
+        overlap, lasting = places.overlap(region.margins)
+        squared = np.maximum(squared_norms(places.points), LEAST_DISTANCE_M**2)
+        unoccluded = region.not_occluded(places.points, places.covariance, *shown)
+        if region.occluder_radius_m > 0.0:
+            across = 0.5 * np.trace(places.covariance, axis1=-2, axis2=-1) / squared
+            of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
+            lasts = lasting[1:].min(axis=0) * places.lasting_sight(across, of_shown)
+            overlap = with_occlusion(overlap, objects.views.unoccluded, unoccluded, lasts)
+        chance = rates.probability * rates.fall_off(np.sqrt(squared))
+        return objects.views.predicted(overlap, unoccluded, chance, rates.runs)
 
-        The latter are (K, N, 3, 3), to first order.
-        """
+    def _places(self, region: SpatialRegion, objects: PredictedObjects, robot: Array, covariance: Array) -> Places:
+        """Objects in the optical frame at modes ``robot`` (K, 7) with (K, 6, 6); covariances to first order."""
         shift = self.spaces.robot.local(objects.robot, robot)
         moved = objects.objects + np.einsum("nij,kj->kni", objects.gain, shift)
         robots = broadcast_copy(robot[:, None], (*moved.shape[:-1], robot.shape[-1]))
         relative = self.spaces.relative_position(robots, moved)
         together = relative.by_robot + relative.by_landmark @ objects.gain
         spread = together @ covariance[:, None] @ np.swapaxes(together, -1, -2)
-        spread += relative.by_landmark @ objects.remainder @ np.swapaxes(relative.by_landmark, -1, -2)
-        return region.camera.seen(relative.point), region.camera.turned(spread)
-
-
-def _by_rates(rates: DetectionRates, inside: Array, seen: Array) -> Array:
-    """(..., G) detection probabilities of objects at (..., 3) in the optical frame, (...,) of which lies inside."""
-    distance = np.sqrt(squared_norms(seen))
-    return np.asarray(inside[..., None] * rates.probability * rates.fall_off(distance))
+        by_remainder = relative.by_landmark @ objects.remainder @ np.swapaxes(relative.by_landmark, -1, -2)
+        by_motion = relative.by_robot @ objects.motion_noise @ np.swapaxes(relative.by_robot, -1, -2)
+        mount = region.camera.T_body_camera
+        before = se3.between(mount, se3.compose(objects.robot_before, mount))
+        return Places(
+            points=region.camera.seen(relative.point),
+            covariance=region.camera.turned(spread + by_remainder),
+            by_robot=region.camera.turned(spread),
+            by_motion=region.camera.turned(by_motion),
+            turn=so3.matrix(before[3:]),
+            shift=before[:3],
+        )
 
 
 def _sigmas(spread: Array) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from scipy.special import ndtr
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, squared_norms
 from semantic_slam.inference.models.spatial.camera import Camera
+from semantic_slam.inference.open_world.margins import Margins
 from semantic_slam.inference.open_world.rings import Rings
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 
@@ -67,14 +68,24 @@ class SpatialRegion:
 
         Distance and both angles count as independent normals.
         """
+        return self.margins(seen, covariance).inside
+
+    def margins(self, seen: Array, covariance: Array) -> Margins:
+        """How far objects at ``seen`` (..., 3) in the optical frame, with (..., 3, 3), are inside.
+
+        Coordinates are distance, horizontal and vertical angle.
+        """
         distance = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)
-        sigma = _sigma(seen / distance[..., None], covariance)
-        inside = ndtr((self.max_range_m - distance) / sigma) - ndtr((self.min_range_m - distance) / sigma)
+        parts = [(distance, seen / distance[..., None], self.min_range_m, self.max_range_m)]
         for axis, half in ((0, self.half_width_rad), (1, self.half_height_rad)):
-            angle, slope = _angle(seen, axis)
-            sigma = _sigma(slope, covariance)
-            inside = inside * (ndtr((half - angle) / sigma) - ndtr((-half - angle) / sigma))
-        return np.asarray(np.maximum(inside, 0.0))
+            parts.append((*_angle(seen, axis), -half, half))
+        sigmas = [_sigma(slope, covariance) for _, slope, _, _ in parts]
+        each = list(zip(parts, sigmas, strict=True))
+        return Margins(
+            lower=np.stack([(least - value) / sigma for (value, _, least, _), sigma in each]),
+            upper=np.stack([(most - value) / sigma for (value, _, _, most), sigma in each]),
+            slopes=np.stack([slope / sigma[..., None] for (_, slope, _, _), sigma in each]),
+        )
 
     def holds(self, seen: Array) -> Flags:
         """(...,) whether points (..., 3) of the optical frame lie inside."""

@@ -13,20 +13,22 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.spatial.ray import distances
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.spatial.region import LEAST_SIGMA
+from semantic_slam.inference.states.views import Looks
 
 
-def seen_again(prediction: Prediction, rows: Assignments, object_ids: Index, detected: Array) -> Array:
-    """(K, O, G) detection probabilities, those of detected objects that were first seen along a ray alone replaced.
+def seen_again(prediction: Prediction, rows: Assignments, object_ids: Index, looks: Looks) -> Looks:
+    """The ``looks`` from K modes, with detected objects that were first seen along a ray alone in view.
 
-    ``detected`` (K, O, G) are those at the modes; ``rows`` K candidates that associate detections with
-    ``object_ids`` (K, D). Only the limits of the range count: its error is Gaussian, as at the candidate's mode.
+    ``rows`` K candidates that associate detections with ``object_ids`` (K, D). Only the limits of the range count: its
+    error is Gaussian, as at the candidate's mode.
     """
     if prediction.anchors is None:
-        return detected
+        return looks
     along = prediction.near_ids[np.isfinite(prediction.anchors).all(axis=1)]
-    candidates, numbers = np.nonzero(np.isin(object_ids, along))
+    reached = prediction.component.objects.ids[prediction.in_reach]
+    candidates, numbers = np.nonzero(np.isin(object_ids, along) & np.isin(object_ids, reached))
     if not len(candidates):
-        return detected
+        return looks
     region, rates = prediction.region, prediction.rates
     camera = region.camera.on(rows.column("robot")[candidates])[:, :3]
     away = rows.column("object_states")[candidates, numbers][:, :3] - camera
@@ -34,9 +36,10 @@ def seen_again(prediction: Prediction, rows: Assignments, object_ids: Index, det
     unit, covariance = away / reach[:, None], rows.column("object_covariances")[candidates, numbers]
     sigma = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", unit, covariance, unit), 0.0)) + LEAST_SIGMA
     inside = ndtr((region.max_range_m - reach) / sigma) - ndtr((region.min_range_m - reach) / sigma)
-    found = np.broadcast_to(detected, (len(object_ids), *detected.shape[1:])).copy()
-    of_object = prediction.component.objects.rows(object_ids[candidates, numbers])
-    found[candidates, of_object] = inside[:, None] * rates.probability * rates.fall_off(reach)
-    if prediction.detectable is not None:
-        found[candidates, of_object] *= (prediction.detectable / rates.runs.share)[of_object]
-    return found
+    chance = rates.probability * rates.fall_off(reach)
+    places = candidates, np.searchsorted(reached, object_ids[candidates, numbers])
+    if looks.detectable is not None:
+        chance = chance * looks.detectable[places] / rates.runs.share
+    in_view, found = looks.in_view.copy(), looks.chance.copy()
+    in_view[places], found[places] = inside[:, None], chance
+    return looks._replace(in_view=in_view, chance=found)
