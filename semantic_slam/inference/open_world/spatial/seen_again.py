@@ -8,7 +8,7 @@ but what was detected is in the image, and nothing occludes it.
 import numpy as np
 from scipy.special import ndtr
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.spatial.ray import distances
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
