@@ -2,13 +2,17 @@
 
 import resource
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from types import FrameType
 
 MEBIBYTE = 1 << 20
 CPU_S = 5.0
+"""Most CPU of a case, where a million additions take ``MILLION_ADDITIONS_S``; a slower machine has more in proportion."""
+MILLION_ADDITIONS_S = 0.1
 MEMORY_BYTES = 500 * MEBIBYTE
 ADDRESS_SPACE_BYTES = 4096 * MEBIBYTE
 """Beyond what the process has mapped before: allocations that no machine should be asked for fail at once."""
@@ -34,7 +38,7 @@ def limited() -> Iterator[None]:
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak begins anew
     before = _status_bytes("VmRSS")
     signal.signal(signal.SIGPROF, _too_slow)
-    signal.setitimer(signal.ITIMER_PROF, CPU_S)
+    signal.setitimer(signal.ITIMER_PROF, CPU_S * slowness())
     try:
         yield
     finally:
@@ -44,8 +48,23 @@ def limited() -> Iterator[None]:
         raise TooLargeError(f"{grown // MEBIBYTE} MiB more")
 
 
+@cache
+def slowness() -> float:
+    """Factor by which this machine is slower than the one that ``CPU_S`` is meant for; at least 1."""
+    best_s = min(_million_additions_s() for _ in range(3))
+    return max(best_s / MILLION_ADDITIONS_S, 1.0)
+
+
+def _million_additions_s() -> float:
+    """Seconds of CPU of a million additions in Python."""
+    began, total = time.process_time(), 0
+    for number in range(1_000_000):
+        total += number * number
+    return time.process_time() - began
+
+
 def _too_slow(number: int, frame: FrameType | None) -> None:
-    raise TooSlowError(f"more than {CPU_S:.0f} s of CPU")
+    raise TooSlowError(f"more than {CPU_S * slowness():.0f} s of CPU")
 
 
 def _status_bytes(name: str) -> int:
