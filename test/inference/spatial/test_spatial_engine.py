@@ -11,7 +11,7 @@ from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyfra
 from semantic_slam.geometry import se2, se3, so3
 from semantic_slam.geometry.pose import pose_vector_from_planar
 
-FIXTURE = json.loads((Path(__file__).parents[1] / "fixtures" / "ch4_se3_N3_k2_n2.json").read_text(encoding="utf-8"))
+FIXTURE = json.loads((Path(__file__).parents[2] / "fixtures" / "ch4_se3_N3_k2_n2.json").read_text(encoding="utf-8"))
 POINTS = np.array([[2.0, 1.0], [2.3, -0.6], [3.4, 0.4]])
 START = np.array([0.1, -0.1, 0.2])
 START_VARIANCES = np.array([0.2, 0.2, 0.05])
