@@ -11,7 +11,7 @@ from types import FrameType
 
 MEBIBYTE = 1 << 20
 CPU_S = 5.0
-"""Most CPU of a case, where a million additions take ``MILLION_ADDITIONS_S``; slower machines have more in proportion."""
+"""Most CPU of a case where a million additions take ``MILLION_ADDITIONS_S``; slower machines have more."""
 MILLION_ADDITIONS_S = 0.1
 MEMORY_BYTES = 500 * MEBIBYTE
 ADDRESS_SPACE_BYTES = 4096 * MEBIBYTE
