@@ -159,6 +159,7 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     robot.wait_for(whole[: NUM_FRAMES // 2])
     assert robot.ask(SetBool, "pause", SetBool.Request(data=True)).success
     robot.send(next_entries[half:-2])
+    robot.spin(2.0)  # what is on its way belongs to the pause
     assert robot.ask(SetBool, "pause", SetBool.Request(data=False)).message == "keyframes are made"
     robot.send(next_entries[-2:])
     robot.wait_for([NUM_FRAMES // 2])
