@@ -9,10 +9,12 @@ from functools import cache
 from pathlib import Path
 from types import FrameType
 
+import numpy as np
+
 MEBIBYTE = 1 << 20
 CPU_S = 5.0
-"""Most CPU of a case where a million additions take ``MILLION_ADDITIONS_S``; slower machines have more."""
-MILLION_ADDITIONS_S = 0.1
+"""Most CPU of a case where inverting ``INVERSES`` small matrices takes ``INVERSES_S``; slower machines have more."""
+INVERSES, INVERSES_S = 10_000, 0.06
 MEMORY_BYTES = 500 * MEBIBYTE
 ADDRESS_SPACE_BYTES = 4096 * MEBIBYTE
 """Beyond what the process has mapped before: allocations that no machine should be asked for fail at once."""
@@ -51,15 +53,14 @@ def limited() -> Iterator[None]:
 @cache
 def slowness() -> float:
     """Factor by which this machine is slower than the one that ``CPU_S`` is meant for; at least 1."""
-    best_s = min(_million_additions_s() for _ in range(3))
-    return max(best_s / MILLION_ADDITIONS_S, 1.0)
+    return max(min(_inverses_s() for _ in range(3)) / INVERSES_S, 1.0)
 
 
-def _million_additions_s() -> float:
-    """Seconds of CPU of a million additions in Python."""
-    began, total = time.process_time(), 0
-    for number in range(1_000_000):
-        total += number * number
+def _inverses_s() -> float:
+    """Seconds of CPU of the inverses, one by one."""
+    began, matrix = time.process_time(), np.eye(6)
+    for _ in range(INVERSES):
+        np.linalg.inv(matrix)
     return time.process_time() - began
 
 
