@@ -79,5 +79,5 @@ def test_a_real_robot_that_is_lost_finds_itself(
     (row,) = json.loads((out / "result.json").read_text())["starts"].values()
     assert row["right_clusters"] > 0.9
     assert row["ate_m"] < 0.5
-    assert row["right_probability"] > 0.9
+    assert row["right_probability"] > 0.8 and row["wrong_probability"] < 0.05
     assert (out / "result.html").stat().st_size > 1_000
