@@ -11,11 +11,11 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
+from semantic_slam.inference.open_world.keyframe.seen_again import seen_again
 from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.prediction.nearby import views_of
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
-from semantic_slam.inference.open_world.spatial.seen_again import seen_again
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.states.views import Looks, Views
