@@ -142,8 +142,8 @@ class Looks(NamedTuple):
         return np.asarray(self.in_view * self.chance)
 
     def of(self, number: int) -> "Looks":
-        """Looks from one of the poses, K = 1, or from the only one."""
-        own = slice(number, number + 1) if len(self.in_view) > 1 else slice(0, 1)
+        """Looks from one of the poses, K = 1."""
+        own = slice(number, number + 1)
         return Looks(
             in_view=self.in_view[own],
             chance=self.chance[own],

@@ -21,7 +21,6 @@ from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.observers import Observers
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
-from semantic_slam.inference.states.views import Looks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +45,6 @@ class Prediction:
     detections: Sequence[Any]  # D, with the covariances that the hypothesis assumes
     region: Any  # the type depends on the geometry
     detected: Array  # (O, G) detection probabilities at the prediction, without occlusion
-    looks: Looks  # at the objects in reach (K = 1), likewise
     movers: PredictedMovers | None = None  # objects that move or may move; None: nothing moves
     log_level: float = 0.0  # log density of the gravity measurement, if any
 

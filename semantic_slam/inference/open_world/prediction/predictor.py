@@ -77,9 +77,8 @@ class Predictor:
         local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
         belief = predicted.with_objects(near, local, shift)
         objects = objects_in_reach(component, predicted, reach, near, belief)
-        looks = geometry.predicted_detections(region, component.objects.rates, objects)
         detected = np.zeros(component.objects.existence_given.shape)
-        detected[reach] = looks.detected[0]
+        detected[reach] = geometry.predicted_detections(region, component.objects.rates, objects).detected[0]
         population, movers = self._left(component, stamp_ns)
         num_second, second = second_boxes(self.settings, component, population.existence_given, births, detected)
         expected, intensity, existence = geometry.expected_births(
@@ -104,7 +103,6 @@ class Predictor:
             in_reach=reach,
             objects=objects,
             detected=detected,
-            looks=looks,
             detections=detections,
             region=region,
         )
