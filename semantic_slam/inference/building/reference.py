@@ -8,6 +8,10 @@ from semantic_slam.configuration import from_dict
 from semantic_slam.inference.building.views import tempering
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.reference import NO_SCORES, EvenWords, KeyframeScores, Reference, ScoreDensity
+from semantic_slam.inference.reference.places import EvenPlaces
+from semantic_slam.inference.reference.planar import PlanarPlaces
+from semantic_slam.inference.reference.scores import IN_SPACE, LEVEL
+from semantic_slam.inference.reference.spatial import SpatialPlaces
 from semantic_slam.inference.world.problem import Problem
 
 
@@ -20,7 +24,12 @@ def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
     if labels is not None:
         scores = EvenWords(labels.num_words)
     elif model is not None:
-        scores = ScoreDensity.of_classes(model, tempering(settings))
+        elevations = IN_SPACE if configuration.is_spatial else LEVEL
+        scores = ScoreDensity.of_classes(model, tempering(settings), elevations)
     elif problem.latent is not None:
         scores = ScoreDensity.of_descriptors(problem.latent)
-    return Reference(configuration, problem.objects, scores)
+    is_open = problem.association.tracks_objects
+    places: EvenPlaces = PlanarPlaces.of(configuration, is_open=is_open)
+    if configuration.is_spatial:
+        places = SpatialPlaces.of(configuration, problem, is_open=is_open)
+    return Reference(configuration, problem.objects, places, scores)

@@ -105,8 +105,8 @@ def expected_births_in_space(
     fall_off = rates.fall_off(np.sqrt(squared_norms(born - at[:3]))).reshape(len(births), len(AROUND), len(rates))
     fall_off[_are_rays(detections)] = len(AROUND) * along.shares[:, None] * along.fall_off[:, which]
     count = len(shares)
-    every = np.tile(shells.fall_off[:, which], (count // len(shells.shares), 1))
-    found = rates.birth_density * rates.probability * np.concatenate([every, fall_off.reshape(-1, len(rates))])
+    at_detections = rates.birth_density * rates.probability * fall_off.reshape(-1, len(rates))
+    found = np.concatenate([_first_detections_at(shells, which, count, rates), at_detections])
     if settings.least_undetected_share < 1.0 and len(tracked.trail):
         hiding = tracked.states[component.objects.existence > HIDES]
         left = undetected_share_in_space(region, rates, tracked.trail, places, hiding)
@@ -116,6 +116,13 @@ def expected_births_in_space(
     at_births *= _in_sight(region, detections)[:, None]
     intensity, existence = birth(at_births, rates.clutter_per_frame / region.volume_m3 + second)
     return expected, np.log(intensity), existence
+
+
+def first_detections_in_space(region: SpatialRegion, rates: DetectionRates) -> Array:
+    """(G,) first detections expected in the region where nothing was seen yet."""
+    shells, _, which = _shells(region, rates)
+    shares = region.all_over(shells)[1]
+    return region.volume_m3 * (shares @ _first_detections_at(shells, which, len(shares), rates))
 
 
 def undetected_share_in_space(
@@ -151,6 +158,12 @@ def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> 
     ranged = np.array([own.has_range for own in detections], dtype=bool)
     in_sight[ranged] = np.maximum(region.not_occluded(shown, nothing, shown, doubled), LEAST_IN_SIGHT)
     return in_sight
+
+
+def _first_detections_at(shells: Rings, which: Index, count: int, rates: DetectionRates) -> Array:
+    """(P, G) first detections per cubic metre at the P = ``count`` sample points of the region."""
+    every = np.tile(shells.fall_off[:, which], (count // len(shells.shares), 1))
+    return np.asarray(rates.birth_density * rates.probability * every)
 
 
 def _shells(region: SpatialRegion, rates: DetectionRates) -> tuple[Rings, Rings, Index]:

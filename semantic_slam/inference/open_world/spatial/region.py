@@ -46,9 +46,13 @@ class SpatialRegion:
         )
 
     @property
+    def solid_angle(self) -> float:
+        """[rad^2] of the image."""
+        return float(4.0 * np.arcsin(np.sin(self.half_width_rad) * np.sin(self.half_height_rad)))
+
+    @property
     def volume_m3(self) -> float:
-        solid_angle = 4.0 * np.arcsin(np.sin(self.half_width_rad) * np.sin(self.half_height_rad))
-        return float(solid_angle * (self.max_range_m**3 - self.min_range_m**3) / 3.0)
+        return float(self.solid_angle * (self.max_range_m**3 - self.min_range_m**3) / 3.0)
 
     @property
     def farthest_m(self) -> float:

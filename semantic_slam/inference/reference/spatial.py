@@ -1,0 +1,121 @@
+"""The null model's detections in space: uniform over the volume of the sensor's region; and gravity."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+
+from semantic_slam.configuration import Configuration
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import LOG_2PI
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.open_world.spatial.births import first_detections_in_space
+from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces
+from semantic_slam.inference.world.problem import Problem
+from semantic_slam.viewpoint.size_model import MEAN_OF_ANY, SIGMA_OF_ANY
+
+
+@dataclass(kw_only=True)
+class SpatialPlaces:
+    """Uniform :class:`EvenPlaces` in space: a range r has the density r^2 / volume, and rays alone are uniform.
+
+    Sizes of boxes are those of things of any size. Gravity is measured by a robot that dead reckons with it.
+    """
+
+    region: SpatialRegion
+    volume_m3: float
+    solid_angle: float  # [rad^2]
+    spaces: Spaces
+    model: ObservationModel
+    has_sizes: bool  # whether sizes of boxes are evidence
+    robot: GaussianPrior = field(repr=False)  # by odometry and gravity, after the newest keyframe
+
+    @classmethod
+    def of(cls, configuration: Configuration, problem: Problem, *, is_open: bool) -> Self:
+        """Where an open world expects detections; in a closed one, the cone that is visible.
+
+        Where a closed world limits no range, the region ends at the largest depth of perception, if that is limited.
+        """
+        region, limits = SpatialRegion.of(configuration.open_world), configuration.visibility
+        volume, solid_angle = region.volume_m3, region.solid_angle
+        if not is_open:
+            half = 0.5 * limits.field_of_view_rad or np.pi
+            solid_angle = 2.0 * np.pi * float(1.0 - np.cos(half))
+            reach = limits.max_range_m or configuration.perception.max_depth_m or region.max_range_m
+            volume = solid_angle * reach**3 / 3.0
+        return cls(
+            region=region,
+            volume_m3=volume,
+            solid_angle=solid_angle,
+            spaces=problem.spaces,
+            model=problem.model,
+            has_sizes=configuration.new_objects.sigma_log_view > 0.0,
+            robot=problem.robot,
+        )
+
+    def suits(self, detections: Sequence[Any]) -> bool:
+        return all(isinstance(detection, SpatialDetection) for detection in detections)
+
+    def reaching(self, step: Step) -> Self:
+        """The places themselves: in space no region is learned."""
+        return self
+
+    def log_density(self, step: Step, used: Sequence[int]) -> float:
+        detections = [step.detections[i] for i in used]
+        ranges = np.array([max(own.range_m, LEAST_DISTANCE_M) for own in detections if own.has_range])
+        rays = len(detections) - len(ranges)
+        places = 2.0 * float(np.log(ranges).sum()) - len(ranges) * float(np.log(self.volume_m3))
+        return places - rays * float(np.log(self.solid_angle)) + self._of_sizes(step, used)
+
+    def log_density_of_first(self, detection: SpatialDetection) -> float:
+        prior = self.model.object_prior(detection, self.robot.mean)
+        away = prior.mean[:3] - self.spaces.robot.displacement(self.robot.mean, detection.origin, np.zeros(3))
+        across = prior.covariance[-1, -1] / float(away @ away)
+        if not detection.has_range:
+            return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * (across * np.eye(2) + detection.covariance[1:, 1:]))[1])
+        spread = np.diag([prior.covariance[-1, -1], across, across]) + detection.covariance
+        return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
+
+    def num_visible(self, belief: HybridBelief) -> float:
+        objects = belief.object_poses[:, : self.spaces.landmark.storage_size]
+        robots = np.repeat(belief.poses[:1], len(objects), axis=0)
+        return float(np.exp(self.model.log_visibility(robots, objects, soft=False)).sum())
+
+    def expected_births(self, rates: DetectionRates) -> Array:
+        return first_detections_in_space(self.region, rates)
+
+    def log_motion(self, step: Step) -> float:
+        """Log density of the measurement of gravity, as a robot that dead reckons with gravity predicts it."""
+        space, motion = self.spaces.robot, step.motion
+        transition = space.propagation(motion.control)
+        mean = space.compose(self.robot.mean, motion.control)
+        covariance, log_density = transition @ self.robot.covariance @ transition.T + motion.covariance, 0.0
+        if motion.gravity is not None:
+            level = motion.gravity.levels(mean, covariance)
+            mean, covariance, log_density = space.retract(mean, level.shift), level.covariance, level.log_evidence
+        self.robot = GaussianPrior(mean, covariance)
+        return log_density
+
+    def _of_sizes(self, step: Step, used: Sequence[int]) -> float:
+        """Log density of the apparent sizes of boxes, of things of any size; 0 where they are no evidence."""
+        if not self.has_sizes or step.words is None or step.words.log_angles is None:
+            return 0.0
+        total = 0.0
+        for number in used:
+            detection, log_angle = step.detections[number], float(step.words.log_angles[number])
+            if not np.isfinite(log_angle):
+                continue
+            mean, variance = MEAN_OF_ANY, SIGMA_OF_ANY**2
+            if detection.has_range:
+                mean -= float(np.log(max(detection.range_m, LEAST_DISTANCE_M)))
+            else:
+                mean, variance = mean - detection.log_range.mean, variance + detection.log_range.sigma**2
+            total -= 0.5 * ((log_angle - mean) ** 2 / variance + float(np.log(variance)) + LOG_2PI)
+        return total
