@@ -4,7 +4,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import transport
-from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, wrap_angle
+from semantic_slam.geometry.object_coordinates import ObjectCoordinates, object_coordinates
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, SavedMap
 
@@ -25,24 +25,23 @@ def map_prior_of(saved: SavedMap) -> MapPrior:
         for row, number in enumerate(objects.ids)
     )
     joint = joint_covariance(saved) if saved.has_cross_covariances and len(objects) > 1 else None
-    return MapPrior(items, saved.descriptor_space, joint, saved.map_id)
+    return MapPrior(items, saved.descriptor_space, joint, saved.map_id, saved.state_space)
 
 
 def joint_covariance(saved: SavedMap) -> Array:
-    """(3 O, 3 O) joint covariance of x, y, yaw over all hypotheses in the map frame, with the marginals as blocks.
+    """(3 O, 3 O) joint covariance of the map's coordinates over all hypotheses, with the marginals as blocks.
 
     In a hypothesis that lacks an object, that object has its marginal, independent of all others.
     """
-    hypotheses, weights = saved.hypotheses, np.exp(saved.hypotheses.log_weights)
-    means, own = planar_from_pose_vector(saved.objects.poses), planar_from_covariance(saved.objects.covariances)
+    hypotheses, weights, coordinates = saved.hypotheses, np.exp(saved.hypotheses.log_weights), saved.coordinates
+    means, own = coordinates.of_poses(saved.objects.poses), coordinates.of_covariances(saved.objects.covariances)
     size = 3 * len(means)
     total, shift = np.zeros((size, size)), np.zeros((len(weights), size))
     for row, weight in enumerate(weights):
         filled, present = _block_diagonal(own), np.repeat(hypotheses.present[row], 3)
         filled[np.ix_(present, present)] = hypotheses.covariances[row][np.ix_(present, present)]
-        off = np.where(hypotheses.present[row][:, None], hypotheses.states[row] - means, 0.0)
-        off[:, 2] = wrap_angle(off[:, 2])
-        shift[row] = off.ravel()
+        off = coordinates.difference(hypotheses.states[row], means)
+        shift[row] = np.where(hypotheses.present[row][:, None], off, 0.0).ravel()
         total += weight * filled
     centred = shift - weights @ shift
     return _with_own_blocks(total + np.einsum("h,hi,hj->ij", weights, centred, centred), own)
@@ -86,20 +85,21 @@ def saved_map_of_prior(prior: MapPrior) -> SavedMap:
     return SavedMap(
         class_names=names,
         objects=objects,
-        hypotheses=independent(objects),
+        hypotheses=independent(objects, object_coordinates(prior.state_space)),
         has_cross_covariances=False,
         descriptor_space=prior.descriptor_space,
+        state_space=prior.state_space,
     )
 
 
-def independent(objects: MapObjects) -> MapHypotheses:
+def independent(objects: MapObjects, coordinates: ObjectCoordinates) -> MapHypotheses:
     """One hypothesis made of the objects' independent marginals."""
-    joint = _block_diagonal(planar_from_covariance(objects.covariances))
+    joint = _block_diagonal(coordinates.of_covariances(objects.covariances))
     return MapHypotheses(
         log_weights=np.zeros(1),
         existence=objects.existence[None],
         class_probabilities=objects.class_probabilities[None],
-        states=planar_from_pose_vector(objects.poses)[None],
+        states=coordinates.of_poses(objects.poses)[None],
         covariances=joint[None],
     )
 

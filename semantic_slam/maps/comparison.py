@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from semantic_slam.configuration.configuration import SPATIAL
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
@@ -37,6 +38,8 @@ class Comparison:
     @classmethod
     def of(cls, old: SavedMap, new: SavedMap, same_frame: bool | None = None) -> "Comparison":
         """Compare two maps; ``same_frame`` None: True where provenance says they share a frame. Raises InputError."""
+        if SPATIAL in (old.state_space, new.state_space):
+            raise InputError("maps of space cannot be compared yet; semantic_slam map show tells what is in each")
         same_frame = are_of_one_frame(old, new) if same_frame is None else same_frame
         names = [name for name in old.class_names if name in new.class_names]
         rows = compared_rows(new)

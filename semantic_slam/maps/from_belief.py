@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Index
+from semantic_slam.geometry.object_coordinates import object_coordinates
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import parse_map_prior
@@ -25,10 +26,11 @@ def saved_map_of_belief(belief: HybridBelief, run: RunConfiguration) -> SavedMap
     return SavedMap(
         class_names=belief.class_names,
         objects=objects,
-        hypotheses=independent(objects),
+        hypotheses=independent(objects, object_coordinates(belief.state_space)),
         has_cross_covariances=False,
         discarded_mass=min(float(belief.discarded_mass), 1.0),
         descriptor_space=str(_settings(run).get("semantic_model", {}).get("space", "")),
+        state_space=belief.state_space,
         provenance=provenance_of(belief, run),
     )
 

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from semantic_slam.configuration import from_dict
+from semantic_slam.configuration.configuration import SPATIAL
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.geometry.object_coordinates import object_coordinates
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -131,9 +132,9 @@ def _sightings(engine: Engine, number: int, ids: Index) -> Array:
 
 
 def _looks(engine: Engine, component: Component) -> Looks:
-    """Poses from which a component has looked; empty where the sensor region is learned during the run."""
+    """Poses from which a component has looked; empty in space, and where the sensor region is learned."""
     world = engine.problem.open_world
-    if world.learn_region:
+    if world.learn_region or component.spaces.name == SPATIAL:
         return Looks()
     path = component.path()[:, :3]
     return Looks(
@@ -142,7 +143,7 @@ def _looks(engine: Engine, component: Component) -> Looks:
 
 
 def _hypothesis(component: Component, ids: Index, reported: ReportedObjects) -> tuple[Array, Array, Array]:
-    """(O,) existence, (O, 3) states and (3 O, 3 O) covariances, in the map frame, of a component's objects."""
+    """(O,) existence, (O, 3) coordinates and (3 O, 3 O) covariances, in the map frame, of a component's objects."""
     count = len(ids)
     existence, states = np.zeros(count), np.full((count, 3), np.nan)
     covariances = np.full((3 * count, 3 * count), np.nan)
@@ -178,14 +179,15 @@ def _standing_apart(component: Component, ids: Index) -> Movers | None:
 
 
 def _in_map(component: Component, states: Array, joint: Array) -> tuple[Array, Array]:
-    """(n, 3) x, y, yaw and (3 n, 3 n) covariance in the map frame, from states and tangent-space covariance."""
+    """(n, 3) coordinates and (3 n, 3 n) covariance in the map frame, from states and tangent-space covariance."""
     space, count = component.spaces.landmark, len(states)
     size = space.tangent_size
-    blocks = space.position_slopes(states)  # (n, 2, l)
+    blocks = space.position_slopes(states)  # (n, p, l)
     slopes = np.zeros((count, 3, size))
-    slopes[:, :2] = blocks
+    slopes[:, : blocks.shape[1]] = blocks
     if space.heading is not None:
         slopes[:, 2, space.heading] = 1.0
     pairs = joint.reshape(count, size, count, size)
     turned = np.einsum("iab,ibjc,jdc->iajd", slopes, pairs, slopes).reshape(3 * count, 3 * count)
-    return planar_from_pose_vector(space.poses(states)), 0.5 * (turned + turned.T)
+    coordinates = object_coordinates(component.spaces.name)
+    return coordinates.of_poses(space.poses(states)), 0.5 * (turned + turned.T)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from safetensors import SafetensorError
 
+from semantic_slam.configuration.configuration import STATE_SPACES
 from semantic_slam.errors import InputError
 from semantic_slam.inference.world import map_prior
 from semantic_slam.inference.world.map_prior import MapPrior
@@ -136,7 +137,7 @@ def _arrays(saved: SavedMap) -> Arrays:
 def _description(saved: SavedMap) -> dict[str, Any]:
     return {
         "frame": "map",
-        "state_space": "planar",
+        "state_space": saved.state_space,
         "names": list(saved.objects.names),
         "class_names": list(saved.class_names),
         "has_cross_covariances": saved.has_cross_covariances,
@@ -148,7 +149,7 @@ def _description(saved: SavedMap) -> dict[str, Any]:
 
 def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
     """Parse arrays and description. Raises KeyError, TypeError or ValueError."""
-    if told["frame"] != "map" or told["state_space"] != "planar":
+    if told["frame"] != "map" or told["state_space"] not in STATE_SPACES:
         raise ValueError(f"frame {told['frame']!r}, state space {told['state_space']!r}")
     parts: dict[str, type[Any]] = {"objects": MapObjects, "hypotheses": MapHypotheses, "looks": Looks}
     expected = {f"{part}.{own.name}" for part, kind in parts.items() for own in fields(kind)} - {"objects.names"}
@@ -166,6 +167,7 @@ def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
         has_cross_covariances=_flag(told["has_cross_covariances"]),
         discarded_mass=float(told["discarded_mass"]),
         descriptor_space=str(told["descriptor_space"]),
+        state_space=told["state_space"],
         provenance=_provenance(told["provenance"]),
     )
 

@@ -58,7 +58,7 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
     return SavedMap(
         class_names=one.class_names or other.class_names,
         objects=objects,
-        hypotheses=replace(independent(objects), covariances=joint[None]),
+        hypotheses=replace(independent(objects, one.coordinates), covariances=joint[None]),
         has_cross_covariances=True,
         looks=_looks(one.looks, other.looks, best.alignment.T_old_new),
         discarded_mass=1.0 - (1.0 - one.discarded_mass) * (1.0 - other.discarded_mass),

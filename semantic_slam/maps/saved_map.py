@@ -4,7 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from semantic_slam.configuration.configuration import PLANAR
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.object_coordinates import ObjectCoordinates, object_coordinates
 from semantic_slam.geometry.pose import wrap_angle
 
 
@@ -49,7 +51,7 @@ class MapHypotheses:
     log_weights: Array  # (H,) normalised natural logs
     existence: Array  # (H, O) 0 for objects absent from a hypothesis
     class_probabilities: Array  # (H, O, C)
-    states: Array  # (H, O, 3) x, y, yaw in map; NaN where absent
+    states: Array  # (H, O, 3) x, y, yaw in map, or in space x, y, z; NaN where absent
     covariances: Array  # (H, 3 O, 3 O) in the map frame; NaN where absent
 
     def __len__(self) -> int:
@@ -63,7 +65,7 @@ class MapHypotheses:
 
 @dataclass(frozen=True, kw_only=True)
 class Looks:
-    """Poses from which the robot looked, and the sensor region: objects in no look may exist unseen."""
+    """Poses from which the robot looked, and the sensor region, in the plane: objects in no look may exist unseen."""
 
     path: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (K, 3) x, y, yaw in map; none: not known
     region: Array = field(default_factory=lambda: np.zeros(4))  # direction, full angle [rad], least, largest range [m]
@@ -88,8 +90,14 @@ class SavedMap:
     looks: Looks = field(default_factory=Looks)
     discarded_mass: float = 0.0  # of dropped hypotheses, 0..1
     descriptor_space: str = ""
+    state_space: str = PLANAR  # of the run: planar or spatial
     provenance: Provenance = Provenance()
     map_id: str = ""  # digest of the content; "" before it is written
+
+    @property
+    def coordinates(self) -> ObjectCoordinates:
+        """Those that the hypotheses' states and covariances are over."""
+        return object_coordinates(self.state_space)
 
 
 def have_one_origin(one: SavedMap, other: SavedMap) -> bool:

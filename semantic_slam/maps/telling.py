@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.configuration.configuration import SPATIAL
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.protocol import told_of
 from semantic_slam.maps.saved_map import SavedMap
 
@@ -16,20 +16,23 @@ SCHEMA_VERSION = 1
 def lines_of(known: SavedMap) -> list[str]:
     """Text lines: provenance, then one line per object."""
     objects, told = known.objects, known.provenance
+    axes = "xyz" if known.state_space == SPATIAL else "xy"
+    columns = "  ".join(f"{f'{axis} [m]':>8}" for axis in axes)
     together = "what they have in common" if known.has_cross_covariances else "each object by itself"
     bag = told_of(told.source, "path") or "an unknown bag"
     lines = [
         f"map {known.map_id}: {len(objects)} objects, {len(known.hypotheses)} hypotheses, {together}",
         f"run {told.run_id or 'not known'}, keyframe {told.keyframe}, of {bag}"
         + (f", started from map {told.started_from}" if told.started_from else ""),
-        f"{'object':>10}  {'exists':>6}  {'x [m]':>8}  {'y [m]':>8}  {'sigma [m]':>9}  {'seen':>5}  class, name",
+        f"{'object':>10}  {'exists':>6}  {columns}  {'sigma [m]':>9}  {'seen':>5}  class, name",
     ]
-    planar = planar_from_pose_vector(objects.poses)
     for row, number in enumerate(objects.ids.tolist()):
-        sigma = float(np.sqrt(0.5 * (objects.covariances[row, 0, 0] + objects.covariances[row, 1, 1])))
+        place = "  ".join(f"{value:8.2f}" for value in objects.poses[row, : len(axes)].tolist())
+        variances = np.diagonal(objects.covariances[row])[: len(axes)]
+        sigma = float(np.sqrt(variances.mean()))
         seen = "-" if np.isnan(objects.sightings[row]) else f"{objects.sightings[row]:.0f}"
         lines.append(
-            f"{number:10d}  {objects.existence[row]:6.3f}  {planar[row, 0]:8.2f}  {planar[row, 1]:8.2f}  {sigma:9.3f}"
+            f"{number:10d}  {objects.existence[row]:6.3f}  {place}  {sigma:9.3f}"
             f"  {seen:>5}  {_class_text(known, row)}{objects.names[row]}"
         )
     return lines
@@ -59,6 +62,7 @@ def as_json(known: SavedMap) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "map_id": known.map_id,
         "frame": "map",
+        "state_space": known.state_space,
         "provenance": asdict(known.provenance),
         "has_cross_covariances": known.has_cross_covariances,
         "weights": np.exp(known.hypotheses.log_weights).tolist(),

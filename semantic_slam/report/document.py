@@ -160,6 +160,7 @@ def map_prior(record: Record) -> MapPrior:
             for row, number in zip(rows.tolist(), last.object_ids[rows], strict=True)
         ),
         str(settings.get("space", "")),
+        state_space=last.state_space,
     )
 
 

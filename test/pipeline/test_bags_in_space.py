@@ -11,6 +11,8 @@ from worlds.bags.table_bag import in_space, table_entries, write_table_bag
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.maps.as_prior import joint_covariance
+from semantic_slam.maps.from_run import saved_map_of_bag
 from semantic_slam.messages import topics
 from semantic_slam.perception.places import BAD_COVARIANCE, NO_PLACE
 from semantic_slam.pipeline.offline import RunSummary, run_bag
@@ -55,6 +57,16 @@ def test_the_objects_lie_in_space_as_the_things_do(room: TableTops, run: tuple[P
     between = np.sort(np.linalg.norm(found[:, None] - found, axis=-1), axis=None)[-4]
     things = room.things[sorted(seen)]
     assert between == pytest.approx(np.sort(np.linalg.norm(things[:, None] - things, axis=-1), axis=None)[-4], abs=0.1)
+
+
+def test_the_map_of_a_run_in_space_holds_where_its_objects_are(run: tuple[Path, RunSummary]) -> None:
+    """And what they have in common: inferred again from the bag of its belief."""
+    last: HybridBelief = read_bag(run[0])["/hypothesis_manager/belief"][-1]
+    known = saved_map_of_bag(run[0])
+    assert known.state_space == "spatial" and known.has_cross_covariances
+    np.testing.assert_allclose(known.objects.poses[:, :3], last.object_poses[:, :3], atol=1e-9)
+    own = np.einsum("iaib->iab", joint_covariance(known).reshape(len(known.objects), 3, len(known.objects), 3))
+    np.testing.assert_allclose(own, last.object_covariances[:, :3, :3], atol=1e-9)
 
 
 def test_what_cannot_be_used_in_space_is_counted(room: TableTops, tmp_path: Path) -> None:

@@ -97,6 +97,11 @@ def _joint(prior: MapPrior, sensing: Sensing) -> JointPrior | None:
     """Joint prior of the mapped objects, if the map states one; placeholders and twins come after and are not in it."""
     if prior.joint_covariance is None or len(prior.joint_covariance) <= 3:
         return None
+    if prior.state_space != sensing.spaces.name:
+        raise InputError(
+            f"map prior: a map of state_space: {prior.state_space}, and the run is {sensing.spaces.name}; set"
+            " state_space, or give a map of such a run"
+        )
     mapped = prior.objects[: len(prior.joint_covariance) // 3]
     poses = np.array([item.pose for item in mapped])
     return JointPrior(tuple(item.object_id for item in mapped), sensing.joint_prior(poses, prior.joint_covariance))

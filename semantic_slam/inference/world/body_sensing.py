@@ -16,7 +16,7 @@ from semantic_slam.inference.models.view_scores import ViewScores
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.planar_sensing import LEAST_VARIANCE, visibility_of
 from semantic_slam.inference.world.sensing import PriorReader, Sensing, SensingSettings
-from semantic_slam.inference.world.spatial_sensing import check_height, joint_place_prior, optical_axis, pose_prior
+from semantic_slam.inference.world.spatial_sensing import check_height, optical_axis, pose_prior
 
 TILT = slice(3, 5)
 """Rows of roll and pitch, about the axes of map, in covariances of messages."""
@@ -37,7 +37,15 @@ def range_bearing(settings: SensingSettings) -> Sensing:
         ),
         robot_prior=pose_prior,
         object_prior=_body_prior(configuration.new_objects.sigma_tilt_rad),
-        joint_prior=joint_place_prior,
+        joint_prior=joint_body_prior,
+    )
+
+
+def joint_body_prior(poses: Array, covariance: Array) -> Array:
+    """Raise InputError: the joint covariance of a FILE.map of space is over positions, and has no attitudes."""
+    raise InputError(
+        "map prior: a FILE.map of space has no attitudes in common; write it with semantic_slam map save --marginals,"
+        " or give an objects.json"
     )
 
 

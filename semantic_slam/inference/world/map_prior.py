@@ -10,10 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from semantic_slam.configuration.configuration import PLANAR, STATE_SPACES
 from semantic_slam.errors import InputError
 from semantic_slam.foreign_numbers import is_finite
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import covariance_from_planar, planar_from_covariance, pose_vector_from_planar
+from semantic_slam.geometry.object_coordinates import object_coordinates
+from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.text_files import parse_json, read_text
 
 ID_LIMIT = 2**32
@@ -98,16 +100,20 @@ class MapPrior:
 
     objects: tuple[ObjectPrior, ...] = ()
     descriptor_space: str = ""  # name of the learned latent space of the descriptors
-    joint_covariance: Array | None = None  # (3 O, 3 O) x y yaw of all objects, along the axes of map; None: independent
+    joint_covariance: Array | None = None  # (3 O, 3 O) x y yaw, or in space x y z, of all objects, along the axes of
+    # map; None: independent
     map_id: str = ""  # id of the FILE.map from which the prior was made
+    state_space: str = PLANAR  # of the run that mapped them: planar or spatial
 
     def to_json(self) -> str:
         """The text of an ``objects.json``; a joint covariance is base64-encoded, as in a FILE.map."""
         space = {"descriptor_space": self.descriptor_space} if self.descriptor_space else {}
         joint = {} if self.joint_covariance is None else {"joint_covariance": _packed(self.joint_covariance)}
         known = {"map_id": self.map_id} if self.map_id else {}
+        told = {"state_space": self.state_space} if self.state_space != PLANAR else {}
         rows = [_row(prior) for prior in self.objects]
-        return json.dumps({"schema_version": 1, "frame": "map", **known, **space, **joint, "objects": rows}, indent=1)
+        head = {"schema_version": 1, "frame": "map", **told, **known, **space, **joint}
+        return json.dumps({**head, "objects": rows}, indent=1)
 
 
 def _row(prior: ObjectPrior) -> dict[str, object]:
@@ -130,8 +136,9 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
         document = parse_json(text)
         _check_frame(document)
         objects = tuple(_object(row) for row in document["objects"])
-        space = str(document.get("descriptor_space", ""))
-        joint, map_id = _joint(document.get("joint_covariance"), objects), str(document.get("map_id", ""))
+        space, state_space = str(document.get("descriptor_space", "")), _state_space(document)
+        joint = _joint(document.get("joint_covariance"), objects, state_space)
+        map_id = str(document.get("map_id", ""))
     except (ValueError, KeyError, TypeError, OverflowError) as fault:
         reason = " ".join(repr(fault).split())[:200]
         raise InputError(
@@ -141,7 +148,7 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
     ids = [prior.object_id for prior in objects]
     if len(set(ids)) < len(ids):
         raise InputError(f"{origin}: object ids are not unique; number the objects anew")
-    return MapPrior(objects, space, joint, map_id)
+    return MapPrior(objects, space, joint, map_id, state_space)
 
 
 def read_map_prior(path: Path) -> MapPrior:
@@ -163,6 +170,14 @@ def _object(row: dict[str, object]) -> ObjectPrior:
         existence=_existence(row.get("existence", 1.0)),
         **_descriptor(row),
     )
+
+
+def _state_space(document: dict[str, object]) -> str:
+    """The state space of a map; that of files which do not state it is the plane. Raises ValueError."""
+    told = document.get("state_space", PLANAR)
+    if told not in STATE_SPACES:
+        raise ValueError(f"state_space is {told!r}, and must be one of {', '.join(STATE_SPACES)}")
+    return str(told)
 
 
 def _check_frame(values: dict[str, object]) -> None:
@@ -224,7 +239,7 @@ def _packed(joint: Array) -> str:
     return base64.b64encode(np.ascontiguousarray(joint, dtype="<f8").tobytes()).decode()
 
 
-def _joint(text: object, objects: tuple[ObjectPrior, ...]) -> Array | None:
+def _joint(text: object, objects: tuple[ObjectPrior, ...], state_space: str) -> Array | None:
     """(3 O, 3 O) joint covariance from base64 text, checked against the objects' own. Raises ValueError."""
     if text is None:
         return None
@@ -236,7 +251,7 @@ def _joint(text: object, objects: tuple[ObjectPrior, ...]) -> Array | None:
     if len(packed) != 8 * size**2:
         raise ValueError(f"joint_covariance needs {size} x {size} numbers")
     joint = np.frombuffer(packed, dtype="<f8").reshape(size, size).astype(np.float64)
-    check_joint(joint, objects)
+    check_joint(joint, objects, state_space)
     return joint
 
 
@@ -249,14 +264,15 @@ def is_positive(square: Array, tolerance: float) -> bool:
     return True
 
 
-def check_joint(joint: Array, objects: Sequence[ObjectPrior]) -> None:
+def check_joint(joint: Array, objects: Sequence[ObjectPrior], state_space: str) -> None:
     """Raise ValueError if (3 O, 3 O) is no covariance, or its diagonal blocks are not the objects' own covariances."""
     if not np.isfinite(joint).all():
         raise ValueError("joint_covariance needs finite numbers")
     tolerance = ROUNDING * float(np.abs(joint).max(initial=0.0))
     if len(joint) and not (np.abs(joint - joint.T).max() <= tolerance and is_positive(joint, tolerance)):
         raise ValueError("joint_covariance is not symmetric and positive semi-definite")
-    own = np.array([planar_from_covariance(item.covariance) for item in objects]).reshape(-1, 3, 3)
+    coordinates = object_coordinates(state_space)
+    own = np.array([coordinates.of_covariances(item.covariance) for item in objects]).reshape(-1, 3, 3)
     rows = np.arange(len(joint)).reshape(-1, 3)
     if np.abs(joint[rows[:, :, None], rows[:, None, :]] - own).max(initial=0.0) > tolerance:
         raise ValueError("joint_covariance has other covariances than the objects")

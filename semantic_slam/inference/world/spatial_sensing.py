@@ -74,5 +74,5 @@ def check_height(place: Array) -> None:
 
 
 def joint_place_prior(poses: Array, covariance: Array) -> Array:
-    """Raise InputError: the joint covariance of a FILE.map is over x, y and yaw, hence planar."""
-    raise InputError("map prior: a FILE.map is of the plane; give an objects.json for state_space: spatial")
+    """(3 n, 3 n) joint covariance of n positions; its diagonal blocks are :func:`place_prior`'s."""
+    return np.asarray(covariance + LEAST_VARIANCE * np.eye(len(covariance)))
