@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import PLANAR_AXES, planar_from_pose_vector, wrap_angle
+from semantic_slam.geometry.pose import PLANAR_AXES, planar_from_pose_vector, pose_vector_from_planar, wrap_angle
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,20 @@ class ObjectCoordinates:
         """(..., 3, 3) blocks of covariances (..., 6, 6)."""
         rows = list(self.axes)
         return np.asarray(np.asarray(covariances, dtype=np.float64)[..., rows, :][..., rows])
+
+    def poses(self, states: Array) -> Array:
+        """(..., 7) poses at coordinates (..., 3): at height 0, or not turned."""
+        if self.has_yaw:
+            return pose_vector_from_planar(states)
+        still = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*states.shape[:-1], 4))
+        return np.concatenate([states, still], axis=-1)
+
+    def pose_covariances(self, covariances: Array) -> Array:
+        """(..., 6, 6) covariances of poses, 0 along and about the other axes, from (..., 3, 3)."""
+        whole = np.zeros((*covariances.shape[:-2], 6, 6))
+        rows = np.array(self.axes)
+        whole[..., rows[:, None], rows] = covariances
+        return whole
 
     def difference(self, states: Array, others: Array) -> Array:
         """(..., 3) from ``others`` to ``states``, a heading's in [-pi, pi)."""

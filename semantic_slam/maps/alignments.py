@@ -11,7 +11,8 @@ import numpy as np
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.maps.correspondence import Correspondence, corresponding
-from semantic_slam.maps.landmarks import Landmarks, turned
+from semantic_slam.maps.frames import MapFrames
+from semantic_slam.maps.landmarks import Landmarks
 from semantic_slam.maps.likelihood import Alignment, pairs
 
 HEADING_RAD = 0.35
@@ -27,8 +28,9 @@ def in_place(
     old: Landmarks, new: Landmarks, log_absent: Array, *, is_continued: bool
 ) -> list[tuple[float, Correspondence]]:
     """Alignment of maps in one frame, each off by its own initial pose error; ``is_continued``: new came from old."""
-    covariance = old.frame + new.frame + 1e-6 * np.eye(3)
-    start = Alignment(T_old_new=np.zeros(3), covariance=covariance, centre=old.centre)
+    size = old.frames.size
+    covariance = old.frame + new.frame + 1e-6 * np.eye(size)
+    start = Alignment(T_old_new=np.zeros(size), covariance=covariance, centre=old.centre)
     prior = np.asarray(np.linalg.inv(covariance))
     return [(1.0, corresponding(old, new, log_absent, start, prior, is_continued=is_continued))]
 
@@ -39,8 +41,8 @@ def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[flo
     scored = sorted(((_score(old, new, log_absent, own), n) for n, own in enumerate(proposals)), reverse=True)
     found: list[Correspondence] = []
     for _, number in scored[:MOST_REFINED]:
-        own = corresponding(old, new, log_absent, proposals[number], np.zeros((3, 3)))
-        if not any(_are_one(own, other) for other in found):
+        own = corresponding(old, new, log_absent, proposals[number], np.zeros((old.frames.size,) * 2))
+        if not any(_are_one(old.frames, own, other) for other in found):
             found.append(own)
     found = sorted(found, key=lambda own: -own.log_evidence)
     if not found:
@@ -59,8 +61,11 @@ def _score(old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignme
 def _proposals(old: Landmarks, new: Landmarks) -> list[Alignment]:
     if not len(old) or not len(new):
         return []
-    has_heading = max(old.covariances[:, 2, 2].min(), new.covariances[:, 2, 2].min()) < HEADING_RAD**2
-    return _of_single_pairs(old, new) if has_heading else _of_two_pairs(old, new)
+    if old.frames.coordinates.has_yaw:
+        least_variances = old.covariances[:, 2, 2].min(), new.covariances[:, 2, 2].min()
+        if max(least_variances) < HEADING_RAD**2:
+            return _of_single_pairs(old, new)
+    return _of_two_pairs(old, new)
 
 
 def _of_single_pairs(old: Landmarks, new: Landmarks) -> list[Alignment]:
@@ -71,8 +76,9 @@ def _of_single_pairs(old: Landmarks, new: Landmarks) -> list[Alignment]:
             if old.covariances[i, 2, 2] + new.covariances[j, 2, 2] > 2.0 * HEADING_RAD**2:
                 continue
             T = se2.compose(old.states[i], se2.inverse(new.states[j]))
-            _, there = turned(new.states[j : j + 1], new.covariances[j : j + 1], T)
-            found.append(Alignment(T_old_new=T, covariance=old.covariances[i] + there[0], centre=old.states[i, :2]))
+            turn = new.frames.turn(T)
+            there = turn @ new.covariances[j] @ turn.T
+            found.append(Alignment(T_old_new=T, covariance=old.covariances[i] + there, centre=old.states[i, :2]))
     return found[:MOST_PROPOSALS]
 
 
@@ -98,14 +104,16 @@ def _of_two(old: Landmarks, new: Landmarks, ours: tuple[int, int], theirs: tuple
     (i, k), (j, other) = ours, theirs
     there, here = old.states[k, :2] - old.states[i, :2], new.states[other, :2] - new.states[j, :2]
     turn = float(np.arctan2(there[1], there[0]) - np.arctan2(here[1], here[0]))
-    cos, sin = np.cos(turn), np.sin(turn)
-    shift = old.states[i, :2] - np.array([[cos, -sin], [sin, cos]]) @ new.states[j, :2]
-    place = old.covariances[i, :2, :2] + np.trace(new.covariances[j, :2, :2]) * np.eye(2)
-    covariance = np.zeros((3, 3))
-    covariance[:2, :2], covariance[2, 2] = place, 2.0 * np.trace(place) / float(there @ there)
+    frames, axes = old.frames, slice(0, old.frames.num_axes)
+    by_turn = frames.turn(np.append(np.zeros(frames.num_axes), turn))[axes, axes]
+    shift = old.states[i, axes] - by_turn @ new.states[j, axes]
+    place = old.covariances[i, axes, axes] + np.trace(new.covariances[j, :2, :2]) * np.eye(frames.num_axes)
+    covariance = np.zeros((frames.size, frames.size))
+    covariance[axes, axes] = place
+    covariance[-1, -1] = 2.0 * np.trace(place[:2, :2]) / float(there @ there)
     return Alignment(T_old_new=np.append(shift, turn), covariance=covariance, centre=old.states[i, :2])
 
 
-def _are_one(one: Correspondence, other: Correspondence) -> bool:
-    off = se2.between(one.alignment.T_old_new, other.alignment.T_old_new)
-    return bool(np.hypot(off[0], off[1]) < APART_M and abs(off[2]) < APART_RAD)
+def _are_one(frames: MapFrames, one: Correspondence, other: Correspondence) -> bool:
+    off = frames.compose(frames.inverse(one.alignment.T_old_new), other.alignment.T_old_new)
+    return bool(np.linalg.norm(off[:-1]) < APART_M and abs(off[-1]) < APART_RAD)

@@ -5,9 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from semantic_slam.configuration.configuration import SPATIAL
 from semantic_slam.errors import InputError
-from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.maps.alignments import aligned, in_place
@@ -38,8 +36,8 @@ class Comparison:
     @classmethod
     def of(cls, old: SavedMap, new: SavedMap, same_frame: bool | None = None) -> "Comparison":
         """Compare two maps; ``same_frame`` None: True where provenance says they share a frame. Raises InputError."""
-        if SPATIAL in (old.state_space, new.state_space):
-            raise InputError("maps of space cannot be compared yet; semantic_slam map show tells what is in each")
+        if old.state_space != new.state_space:
+            raise InputError("one of the maps is of the plane, the other of space; name two of one state_space")
         same_frame = are_of_one_frame(old, new) if same_frame is None else same_frame
         names = [name for name in old.class_names if name in new.class_names]
         rows = compared_rows(new)
@@ -77,14 +75,12 @@ class Comparison:
     @cached_property
     def unseen(self) -> Array:
         """(n,) probability that an old object without counterpart is still there but unseen, rather than gone."""
-        states = planar_from_pose_vector(self.old.objects.poses[self.ours.rows])
-        back = se2.inverse(self.best.alignment.T_old_new)
-        places = se2.compose(np.broadcast_to(back, states.shape), states)[:, :2]
+        frames, off = self.ours.frames, self.best.alignment.T_old_new
+        places = frames.moved(frames.inverse(off), self.ours.states)[:, :2]
         missed = np.maximum((1.0 - _seen_in_a_look(self.new)) ** self.new.looks.counts(places), LEAST_UNSEEN)
         stays = (1.0 - GONE_SHARE - DISPLACED_SHARE) * missed
         found = np.asarray(stays / (stays + GONE_SHARE))
-        off = self.best.alignment.T_old_new
-        if self.new.provenance.started_from == self.old.map_id and np.hypot(off[0], off[1]) < PLACED_M:
+        if self.new.provenance.started_from == self.old.map_id and np.linalg.norm(off[:-1]) < PLACED_M:
             self._as_the_run_says(found)
         return found
 
@@ -103,9 +99,9 @@ class Comparison:
 
     @cached_property
     def new_positions(self) -> Array:
-        """(m, 2) positions of the new objects in the old map's frame [m]."""
-        T = np.broadcast_to(self.best.alignment.T_old_new, self.theirs.states.shape)
-        return np.asarray(se2.compose(T, self.theirs.states)[:, :2])
+        """(m, 2) positions of the new objects in the old map's frame [m]; (m, 3) in space."""
+        frames = self.theirs.frames
+        return frames.moved(self.best.alignment.T_old_new, self.theirs.states)[:, : frames.num_axes]
 
 
 def are_of_one_frame(old: SavedMap, new: SavedMap) -> bool:

@@ -4,10 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.murty import k_best
-from semantic_slam.maps.landmarks import Landmarks, frame_slopes
+from semantic_slam.maps.landmarks import Landmarks
 from semantic_slam.maps.likelihood import Alignment, Pairs, pairs
 
 MOST_ASSIGNMENTS, REFINEMENTS = 200, 8
@@ -36,7 +35,7 @@ def corresponding(
 ) -> Correspondence:
     """Correspondence from a start alignment, refined by its matches; ``log_absent`` (n,): log weight of no match.
 
-    ``prior`` (3, 3): information matrix of the deviation from the start alignment; 0 where nothing is known.
+    ``prior`` (F, F): information matrix of the deviation from the start alignment; 0 where nothing is known.
     """
     found = _assigned(old, new, log_absent, start, np.ones(len(old)), is_continued)
     for _ in range(REFINEMENTS):
@@ -73,15 +72,15 @@ def _assigned(
 def _refined(old: Landmarks, new: Landmarks, found: Correspondence, start: Alignment, prior: Array) -> Alignment | None:
     """Least-squares alignment from probability-weighted matches; None where there are too few."""
     rows, columns = np.nonzero(found.same > 0.05)
-    now = found.alignment
-    states = se2.compose(np.broadcast_to(now.T_old_new, new.states.shape), new.states)
-    slopes = frame_slopes(states, now.centre)
-    information, right = prior.copy(), prior @ _correction(start, now)
+    now, frames = found.alignment, new.frames
+    slopes = frames.slopes(frames.moved(now.T_old_new, new.states), now.centre)
+    back = frames.compose(start.T_old_new, frames.inverse(now.T_old_new))
+    information, right = prior.copy(), prior @ frames.error_about(now.centre, back)
     for row, column in zip(rows, columns, strict=True):
         own, slope = found.pairs.covariance[row, column], slopes[column]
         own = own - slope @ now.covariance @ slope.T
         weight = found.same[row, column] * np.linalg.inv(own)
-        if own[2, 2] > 1.0:  # object without a heading
+        if frames.coordinates.has_yaw and own[2, 2] > 1.0:  # object without a heading
             weight[2], weight[:, 2] = 0.0, 0.0
         information = information + slope.T @ weight @ slope
         right = right - slope.T @ weight @ found.pairs.offset[row, column]
@@ -89,20 +88,5 @@ def _refined(old: Landmarks, new: Landmarks, found: Correspondence, start: Align
     if values[0] <= 1e-6:
         return None
     step = np.linalg.solve(information, right)
-    moved = _about(now.centre, np.asarray(step))
-    T = se2.compose(moved, now.T_old_new)
+    T = frames.compose(frames.about(now.centre, np.asarray(step)), now.T_old_new)
     return replace(now, T_old_new=T, covariance=np.asarray(np.linalg.inv(information)))
-
-
-def _correction(start: Alignment, now: Alignment) -> Array:
-    """(3,) shift and rotation about the centre that lead back to the start."""
-    back = se2.compose(start.T_old_new, se2.inverse(now.T_old_new))
-    cos, sin = np.cos(back[2]), np.sin(back[2])
-    at = np.array([[cos, -sin], [sin, cos]]) @ now.centre + back[:2]
-    return np.append(at - now.centre, back[2])
-
-
-def _about(centre: Array, step: Array) -> Array:
-    """SE(2) motion (3,) of a shift and a rotation about ``centre``."""
-    cos, sin = np.cos(step[2]), np.sin(step[2])
-    return np.append(centre + step[:2] - np.array([[cos, -sin], [sin, cos]]) @ centre, step[2])

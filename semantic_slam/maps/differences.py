@@ -36,7 +36,7 @@ class NewObject:
     object_id: int
     name: str
     probability: float
-    position: Array  # (2,) in the old map's frame
+    position: Array  # (2,) in the old map's frame; (3,) in space
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class MapDifference:
 
     old: tuple[OldObject, ...]
     new: tuple[NewObject, ...]
-    T_old_new: Array  # (3,) x, y, yaw of the new map's frame in the old one's
+    T_old_new: Array  # (3,) x, y, yaw of the new map's frame in the old one's; in space (4,) x, y, z, yaw
     same_frame: bool  # else aligned by object correspondences
     alignment_probability: float
 
@@ -97,8 +97,9 @@ def _old_object(told: Comparison, row: int) -> OldObject:
 
 def _distance(told: Comparison, row: int, column: int) -> tuple[float, float]:
     """Distance of two objects [m], and its standard deviation along the connecting line."""
-    offset, spread = told.best.pairs.offset[row, column, :2], told.best.pairs.covariance[row, column, :2, :2]
-    distance = float(np.hypot(*offset))
+    axes = slice(0, told.ours.frames.num_axes)
+    offset, spread = told.best.pairs.offset[row, column, axes], told.best.pairs.covariance[row, column, axes, axes]
+    distance = float(np.linalg.norm(offset))
     along = offset / max(distance, 1e-9)
     return distance, float(np.sqrt(along @ spread @ along))
 

@@ -1,15 +1,14 @@
-"""Objects of a map prepared for comparison: relative positions and their uncertainties."""
+"""Objects of a map prepared for comparison: relative positions and their uncertainties; F as in :mod:`frames`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
 from semantic_slam.maps.as_prior import joint_covariance
 from semantic_slam.maps.class_priors import class_evidence
+from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.saved_map import SavedMap
 
 LEAST_EXISTENCE = 0.05
@@ -24,9 +23,10 @@ class Landmarks:
 
     rows: Index  # (n,) in the map
     ids: Index  # (n,)
-    states: Array  # (n, 3) x, y, yaw in the map's frame
+    frames: MapFrames
+    states: Array  # (n, 3) coordinates in the map's frame
     covariances: Array  # (n, 3, 3) without their common error, in the map frame
-    frame: Array  # (3, 3) covariance of the common error: a shift, and a rotation about ``centre``
+    frame: Array  # (F, F) covariance of the common error: a shift, and a rotation about ``centre``
     centre: Array  # (2,)
     existence: Array  # (n,)
     classes: Array  # (n, C) class probabilities from each object's own evidence, with a uniform prior
@@ -36,8 +36,9 @@ class Landmarks:
     @classmethod
     def of(cls, known: SavedMap, class_names: Sequence[str], rows: Index) -> "Landmarks":
         """Selected objects of a map, with the classes in the given order."""
-        states = planar_from_pose_vector(known.objects.poses[rows])
-        own = planar_from_covariance(known.objects.covariances)
+        frames = MapFrames(known.coordinates)
+        states = known.coordinates.of_poses(known.objects.poses[rows])
+        own = known.coordinates.of_covariances(known.objects.covariances)
         if known.has_cross_covariances:
             joint = joint_covariance(known)
         else:
@@ -45,13 +46,14 @@ class Landmarks:
             for row, block in enumerate(own):
                 joint[3 * row : 3 * row + 3, 3 * row : 3 * row + 3] = block
         places = (3 * rows[:, None] + np.arange(3)).ravel()
-        relative, frame, centre = _without_frame(states, joint[np.ix_(places, places)])
+        relative, frame, centre = _without_frame(frames, states, joint[np.ix_(places, places)])
         columns = [known.class_names.index(name) for name in class_names]
         classes = class_evidence(known.objects)[np.ix_(rows, np.array(columns, dtype=int))]
         share = LEAST_CLASS_SHARE / max(len(columns), 1)
         return cls(
             rows=rows,
             ids=known.objects.ids[rows],
+            frames=frames,
             states=states,
             covariances=relative,
             frame=frame,
@@ -71,29 +73,22 @@ def compared_rows(known: SavedMap) -> Index:
     return np.flatnonzero(known.objects.existence >= LEAST_EXISTENCE)
 
 
-def frame_slopes(states: Array, centre: Array) -> Array:
-    """(n, 3, 3) Jacobians of x, y, yaw of n states by a shift, and a rotation about ``centre``."""
-    slopes = np.tile(np.eye(3), (len(states), 1, 1))
-    slopes[:, 0, 2], slopes[:, 1, 2] = -(states[:, 1] - centre[1]), states[:, 0] - centre[0]
-    return slopes
+def turned(known: Landmarks, T: Array) -> tuple[Array, Array]:
+    """States (n, 3) and covariances (n, 3, 3) in the frame that has theirs at ``T`` (F,)."""
+    turn = known.frames.turn(T)
+    return known.frames.moved(T, known.states), turn @ known.covariances @ turn.T
 
 
-def turned(states: Array, covariances: Array, T: Array) -> tuple[Array, Array]:
-    """Transform states (n, 3) and covariances (n, 3, 3) by ``T`` (3,), the pose of their frame in the target frame."""
-    cos, sin = np.cos(T[2]), np.sin(T[2])
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return se2.compose(np.broadcast_to(T, states.shape), states), turn @ covariances @ turn.T
-
-
-def _without_frame(states: Array, joint: Array) -> tuple[Array, Array, Array]:
-    """Split off the common frame error: (n, 3, 3) relative covariances, (3, 3) common covariance, and its centre."""
+def _without_frame(frames: MapFrames, states: Array, joint: Array) -> tuple[Array, Array, Array]:
+    """Split off the common frame error: (n, 3, 3) relative covariances, (F, F) common covariance, and its centre."""
     blocks = joint.reshape(len(states), 3, len(states), 3)
     variances = np.maximum(np.einsum("iaia->ia", blocks), 1e-9)
     weights = 1.0 / variances
-    weights[:, 2] = 0.0 if len(states) > 1 else 1.0  # positions determine the rotation
+    if frames.coordinates.has_yaw:
+        weights[:, 2] = 0.0 if len(states) > 1 else 1.0  # positions determine the rotation
     places = weights[:, :2].sum(axis=1)
     centre = places @ states[:, :2] / places.sum()
-    slopes = frame_slopes(states, centre).reshape(-1, 3)
+    slopes = frames.slopes(states, centre).reshape(-1, frames.size)
     fit = np.linalg.pinv(slopes.T @ (weights.ravel()[:, None] * slopes)) @ (slopes.T * weights.ravel())
     frame = fit @ joint @ fit.T
     kept = np.eye(len(joint)) - slopes @ fit

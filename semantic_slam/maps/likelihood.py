@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.maps.landmarks import Landmarks, frame_slopes, turned
+from semantic_slam.maps.landmarks import Landmarks, turned
 
 DISPLACED_SHARE, GONE_SHARE = 0.05, 0.05
 """Prior shares of objects displaced, and gone, by the next session; as many are new as are gone."""
@@ -26,8 +25,8 @@ SURROUNDINGS_M = 2.0
 class Alignment:
     """Pose of the new map's frame in the old map's frame."""
 
-    T_old_new: Array  # (3,)
-    covariance: Array  # (3, 3) of a shift, and a rotation about ``centre``
+    T_old_new: Array  # (F,) as :mod:`frames` has it
+    covariance: Array  # (F, F) of a shift, and a rotation about ``centre``
     centre: Array  # (2,) in the old frame
 
 
@@ -37,7 +36,7 @@ class Pairs:
 
     log_same: Array  # same unmoved object, relative to "old one gone and a new one"
     log_displaced: Array
-    offset: Array  # (n, m, 3) from where it was to where it is, x, y [m] and yaw [rad] in the old frame
+    offset: Array  # (n, m, 3) from where it was to where it is, the coordinates [m, rad] of the old frame
     covariance: Array  # (n, m, 3, 3) of the offset
 
 
@@ -47,33 +46,37 @@ def pairs(old: Landmarks, new: Landmarks, alignment: Alignment, vacated: Array, 
     ``is_continued``: the new map inherited object positions from the old one, so a matching position is no evidence:
     only the class separates the same object from another one in its place.
     """
-    states, covariances = turned(new.states, new.covariances, alignment.T_old_new)
-    offset = states[None] - old.states[:, None]
-    offset[..., 2] = wrap_angle(offset[..., 2])
-    slopes = frame_slopes(states, alignment.centre)
+    frames, at = old.frames, slice(0, old.frames.num_axes)
+    states, covariances = turned(new, alignment.T_old_new)
+    offset = frames.coordinates.difference(states[None], old.states[:, None])
+    slopes = frames.slopes(states, alignment.centre)
     spread = covariances + slopes @ alignment.covariance @ np.swapaxes(slopes, 1, 2)
-    floor = np.diag([FLOOR_M, FLOOR_M, FLOOR_RAD]) ** 2
+    floor = np.diag(frames.coordinate_sigmas(FLOOR_M, FLOOR_RAD)) ** 2
     total = old.covariances[:, None] + spread[None] + floor
     alike = _log_classes(old, new) + _log_descriptors(old, new)
     stays = np.log(1.0 - DISPLACED_SHARE - GONE_SHARE) + np.log(old.existence)[:, None]
     moves = np.log(DISPLACED_SHARE) + np.log(old.existence)[:, None]
-    in_place = _log_normal(offset[..., :2], total[..., :2, :2]) + _log_heading(offset, total)
-    instead = _log_normal(offset[..., :2], total[..., :2, :2] + REPLACED_M**2 * np.eye(2))
+    away, spread_away = offset[..., at], total[..., at, at]
+    in_place = _log_normal(away, spread_away)
+    if frames.coordinates.has_yaw:
+        in_place = in_place + _log_heading(offset, total)
+    instead = _log_normal(away, spread_away + REPLACED_M**2 * np.eye(frames.num_axes))
     if is_continued:
         instead = np.where(old.ids[:, None] == new.ids, np.maximum(instead, in_place), instead)
     replacing = REPLACED_SHARE * vacated @ np.exp(instead + _log_other_class(old, new))
     there = np.log(new.existence) - np.log(np.exp(log_new_density(old)) + replacing)
     return Pairs(
         log_same=stays + there + alike + in_place,
-        log_displaced=moves + there + alike + _log_moved(offset[..., :2], total[..., :2, :2]),
+        log_displaced=moves + there + alike + _log_moved(away, spread_away),
         offset=offset,
         covariance=total,
     )
 
 
 def log_new_density(old: Landmarks) -> float:
-    """Log density of new objects per square metre; as many appear as disappear."""
-    low, high = old.states[:, :2].min(axis=0) - SURROUNDINGS_M, old.states[:, :2].max(axis=0) + SURROUNDINGS_M
+    """Log density of new objects per square metre, in space per cubic metre; as many appear as disappear."""
+    places = old.states[:, : old.frames.num_axes]
+    low, high = places.min(axis=0) - SURROUNDINGS_M, places.max(axis=0) + SURROUNDINGS_M
     return float(np.log(GONE_SHARE * max(old.existence.sum(), 1.0) / np.prod(high - low)))
 
 
@@ -83,7 +86,7 @@ def _log_normal(offset: Array, covariance: Array) -> Array:
 
 
 def _log_moved(offset: Array, covariance: Array) -> Array:
-    told = [_log_normal(offset, covariance + sigma**2 * np.eye(2)) for sigma in DISPLACED_M]
+    told = [_log_normal(offset, covariance + sigma**2 * np.eye(offset.shape[-1])) for sigma in DISPLACED_M]
     return np.asarray(np.logaddexp.reduce(told) - np.log(len(DISPLACED_M)))
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.special import expit, logit
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 from semantic_slam.maps.class_priors import class_evidence, known_priors
 from semantic_slam.maps.saved_map import MapObjects, SavedMap, have_one_origin
 
@@ -25,7 +24,7 @@ class MergedRows:
 
 
 def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Array, covariances: Array) -> MapObjects:
-    """Build N merged objects at ``states`` (N, 3) with ``covariances`` (N, 3, 3)."""
+    """Build N merged objects at coordinates ``states`` (N, 3) with ``covariances`` (N, 3, 3)."""
     count, first = len(one.objects), len(one.objects)
     partner, share = dict((*rows.same, *rows.displaced)), _share(one, other)
     later = [int(row) - first for row in rows.kept[count:].tolist()]
@@ -37,8 +36,8 @@ def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Arr
     return MapObjects(
         ids=ids,
         names=names,
-        poses=pose_vector_from_planar(states),
-        covariances=covariance_from_planar(covariances),
+        poses=one.coordinates.poses(states),
+        covariances=one.coordinates.pose_covariances(covariances),
         existence=np.array([_existence(one.objects, other.objects, i, j, share) for i, j in sources]),
         class_probabilities=classes,
         class_priors=priors,

@@ -12,12 +12,12 @@ import numpy as np
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.maps.as_prior import independent, joint_covariance
 from semantic_slam.maps.common_classes import over_common_classes
 from semantic_slam.maps.comparison import Comparison
 from semantic_slam.maps.differences import gone
-from semantic_slam.maps.landmarks import frame_slopes
+from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
 from semantic_slam.maps.merged_objects import MergedRows, merged_objects
 from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap, have_one_origin
@@ -50,7 +50,7 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
             f" {probability:.2f}; merge maps that have more objects in common, or --same-frame if they are of one frame"
         )
     rows = _rows(told)
-    together = _fused(_stacked(told), rows, len(one.objects))
+    together = _fused(_stacked(told), rows, len(one.objects), told.ours.frames)
     own = _blocks(together.covariance)[rows.kept]
     objects = merged_objects(_without_gone(told), other, rows, together.states[rows.kept], own)
     kept = (3 * rows.kept[:, None] + np.arange(3)).ravel()
@@ -63,6 +63,7 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
         looks=_looks(one.looks, other.looks, best.alignment.T_old_new),
         discarded_mass=1.0 - (1.0 - one.discarded_mass) * (1.0 - other.discarded_mass),
         descriptor_space=one.descriptor_space or other.descriptor_space,
+        state_space=one.state_space,
         provenance=Provenance(source=json.dumps({"merged": [one.map_id, other.map_id]}), revision=revision),
     )
 
@@ -104,16 +105,15 @@ def _rows(told: Comparison) -> MergedRows:
 def _stacked(told: Comparison) -> _Together:
     """States of both maps in the first one's frame, before fusion."""
     one, other, alignment = told.old, told.new, told.best.alignment
-    own, theirs = planar_from_pose_vector(one.objects.poses), planar_from_pose_vector(other.objects.poses)
-    T = np.zeros(3) if told.same_frame else alignment.T_old_new
-    moved = se2.compose(np.broadcast_to(T, theirs.shape), theirs)
-    turn = np.eye(3)
-    turn[:2, :2] = [[np.cos(T[2]), -np.sin(T[2])], [np.sin(T[2]), np.cos(T[2])]]
-    turns = np.kron(np.eye(len(theirs)), turn)
+    frames = told.ours.frames
+    own, theirs = (frames.coordinates.of_poses(known.objects.poses) for known in (one, other))
+    T = np.zeros(frames.size) if told.same_frame else alignment.T_old_new
+    moved = frames.moved(T, theirs)
+    turns = np.kron(np.eye(len(theirs)), frames.turn(T))
     square = turns @ joint_covariance(other) @ turns.T
     if not told.same_frame:
-        slopes = frame_slopes(moved, alignment.centre).reshape(-1, 3)
-        square = square + slopes @ np.diag([ANYWHERE_M, ANYWHERE_M, ANYWHERE_RAD]) ** 2 @ slopes.T
+        slopes = frames.slopes(moved, alignment.centre).reshape(-1, frames.size)
+        square = square + slopes @ np.diag(frames.sigmas(ANYWHERE_M, ANYWHERE_RAD)) ** 2 @ slopes.T
     size, whole = 3 * len(own), np.zeros((3 * (len(own) + len(theirs)),) * 2)
     whole[:size, :size], whole[size:, size:] = joint_covariance(one), square
     return _Together(
@@ -121,7 +121,7 @@ def _stacked(told: Comparison) -> _Together:
     )
 
 
-def _fused(known: _Together, rows: MergedRows, count: int) -> _Together:
+def _fused(known: _Together, rows: MergedRows, count: int, frames: MapFrames) -> _Together:
     """Fuse the pairs that are one unmoved object, up to the unmodelled map error (FLOOR_M, FLOOR_RAD)."""
     if not rows.same:
         return known
@@ -131,13 +131,13 @@ def _fused(known: _Together, rows: MergedRows, count: int) -> _Together:
         at = slice(3 * number, 3 * number + 3)
         slopes[at, 3 * i : 3 * i + 3] = np.eye(3)
         slopes[at, 3 * (count + j) : 3 * (count + j) + 3] = -np.eye(3)
-    off = known.states[pairs[:, 0]] - known.states[count + pairs[:, 1]]
-    off[:, 2] = wrap_angle(off[:, 2])
-    noise = np.tile(np.array([FLOOR_M, FLOOR_M, FLOOR_RAD]) ** 2, len(pairs))
+    off = frames.coordinates.difference(known.states[pairs[:, 0]], known.states[count + pairs[:, 1]])
+    noise = np.tile(frames.coordinate_sigmas(FLOOR_M, FLOOR_RAD) ** 2, len(pairs))
     cross = slopes @ known.covariance
     gain = np.linalg.solve(cross @ slopes.T + np.diag(noise), cross).T
     states = known.states - (gain @ off.ravel()).reshape(-1, 3)
-    states[:, 2] = wrap_angle(states[:, 2])
+    if frames.coordinates.has_yaw:
+        states[:, 2] = wrap_angle(states[:, 2])
     square = known.covariance - gain @ cross
     return replace(known, states=states, covariance=0.5 * (square + square.T))
 

@@ -13,9 +13,9 @@ STATED = 0.5
 
 def change_lines(told: MapDifference) -> list[str]:
     """Text lines: the alignment of the maps, then one line per object."""
-    x, y, yaw = told.T_old_new
+    shift = ", ".join(f"{axis} {value:.2f} m" for axis, value in zip("xyz", told.T_old_new[:-1], strict=False))
     how = "one frame" if told.same_frame else f"aligned by association (P = {told.alignment_probability:.3f})"
-    lines = [f"{how}; the new map's origin at x {x:.2f} m, y {y:.2f} m, {np.rad2deg(yaw):.1f} deg of the old one"]
+    lines = [f"{how}; the new map's origin at {shift}, {np.rad2deg(told.T_old_new[-1]):.1f} deg of the old one"]
     lines.append(f"{'':9}  {'P':>6}  {'object':>10}  {'now':>10}  name")
     for own in told.old:
         now = "-" if own.new_id is None else str(own.new_id)
@@ -25,10 +25,8 @@ def change_lines(told: MapDifference) -> list[str]:
         )
     for new in told.new:
         if new.probability >= STATED:
-            x, y = new.position
-            lines.append(
-                f"{'new':9}  {new.probability:6.3f}  {'-':>10}  {new.object_id:10d}  {new.name}, at {x:.2f}, {y:.2f} m"
-            )
+            place = ", ".join(f"{value:.2f}" for value in new.position)
+            lines.append(f"{'new':9}  {new.probability:6.3f}  {'-':>10}  {new.object_id:10d}  {new.name}, at {place} m")
     return lines
 
 

@@ -8,14 +8,19 @@ import pytest
 from worlds.exact.spatial_fixtures import spatial
 from worlds.scenes.small_map import small_map
 
-from semantic_slam import Configuration, Detection, Engine, Keyframe, MapPrior
+from semantic_slam import Configuration, Detection, Engine, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.errors import InputError
-from semantic_slam.maps.as_prior import map_prior_of
+from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
+from semantic_slam.maps.checks import check_map
 from semantic_slam.maps.comparison import Comparison
+from semantic_slam.maps.differences import difference
+from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.from_run import saved_map_of_engine
-from semantic_slam.maps.map_file import read_map, read_map_prior, write_map
+from semantic_slam.maps.map_file import read_map, read_map_prior, with_id, write_map
+from semantic_slam.maps.merging import merged
 from semantic_slam.maps.saved_map import SavedMap
 from semantic_slam.maps.telling import lines_of
+from semantic_slam.maps.telling_changes import change_lines
 
 PLACES = np.array([[2.0, 0.0, 0.5], [2.5, 1.0, -0.3], [3.0, -0.8, 0.2]])
 START_SIGMA_M, RANGE_SIGMA_M, RAY_SIGMA = 0.8, 0.02, 0.005
@@ -92,6 +97,43 @@ def test_a_map_of_another_space_is_refused_with_a_remedy(known: SavedMap) -> Non
         started(EXACTLY, map_prior_of(known), observation="range_bearing")
 
 
-def test_maps_of_space_are_not_compared(known: SavedMap) -> None:
-    with pytest.raises(InputError, match="map show"):
-        Comparison.of(known, replace(known, map_id="other"))
+def room(places: np.ndarray, T: np.ndarray, first_id: int = 0) -> SavedMap:
+    """A map of points (n, 3), each known to two centimetres, in a frame that is at ``T`` x, y, z, yaw in theirs."""
+    frames = MapFrames.of("spatial")
+    own = frames.moved(frames.inverse(T), places)
+    points = (ObjectPrior.point(first_id + n, place, sigma_m=0.02) for n, place in enumerate(own))
+    return with_id(saved_map_of_prior(MapPrior(tuple(points), state_space="spatial")))
+
+
+ROOM = np.random.default_rng(3).uniform([-2.0, -2.0, 0.0], [2.0, 2.0, 1.8], (8, 3))
+HERE, ELSEWHERE = np.zeros(4), np.array([1.2, -0.7, 0.4, 2.1])
+
+
+def test_maps_of_space_are_aligned_and_tell_what_moved_left_and_came() -> None:
+    """Frames are a shift and a turn about the vertical apart; one point is lifted, one gone, and one new."""
+    later = ROOM.copy()
+    later[0, 2] += 0.6
+    later[1] = [0.3, 1.0, 2.4]
+    found = difference(Comparison.of(room(ROOM, HERE), room(later, ELSEWHERE, 20)))
+    assert not found.same_frame and found.alignment_probability > 0.9
+    np.testing.assert_allclose(found.T_old_new, ELSEWHERE, atol=0.03)
+    kinds = [own.kind for own in found.old]
+    assert kinds[0] == "displaced" and found.old[0].distance_m == pytest.approx(0.6, abs=0.05)
+    assert kinds[2:] == ["same"] * 6 and [own.new_id for own in found.old[2:]] == list(range(22, 28))
+    (new,) = [own for own in found.new if own.probability > 0.5]
+    assert new.object_id == 21 and found.old[1].new_id != 21
+    np.testing.assert_allclose(new.position, later[1], atol=0.05)
+    assert "z 0.4" in change_lines(found)[0]
+
+
+def test_merged_maps_of_space_hold_every_point_once_in_the_first_one_s_frame() -> None:
+    both = merged(room(ROOM[:6], HERE), room(ROOM[1:], ELSEWHERE, 20), "")
+    assert both.state_space == "spatial" and len(both.objects) == len(ROOM)
+    for place in ROOM:
+        assert np.linalg.norm(both.objects.poses[:, :3] - place, axis=1).min() < 0.05
+    check_map(both)
+
+
+def test_maps_of_the_plane_and_of_space_are_not_compared(known: SavedMap) -> None:
+    with pytest.raises(InputError, match="state_space"):
+        Comparison.of(known, small_map())
