@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.states.views import Overlap
 
 LEAST_VARIANCE = 1e-12
@@ -67,6 +67,34 @@ class Places(NamedTuple):
         apart = within * then
         both = apart + lasting * (np.maximum(common, 0.0) - apart)
         return Overlap(then.prod(axis=0), within.prod(axis=0), both.prod(axis=0)), lasting
+
+    def at(self, rows: Index, columns: Index) -> "Places":
+        """Some of the places of (K, N) objects."""
+        at = rows, columns
+        return self._replace(
+            points=self.points[at],
+            covariance=self.covariance[at],
+            by_robot=self.by_robot[at],
+            by_motion=self.by_motion[at],
+        )
+
+    def measured(self, points: Array, slopes: Array) -> "Places":
+        """Places at ``points`` (n, d), given a measurement of each, of unit covariance and (n, m, d) ``slopes`` by it.
+
+        The robot's pose counts as given the measurements already. A Kalman update of the rest of the covariance.
+        """
+        rest = self.covariance - self.by_robot
+        cross = rest @ np.swapaxes(slopes, -1, -2)
+        gain = cross @ np.linalg.inv(slopes @ cross + np.eye(slopes.shape[-2]))
+        left = np.eye(points.shape[-1]) - gain @ slopes
+        turned = np.swapaxes(left, -1, -2)
+        by_robot = left @ self.by_robot @ turned
+        return self._replace(
+            points=points,
+            covariance=by_robot + left @ rest,
+            by_robot=by_robot,
+            by_motion=left @ self.by_motion @ turned,
+        )
 
     def lasting_sight(self, variance: Array, of_shown: float) -> Array:
         """(...,) correlation with which the same objects are occluded as before.
