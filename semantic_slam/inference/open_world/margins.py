@@ -78,6 +78,15 @@ class Places(NamedTuple):
             by_motion=self.by_motion[at],
         )
 
+    def flat_with(self, others: "Places") -> "Places":
+        """The (K, N) places as (K N,), then n ``others``."""
+        return self._replace(
+            points=_flat_with(self.points, others.points, 1),
+            covariance=_flat_with(self.covariance, others.covariance, 2),
+            by_robot=_flat_with(self.by_robot, others.by_robot, 2),
+            by_motion=_flat_with(self.by_motion, others.by_motion, 2),
+        )
+
     def measured(self, points: Array, slopes: Array) -> "Places":
         """Places at ``points`` (n, d), given a measurement of each, of unit covariance and (n, m, d) ``slopes`` by it.
 
@@ -118,6 +127,11 @@ def with_occlusion(overlap: Overlap, before: Array, now: Array, lasting: Array) 
     apart = before * now
     both = apart + lasting * (np.minimum(before, now) - apart)
     return Overlap(before=overlap.before * before, now=overlap.now * now, both=overlap.both * both)
+
+
+def _flat_with(values: Array, others: Array, size: int) -> Array:
+    """(K, N, ...) values as (K N, ...), then ``others`` (n, ...); ``size`` axes belong to each."""
+    return np.concatenate([values.reshape(-1, *values.shape[-size:]), others])
 
 
 def _products(left: Array, matrices: Array, right: Array) -> Array:

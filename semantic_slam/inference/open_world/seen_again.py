@@ -5,6 +5,7 @@ pair. Given the detection, the place relative to the robot is about as well know
 little the map knew of it.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,10 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
+from semantic_slam.inference.open_world.margins import Places
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.states.miss_runs import MissRuns
+from semantic_slam.inference.states.views import Looks, Overlap, Views
 from semantic_slam.inference.world.problem import Problem
 
 
@@ -23,6 +27,29 @@ class SeenAgain(NamedTuple):
     columns: Index  # (n,) among the objects in reach
     points: Array  # (n, d) places in the body frame, at the candidates' modes
     slopes: Array  # (n, m, d) Jacobians of the detections' whitened residuals by these
+
+    def looks(
+        self,
+        places: Places,
+        views: Views,
+        runs: MissRuns,
+        in_view: Callable[[Places, Array], tuple[Overlap, Array]],
+        chance: Callable[[Array], Array],
+    ) -> tuple[Looks, Array]:
+        """Looks at N objects in K candidates, by their ``places`` (K, N), and (n, G) probabilities to see the pairs.
+
+        ``in_view`` gives the overlap of some places, whose objects nothing occluded before with some probability, and
+        the probability that nothing occludes them now; ``chance`` the detection probabilities in view, by the points.
+        """
+        shape, pairs, some = places.points.shape[:-1], (self.candidates, self.columns), views.take(self.columns)
+        every = places.flat_with(places.at(*pairs).measured(self.points, self.slopes))
+        before = np.concatenate([np.tile(views.unoccluded, shape[0]), some.unoccluded])
+        overlap, unoccluded = in_view(every, before)
+        count = shape[0] * shape[1]
+        expected = Overlap(*(own[:count].reshape(shape) for own in overlap))
+        found = Overlap(*(own[count:] for own in overlap))
+        looks = views.predicted(expected, unoccluded[:count].reshape(shape), chance(places.points), runs)
+        return looks, some.seen(expected.at(*pairs), found, chance(self.points), runs)
 
     @classmethod
     def of(

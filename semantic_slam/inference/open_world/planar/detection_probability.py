@@ -1,6 +1,7 @@
 """Detection probability of each object of one hypothesis, for a robot at each of K modes (planar poses)."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from semantic_slam.inference.open_world.predicted_objects import PredictedObject
 from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
-from semantic_slam.inference.states.views import Looks, Overlap, Views
+from semantic_slam.inference.states.views import Looks, Overlap
 
 LEAST_DETECTION_SHARE = 0.02
 """Least share of the detection probability for detected objects that seem to lie outside the region."""
@@ -80,12 +81,9 @@ def detection_probabilities(
     shift = se2.log(se2.between(prediction.robot, robot))  # (K, 3)
     moved = np.einsum("nij,kj->kni", prediction.gain, shift)
     objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
-    views, places = prediction.views, _places(se2.between(robot[:, None], objects), prediction, covariance)
-    overlap, unoccluded = _overlap(region, places, views, shown)
-    looks = views.predicted(overlap, unoccluded, _chance(region, rates, places.points), rates.runs)
-    pairs, some = (seen.candidates, seen.columns), views.take(seen.columns)
-    found, _ = _overlap(region, places.at(*pairs).measured(seen.points, seen.slopes), some, shown)
-    return looks, some.seen(overlap.at(*pairs), found, _chance(region, rates, seen.points), rates.runs)
+    places = _places(se2.between(robot[:, None], objects), prediction, covariance)
+    in_view, chance = partial(_overlap, region, shown), partial(_chance, region, rates)
+    return seen.looks(places, prediction.views, rates.runs, in_view, chance)
 
 
 def predicted_detection_probabilities(
@@ -94,7 +92,7 @@ def predicted_detection_probabilities(
     """Looks at existing objects from the predicted robot (K = 1), without occlusion."""
     relative = se2.between(prediction.robot, prediction.objects)[None]
     places = _places(relative, prediction, prediction.robot_covariance[None])
-    overlap, unoccluded = _overlap(region, places, prediction.views, NOTHING_SHOWN)
+    overlap, unoccluded = _overlap(region, NOTHING_SHOWN, places, prediction.views.unoccluded)
     return prediction.views.predicted(overlap, unoccluded, _chance(region, rates, places.points), rates.runs)
 
 
@@ -104,8 +102,8 @@ def _chance(region: SensorRegion, rates: DetectionRates, points: Array) -> Array
     return rates.by_direction.times(chance, points, region.direction_rad)
 
 
-def _overlap(region: SensorRegion, places: Places, views: Views, shown: Occluders) -> tuple[Overlap, Array]:
-    """Probabilities (...,) that objects with these ``views`` are in view, and that nothing occludes them."""
+def _overlap(region: SensorRegion, shown: Occluders, places: Places, before: Array) -> tuple[Overlap, Array]:
+    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now."""
     overlap, lasting = places.overlap(region.margins)
     unoccluded = np.ones(overlap.now.shape)
     if region.occluder_radius_m > 0.0:
@@ -114,7 +112,7 @@ def _overlap(region: SensorRegion, places: Places, views: Views, shown: Occluder
         ranges, bearings = shown.ranges_m, shown.bearings_rad
         unoccluded = region.not_occluded(places.points, ranges, bearings, shown.free_range_scan, variances)
         lasts = lasting[1] * places.lasting_sight(own[..., 1], shown.bearing_variance)
-        overlap = with_occlusion(overlap, views.unoccluded, unoccluded, lasts)
+        overlap = with_occlusion(overlap, before, unoccluded, lasts)
     return overlap, unoccluded
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
-from semantic_slam.inference.states.views import Looks, Overlap, Views
+from semantic_slam.inference.states.views import Looks, Overlap
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class SpatialGeometry:
     def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
         nothing = np.zeros((0, 3)), np.zeros((0, 2))
         places = self._places(region, objects, objects.robot[None], objects.robot_covariance[None])
-        overlap, unoccluded = _overlap(region, places, objects.views, nothing)
+        overlap, unoccluded = _overlap(region, nothing, places, objects.views.unoccluded)
         return objects.views.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
 
     def detections_at(
@@ -68,14 +69,10 @@ class SpatialGeometry:
         step: Step,
         seen: SeenAgain,
     ) -> tuple[Looks, Array]:
-        views, shown = objects.views, shown_by(region, step.detections)
-        places = self._places(region, objects, robot, covariance)
-        overlap, unoccluded = _overlap(region, places, views, shown)
-        looks = views.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
-        pairs, some = (seen.candidates, seen.columns), views.take(seen.columns)
         points, slopes = region.camera.seen(seen.points), seen.slopes @ so3.matrix(region.camera.T_body_camera[3:])
-        found, _ = _overlap(region, places.at(*pairs).measured(points, slopes), some, shown)
-        return looks, some.seen(overlap.at(*pairs), found, _chance(rates, points), rates.runs)
+        places = self._places(region, objects, robot, covariance)
+        in_view, chance = partial(_overlap, region, shown_by(region, step.detections)), partial(_chance, rates)
+        return seen._replace(points=points, slopes=slopes).looks(places, objects.views, rates.runs, in_view, chance)
 
     def distances(self, states: Array, robot: Array) -> Array:
         return np.asarray(np.sqrt(squared_norms(states - robot[:3])))
@@ -144,15 +141,15 @@ def _squared_distances(points: Array) -> Array:
     return np.asarray(np.maximum(squared_norms(points), LEAST_DISTANCE_M**2))
 
 
-def _overlap(region: SpatialRegion, places: Places, views: Views, shown: tuple[Array, Array]) -> tuple[Overlap, Array]:
-    """Probabilities (...,) that objects with these ``views`` are in view, and that nothing ``shown`` occludes them."""
+def _overlap(region: SpatialRegion, shown: tuple[Array, Array], places: Places, before: Array) -> tuple[Overlap, Array]:
+    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now."""
     overlap, lasting = places.overlap(region.margins)
     unoccluded = region.not_occluded(places.points, places.covariance, *shown)
     if region.occluder_radius_m > 0.0:
         across = 0.5 * np.trace(places.covariance, axis1=-2, axis2=-1) / _squared_distances(places.points)
         of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
         lasts = lasting[1:].min(axis=0) * places.lasting_sight(across, of_shown)
-        overlap = with_occlusion(overlap, views.unoccluded, unoccluded, lasts)
+        overlap = with_occlusion(overlap, before, unoccluded, lasts)
     return overlap, unoccluded
 
 
