@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.states.views import Overlap
 
 LEAST_VARIANCE = 1e-12
@@ -68,6 +68,43 @@ class Places(NamedTuple):
         both = apart + lasting * (np.maximum(common, 0.0) - apart)
         return Overlap(then.prod(axis=0), within.prod(axis=0), both.prod(axis=0)), lasting
 
+    def at(self, rows: Index, columns: Index) -> "Places":
+        """Some of the places of (K, N) objects."""
+        at = rows, columns
+        return self._replace(
+            points=self.points[at],
+            covariance=self.covariance[at],
+            by_robot=self.by_robot[at],
+            by_motion=self.by_motion[at],
+        )
+
+    def flat_with(self, others: "Places") -> "Places":
+        """The (K, N) places as (K N,), then n ``others``."""
+        return self._replace(
+            points=_flat_with(self.points, others.points, 1),
+            covariance=_flat_with(self.covariance, others.covariance, 2),
+            by_robot=_flat_with(self.by_robot, others.by_robot, 2),
+            by_motion=_flat_with(self.by_motion, others.by_motion, 2),
+        )
+
+    def measured(self, points: Array, slopes: Array) -> "Places":
+        """Places at ``points`` (n, d), given a measurement of each, of unit covariance and (n, m, d) ``slopes`` by it.
+
+        The robot's pose counts as given the measurements already. A Kalman update of the rest of the covariance.
+        """
+        rest = self.covariance - self.by_robot
+        cross = rest @ np.swapaxes(slopes, -1, -2)
+        gain = cross @ np.linalg.inv(slopes @ cross + np.eye(slopes.shape[-2]))
+        left = np.eye(points.shape[-1]) - gain @ slopes
+        turned = np.swapaxes(left, -1, -2)
+        by_robot = left @ self.by_robot @ turned
+        return self._replace(
+            points=points,
+            covariance=by_robot + left @ rest,
+            by_robot=by_robot,
+            by_motion=left @ self.by_motion @ turned,
+        )
+
     def lasting_sight(self, variance: Array, of_shown: float) -> Array:
         """(...,) correlation with which the same objects are occluded as before.
 
@@ -90,6 +127,11 @@ def with_occlusion(overlap: Overlap, before: Array, now: Array, lasting: Array) 
     apart = before * now
     both = apart + lasting * (np.minimum(before, now) - apart)
     return Overlap(before=overlap.before * before, now=overlap.now * now, both=overlap.both * both)
+
+
+def _flat_with(values: Array, others: Array, size: int) -> Array:
+    """(K, N, ...) values as (K N, ...), then ``others`` (n, ...); ``size`` axes belong to each."""
+    return np.concatenate([values.reshape(-1, *values.shape[-size:]), others])
 
 
 def _products(left: Array, matrices: Array, right: Array) -> Array:

@@ -27,6 +27,10 @@ class Overlap(NamedTuple):
     now: Array
     both: Array
 
+    def at(self, rows: Index, columns: Index) -> "Overlap":
+        """Probabilities of some of (K, N) objects."""
+        return Overlap(*(own[rows, columns] for own in self))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Views:
@@ -113,6 +117,20 @@ class Views:
         inside, outside = self._detectable_next(before, now, both)
         found = chance if inside is None else chance * (inside / runs.share)
         return Looks(in_view, found, overlap.now, unoccluded, inside, outside)
+
+    def seen(self, expected: Overlap, found: Overlap, chance: Array, runs: MissRuns) -> Array:
+        """(O, G) ratio of the probability of what was missed and is detected now to that of what was missed.
+
+        ``expected`` (O,) by the places before the detections, ``found`` (O,) by those given them; ``chance`` (O, G) as
+        in :meth:`predicted`. Without misses it is the mean detection probability over the places given the detection.
+        """
+        before, now, both = (own[:, None] for own in found)
+        expected_before = expected.before[:, None]
+        in_view = both + np.maximum(now - both, 0.0) * self.hidden
+        missed = expected_before + (1.0 - expected_before) * self.hidden
+        inside, _ = self._detectable_next(before, now, both)
+        detected = chance if inside is None else chance * (inside / runs.share)
+        return np.where(missed > LEAST, in_view / np.maximum(missed, LEAST), now) * detected
 
     def _detectable_next(self, before: Array, now: Array, both: Array) -> tuple[Array | None, Array | None]:
         """(K, N, G) detectability of objects in view, and out of view."""

@@ -7,6 +7,8 @@ from semantic_slam.geometry import se2, se3, so3
 from semantic_slam.inference.open_world.margins import Places
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.states.miss_runs import MissRuns
+from semantic_slam.inference.states.views import Overlap, Views
 
 PLANAR = SensorRegion(min_range_m=0.5, max_range_m=5.0, field_of_view_rad=1.4)
 SPATIAL = SpatialRegion(min_range_m=0.5, max_range_m=5.0, half_width_rad=0.6, half_height_rad=0.4)
@@ -58,3 +60,39 @@ def test_what_the_motion_may_have_changed_counts_as_drawn_anew() -> None:
     overlap, lasting = own._replace(by_robot=own.covariance, by_motion=own.covariance).overlap(PLANAR.margins)
     np.testing.assert_allclose(lasting, 0.0, atol=1e-4)
     np.testing.assert_allclose(overlap.both, overlap.before * overlap.now, atol=1e-4)
+
+
+@pytest.mark.parametrize("hidden", [0.0, 1.0, 8.0])
+@pytest.mark.parametrize("detectable", [None, 0.8])
+def test_detections_of_an_object_are_together_as_probable_as_that_it_is_detected(
+    hidden: float, detectable: float | None
+) -> None:
+    """Averaged over drawn measurements of its place: with the miss, the outcomes sum to one."""
+    random, count, sigmas, spread = np.random.default_rng(3), 20_000, np.array([0.3, 0.2]), np.diag([0.25, 0.16])
+    at = None if detectable is None else np.full((1, 1), detectable)
+    views = Views(hidden=np.full((1, 1), hidden), unoccluded=np.ones(1), detectable=at, detectable_hidden=at)
+    own, runs, chance = places([[4.8, 0.0]], spread, np.eye(2), [-0.2, 0.0]), MissRuns(0.6, 0.5), np.full((1, 1), 0.6)
+    expected, _ = own.overlap(PLANAR.margins)
+    predicted = views.predicted(Overlap(*(part[None] for part in expected)), np.ones((1, 1)), chance[None], runs)
+    off = random.normal(size=(count, 2)) * np.sqrt(np.diag(spread) + sigmas**2)
+    points = own.points + off * np.diag(spread) / (np.diag(spread) + sigmas**2)
+    everywhere = np.zeros(count, dtype=int)
+    seen = own._replace(**{name: getattr(own, name)[everywhere] for name in ("covariance", "by_robot", "by_motion")})
+    found, _ = seen.measured(points, np.tile(np.diag(1.0 / sigmas), (count, 1, 1))).overlap(PLANAR.margins)
+    expected = Overlap(*(part[everywhere] for part in expected))
+    detected = views.take(everywhere).seen(expected, found, chance[everywhere], runs)
+    np.testing.assert_allclose(detected.mean(), predicted.detected.item(), rtol=0.03)
+
+
+def test_a_measurement_of_a_place_leaves_what_a_gaussian_update_leaves() -> None:
+    """Of robot and object: the covariance of the object relative to the robot, which sees it and its own position."""
+    by_object, by_robot, noise = np.diag([1.0, 0.3]), np.array([[0.2, 0.05], [0.05, 0.1]]), np.diag([0.04, 0.01])
+    joint = np.zeros((4, 4))
+    joint[:2, :2], joint[2:, 2:] = by_robot, by_object
+    relative = np.hstack([-np.eye(2), np.eye(2)])
+    gain = joint @ relative.T @ np.linalg.inv(relative @ joint @ relative.T + noise)
+    after = joint - gain @ relative @ joint
+    nothing = np.zeros((2, 2))
+    own = Places(np.ones(2), after[:2, :2] + by_object, after[:2, :2], nothing, np.eye(2), np.zeros(2))
+    left = own.measured(np.ones(2), np.diag(1.0 / np.sqrt(np.diag(noise))))
+    np.testing.assert_allclose(left.covariance, relative @ after @ relative.T)

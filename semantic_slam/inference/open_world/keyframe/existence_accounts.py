@@ -11,14 +11,15 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
-from semantic_slam.inference.open_world.keyframe.seen_again import seen_again
 from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.prediction.nearby import views_of
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.states.views import Looks, Views
+from semantic_slam.inference.world.problem import Problem
 
 
 def least_detected(settings: OpenWorldConfiguration) -> float:
@@ -29,10 +30,8 @@ def least_detected(settings: OpenWorldConfiguration) -> float:
 class ExistenceAccounts:
     """Log factors and existence updates of one keyframe's candidates; ``born`` (D,) ids of the objects it may start."""
 
-    def __init__(
-        self, settings: OpenWorldConfiguration, step: Step, predictions: Sequence[Prediction], born: Index
-    ) -> None:
-        self._settings, self._step, self._predictions, self._born = settings, step, predictions, born
+    def __init__(self, problem: Problem, step: Step, predictions: Sequence[Prediction], born: Index) -> None:
+        self._problem, self._step, self._predictions, self._born = problem, step, predictions, born
 
     def of(self, assignments: Assignments, object_ids: Index) -> tuple[Array, "ExistenceUpdates"]:
         """(K,) log factors of births, detections and misses, and the updates; ``object_ids`` (K, D) as associated."""
@@ -42,37 +41,48 @@ class ExistenceAccounts:
         accounts: list[_Account] = [None] * len(assignments)  # type: ignore[list-item]
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
-            looks = self._looks(prediction, assignments.take(rows), object_ids[rows])
+            own = assignments.take(rows)
+            seen = SeenAgain.of(self._problem, prediction, own, object_ids[rows], ~moves[rows])
+            looks, found = self._looks(prediction, own, seen)
             for at, row in enumerate(rows.tolist()):
-                if_missed = _IfMissed(prediction, looks.of(at), self._settings)
+                mine = seen.candidates == at
+                standing = prediction.in_reach[seen.columns[mine]], found[mine]
+                if_missed = _IfMissed(prediction, looks.of(at), standing, self._problem.open_world)
                 accounts[row] = _Account.of(if_missed, object_ids[row], moves[row], self._born)
         return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
 
-    def _looks(self, prediction: Prediction, rows: Assignments, object_ids: Index) -> Looks:
+    def _looks(self, prediction: Prediction, rows: Assignments, seen: SeenAgain) -> tuple[Looks, Array]:
         """Looks at the objects in reach from the candidates' modes, averaged over where the robot still may be.
 
-        ``object_ids`` (K, D) of the detections: those first seen along a ray alone are in view if seen again.
+        With the (n, G) detection probabilities of those ``seen``.
         """
-        looks = geometry_of(prediction.component.spaces).detections_at(
+        return geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
             prediction.rates,
             prediction.objects,
             rows.column("robot"),
             rows.column("robot_covariance"),
             self._step,
+            seen,
         )
-        return seen_again(prediction, rows, object_ids, looks)
 
 
 class _IfMissed:
     """A parent's O objects at one candidate's mode: log factors and existence if missed, and the change if detected."""
 
-    def __init__(self, prediction: Prediction, looks: Looks, settings: OpenWorldConfiguration) -> None:
-        """``looks`` (K = 1) at the objects in reach, if they stand still."""
+    def __init__(
+        self, prediction: Prediction, looks: Looks, seen: tuple[Index, Array], settings: OpenWorldConfiguration
+    ) -> None:
+        """``looks`` (K = 1) at the objects in reach, if they stand still.
+
+        ``seen``: rows (n,) of those detected, and their (n, G) detection probabilities given their detections.
+        """
         self.prediction, self.looks, self.settings = prediction, looks, settings
         self.least = least_detected(settings)
         self.standing = np.zeros(prediction.existence.shape)  # (O, G) detection probability of what stands still
         self.standing[prediction.in_reach] = looks.detected[0]
+        self.seen = np.zeros(prediction.existence.shape)  # (O, G) of what was detected and stands still
+        self.seen[seen[0]] = seen[1]
         self.detected = prediction.detected_at_all(self.standing[None])[0]  # (O, G)
         self.log_missed = log_miss(prediction.existence, self.detected)  # (O, G)
 
@@ -93,7 +103,7 @@ class _IfMissed:
     def log_detected(self, rows: Index) -> Array:
         """(n, G) log ratio of detecting objects that stand still to missing them."""
         stands = self.prediction.existence[rows] * self.prediction.stands[rows]
-        seen = np.maximum(stands * np.maximum(self.standing[rows], self.least), LEAST_PROBABILITY)
+        seen = np.maximum(stands * np.maximum(self.seen[rows], self.least), LEAST_PROBABILITY)
         return np.asarray(np.log(seen) - self.log_missed[rows])
 
     @cached_property

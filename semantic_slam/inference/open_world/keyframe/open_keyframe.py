@@ -145,7 +145,7 @@ class OpenKeyframe:
 
         The evidence of the direction of gravity is the same for every association.
         """
-        accounts = ExistenceAccounts(self.problem.open_world, self.step, self.predictions, self.born)
+        accounts = ExistenceAccounts(self.problem, self.step, self.predictions, self.born)
         factors, updates = accounts.of(candidates.assignments, candidates.assignments.object_ids(self.object_ids))
         return factors + self._log_levels[candidates.assignments.parents], updates
 

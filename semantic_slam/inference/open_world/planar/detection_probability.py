@@ -1,6 +1,7 @@
 """Detection probability of each object of one hypothesis, for a robot at each of K modes (planar poses)."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,9 +11,10 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.open_world.margins import Places, with_occlusion
 from semantic_slam.inference.open_world.planar.region import NO_SCAN, SensorRegion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
+from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
-from semantic_slam.inference.states.views import Looks
+from semantic_slam.inference.states.views import Looks, Overlap
 
 LEAST_DETECTION_SHARE = 0.02
 """Least share of the detection probability for detected objects that seem to lie outside the region."""
@@ -70,15 +72,18 @@ def detection_probabilities(
     robot: Array,
     covariance: Array,
     shown: Occluders,
-) -> Looks:
-    """Looks at existing objects from modes ``robot`` (K, 3) with (K, 3, 3).
+    seen: SeenAgain,
+) -> tuple[Looks, Array]:
+    """Looks at existing objects from modes ``robot`` (K, 3) with (K, 3, 3), and (n, G) how probably those ``seen`` are.
 
     Objects may be occluded by what is ``shown``.
     """
     shift = se2.log(se2.between(prediction.robot, robot))  # (K, 3)
     moved = np.einsum("nij,kj->kni", prediction.gain, shift)
     objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
-    return _looks(region, rates, prediction, se2.between(robot[:, None], objects), covariance, shown)
+    places = _places(se2.between(robot[:, None], objects), prediction, covariance)
+    in_view, chance = partial(_overlap, region, shown), partial(_chance, region, rates)
+    return seen.looks(places, prediction.views, rates.runs, in_view, chance)
 
 
 def predicted_detection_probabilities(
@@ -86,22 +91,19 @@ def predicted_detection_probabilities(
 ) -> Looks:
     """Looks at existing objects from the predicted robot (K = 1), without occlusion."""
     relative = se2.between(prediction.robot, prediction.objects)[None]
-    return _looks(region, rates, prediction, relative, prediction.robot_covariance[None], NOTHING_SHOWN)
+    places = _places(relative, prediction, prediction.robot_covariance[None])
+    overlap, unoccluded = _overlap(region, NOTHING_SHOWN, places, prediction.views.unoccluded)
+    return prediction.views.predicted(overlap, unoccluded, _chance(region, rates, places.points), rates.runs)
 
 
-def _looks(
-    region: SensorRegion,
-    rates: DetectionRates,
-    prediction: PredictedObjects,
-    relative: Array,
-    covariance: Array,
-    shown: Occluders,
-) -> Looks:
-    """Looks at objects ``relative`` (K, N, 3) to robots with (K, 3, 3).
+def _chance(region: SensorRegion, rates: DetectionRates, points: Array) -> Array:
+    """(..., G) detection probabilities of objects in view, by their expected places (..., 2) in the body frame."""
+    chance = rates.probability * rates.fall_off(np.hypot(points[..., 0], points[..., 1]))
+    return rates.by_direction.times(chance, points, region.direction_rad)
 
-    Detection probabilities fall off with the expected distance and depend on the expected direction.
-    """
-    places = _places(relative, prediction, covariance)
+
+def _overlap(region: SensorRegion, shown: Occluders, places: Places, before: Array) -> tuple[Overlap, Array]:
+    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now."""
     overlap, lasting = places.overlap(region.margins)
     unoccluded = np.ones(overlap.now.shape)
     if region.occluder_radius_m > 0.0:
@@ -110,10 +112,8 @@ def _looks(
         ranges, bearings = shown.ranges_m, shown.bearings_rad
         unoccluded = region.not_occluded(places.points, ranges, bearings, shown.free_range_scan, variances)
         lasts = lasting[1] * places.lasting_sight(own[..., 1], shown.bearing_variance)
-        overlap = with_occlusion(overlap, prediction.views.unoccluded, unoccluded, lasts)
-    chance = rates.probability * rates.fall_off(np.hypot(relative[..., 0], relative[..., 1]))
-    chance = rates.by_direction.times(chance, relative, region.direction_rad)
-    return prediction.views.predicted(overlap, unoccluded, chance, rates.runs)
+        overlap = with_occlusion(overlap, before, unoccluded, lasts)
+    return overlap, unoccluded
 
 
 def _places(relative: Array, prediction: PredictedObjects, covariance: Array) -> Places:

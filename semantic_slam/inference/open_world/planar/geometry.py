@@ -22,6 +22,7 @@ from semantic_slam.inference.open_world.planar.detection_probability import (
 from semantic_slam.inference.open_world.planar.expected_births import expected_births
 from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
+from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
@@ -68,9 +69,10 @@ class PlanarGeometry:
         robot: Array,
         covariance: Array,
         step: Step,
-    ) -> Looks:
+        seen: SeenAgain,
+    ) -> tuple[Looks, Array]:
         shown = Occluders.of(step.detections, step.free_range_scan)
-        return detection_probabilities(region, rates, objects, robot, covariance, shown)
+        return detection_probabilities(region, rates, objects, robot, covariance, shown, seen)
 
     def distances(self, states: Array, robot: Array) -> Array:
         return np.asarray(np.hypot(states[:, 0] - robot[0], states[:, 1] - robot[1]))

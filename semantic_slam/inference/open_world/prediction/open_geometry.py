@@ -10,6 +10,7 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.planar.geometry import PlanarGeometry
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
+from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.open_world.spatial.geometry import SpatialGeometry
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -53,8 +54,12 @@ class OpenGeometry(Protocol):
         robot: Array,
         covariance: Array,
         step: Step,
-    ) -> Looks:
-        """Looks at the N objects from modes ``robot`` (K, s) with covariances (K, r, r), with occlusion."""
+        seen: SeenAgain,
+    ) -> tuple[Looks, Array]:
+        """Looks at the N objects from modes ``robot`` (K, s) with covariances (K, r, r), with occlusion.
+
+        With the (n, G) detection probabilities of the objects ``seen``, given their detections.
+        """
 
     def distances(self, states: Array, robot: Array) -> Array:
         """(O,) distances [m] of objects from a robot (s,)."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -16,13 +17,14 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.margins import Places, with_occlusion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
+from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.open_world.spatial.births import births_in_space, expected_births_in_space, shown_by
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
-from semantic_slam.inference.states.views import Looks
+from semantic_slam.inference.states.views import Looks, Overlap
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,9 @@ class SpatialGeometry:
 
     def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
         nothing = np.zeros((0, 3)), np.zeros((0, 2))
-        return self._looks(region, rates, objects, objects.robot[None], objects.robot_covariance[None], nothing)
+        places = self._places(region, objects, objects.robot[None], objects.robot_covariance[None])
+        overlap, unoccluded = _overlap(region, nothing, places, objects.views.unoccluded)
+        return objects.views.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
 
     def detections_at(
         self,
@@ -63,8 +67,12 @@ class SpatialGeometry:
         robot: Array,
         covariance: Array,
         step: Step,
-    ) -> Looks:
-        return self._looks(region, rates, objects, robot, covariance, shown_by(region, step.detections))
+        seen: SeenAgain,
+    ) -> tuple[Looks, Array]:
+        points, slopes = region.camera.seen(seen.points), seen.slopes @ so3.matrix(region.camera.T_body_camera[3:])
+        places = self._places(region, objects, robot, covariance)
+        in_view, chance = partial(_overlap, region, shown_by(region, step.detections)), partial(_chance, rates)
+        return seen._replace(points=points, slopes=slopes).looks(places, objects.views, rates.runs, in_view, chance)
 
     def distances(self, states: Array, robot: Array) -> Array:
         return np.asarray(np.sqrt(squared_norms(states - robot[:3])))
@@ -102,28 +110,6 @@ class SpatialGeometry:
                 own[:] = off_axis(seen, detection.ray) / np.sqrt(detection.ray_variance + turned**2 + across)
         return found
 
-    def _looks(
-        self,
-        region: SpatialRegion,
-        rates: DetectionRates,
-        objects: PredictedObjects,
-        robot: Array,
-        covariance: Array,
-        shown: tuple[Array, Array],
-    ) -> Looks:
-        """Looks from modes ``robot`` (K, 7) with (K, 6, 6) at objects that those ``shown`` may occlude."""
-        places = self._places(region, objects, robot, covariance)
-        overlap, lasting = places.overlap(region.margins)
-        squared = np.maximum(squared_norms(places.points), LEAST_DISTANCE_M**2)
-        unoccluded = region.not_occluded(places.points, places.covariance, *shown)
-        if region.occluder_radius_m > 0.0:
-            across = 0.5 * np.trace(places.covariance, axis1=-2, axis2=-1) / squared
-            of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
-            lasts = lasting[1:].min(axis=0) * places.lasting_sight(across, of_shown)
-            overlap = with_occlusion(overlap, objects.views.unoccluded, unoccluded, lasts)
-        chance = rates.probability * rates.fall_off(np.sqrt(squared))
-        return objects.views.predicted(overlap, unoccluded, chance, rates.runs)
-
     def _places(self, region: SpatialRegion, objects: PredictedObjects, robot: Array, covariance: Array) -> Places:
         """Objects in the optical frame at modes ``robot`` (K, 7) with (K, 6, 6); covariances to first order."""
         shift = self.spaces.robot.local(objects.robot, robot)
@@ -144,6 +130,27 @@ class SpatialGeometry:
             turn=so3.matrix(before[3:]),
             shift=before[:3],
         )
+
+
+def _chance(rates: DetectionRates, points: Array) -> Array:
+    """(..., G) detection probabilities of objects in view, by their expected places (..., 3)."""
+    return np.asarray(rates.probability * rates.fall_off(np.sqrt(_squared_distances(points))))
+
+
+def _squared_distances(points: Array) -> Array:
+    return np.asarray(np.maximum(squared_norms(points), LEAST_DISTANCE_M**2))
+
+
+def _overlap(region: SpatialRegion, shown: tuple[Array, Array], places: Places, before: Array) -> tuple[Overlap, Array]:
+    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now."""
+    overlap, lasting = places.overlap(region.margins)
+    unoccluded = region.not_occluded(places.points, places.covariance, *shown)
+    if region.occluder_radius_m > 0.0:
+        across = 0.5 * np.trace(places.covariance, axis1=-2, axis2=-1) / _squared_distances(places.points)
+        of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
+        lasts = lasting[1:].min(axis=0) * places.lasting_sight(across, of_shown)
+        overlap = with_occlusion(overlap, before, unoccluded, lasts)
+    return overlap, unoccluded
 
 
 def _sigmas(spread: Array) -> tuple[float, float]:

@@ -1,0 +1,75 @@
+"""Detections of known objects, of K candidates: where the objects are then, and what each detection says of the place.
+
+The weight of such a pair is its density times the detection probability, averaged over robot and object given the
+pair. Given the detection, the place relative to the robot is about as well known as the detection is accurate, however
+little the map knew of it.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
+from semantic_slam.inference.open_world.margins import Places
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.states.miss_runs import MissRuns
+from semantic_slam.inference.states.views import Looks, Overlap, Views
+from semantic_slam.inference.world.problem import Problem
+
+
+class SeenAgain(NamedTuple):
+    """n pairs of a candidate and an object in reach that it associates with a detection."""
+
+    candidates: Index  # (n,)
+    columns: Index  # (n,) among the objects in reach
+    points: Array  # (n, d) places in the body frame, at the candidates' modes
+    slopes: Array  # (n, m, d) Jacobians of the detections' whitened residuals by these
+
+    def looks(
+        self,
+        places: Places,
+        views: Views,
+        runs: MissRuns,
+        in_view: Callable[[Places, Array], tuple[Overlap, Array]],
+        chance: Callable[[Array], Array],
+    ) -> tuple[Looks, Array]:
+        """Looks at N objects in K candidates, by their ``places`` (K, N), and (n, G) probabilities to see the pairs.
+
+        ``in_view`` gives the overlap of some places, whose objects nothing occluded before with some probability, and
+        the probability that nothing occludes them now; ``chance`` the detection probabilities in view, by the points.
+        """
+        shape, pairs, some = places.points.shape[:-1], (self.candidates, self.columns), views.take(self.columns)
+        every = places.flat_with(places.at(*pairs).measured(self.points, self.slopes))
+        before = np.concatenate([np.tile(views.unoccluded, shape[0]), some.unoccluded])
+        overlap, unoccluded = in_view(every, before)
+        count = shape[0] * shape[1]
+        expected = Overlap(*(own[:count].reshape(shape) for own in overlap))
+        found = Overlap(*(own[count:] for own in overlap))
+        looks = views.predicted(expected, unoccluded[:count].reshape(shape), chance(places.points), runs)
+        return looks, some.seen(expected.at(*pairs), found, chance(self.points), runs)
+
+    @classmethod
+    def of(
+        cls, problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, stands: Flags
+    ) -> "SeenAgain":
+        """The pairs of K candidates of one parent; ``object_ids`` (K, D) as associated, without what moves.
+
+        ``stands`` (K, D): which detections are of objects that stand still.
+        """
+        spaces, reached = prediction.component.spaces, prediction.component.objects.ids[prediction.in_reach]
+        candidates, numbers = np.nonzero(np.isin(object_ids, reached) & stands)
+        robots, objects = rows.column("robot")[candidates], rows.column("object_states")[candidates, numbers]
+        relative = spaces.relative_position(robots, objects)
+        detections = problem.model.collect(prediction.detections).take(numbers)
+        by_object = problem.model.geometry(detections, robots, objects).jacobian_object
+        if (tail := HeavyTail.of(problem.detection_errors, prediction.component.outliers)) is not None:
+            by_object[rows.column("outlier")[candidates, numbers]] /= tail.width
+        return cls(
+            candidates=candidates,
+            columns=np.searchsorted(reached, object_ids[candidates, numbers]),
+            points=relative.point,
+            slopes=by_object @ np.swapaxes(relative.by_landmark, -1, -2),
+        )
