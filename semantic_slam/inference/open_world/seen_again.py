@@ -27,6 +27,7 @@ class SeenAgain(NamedTuple):
     columns: Index  # (n,) among the objects in reach
     points: Array  # (n, d) places in the body frame, at the candidates' modes
     slopes: Array  # (n, m, d) Jacobians of the detections' whitened residuals by these
+    are_inside: bool  # whether what is detected is inside the region: a learned one ends where detections end
 
     def looks(
         self,
@@ -48,6 +49,8 @@ class SeenAgain(NamedTuple):
         count = shape[0] * shape[1]
         expected = Overlap(*(own[:count].reshape(shape) for own in overlap))
         found = Overlap(*(own[count:] for own in overlap))
+        if self.are_inside:
+            found = found.if_inside(unoccluded[count:])
         looks = views.predicted(expected, unoccluded[:count].reshape(shape), chance(places.points), runs)
         return looks, some.seen(expected.at(*pairs), found, chance(self.points), runs)
 
@@ -72,4 +75,5 @@ class SeenAgain(NamedTuple):
             columns=np.searchsorted(reached, object_ids[candidates, numbers]),
             points=relative.point,
             slopes=by_object @ np.swapaxes(relative.by_landmark, -1, -2),
+            are_inside=problem.open_world.learn_region,
         )
