@@ -75,6 +75,7 @@ class BoxWords:
         direction: int,
         log_range: int,
         range_sigma: int,
+        elevation: int,
     ) -> NewWords:
         """The box as one of the object at index ``place``, given its records ``before`` and ``earlier`` in the frame.
 
@@ -82,7 +83,9 @@ class BoxWords:
         is its first detection.
         """
         away = STEP_RAD * float(log_range)
-        view = LabelView(word=self._word, direction=direction, log_range=away, stretch=self._stretch)
+        view = LabelView(
+            word=self._word, direction=direction, log_range=away, elevation=elevation, stretch=self._stretch
+        )
         box = ToldBox(
             detection=self._detection,
             view=view,

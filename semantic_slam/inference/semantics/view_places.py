@@ -15,17 +15,17 @@ WIDEST = 2.0
 
 
 def view_places(given: SemanticInput) -> Index:
-    """(K, n, 3) viewpoints of K candidates on each of n objects, in steps; 0 where there is none.
+    """(K, n, 4) viewpoints of K candidates on each of n objects, in steps; 0 where there is none.
 
-    The cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
-    logarithm of their distance [m]; and its standard deviation, 0 in the plane, where ranges are well known.
-    Directions and log distances have the same step.
+    The azimuth cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
+    logarithm of their distance [m]; its standard deviation, 0 in the plane, where ranges are well known; and the
+    elevation cell of the direction, 0 in the plane. Directions and log distances have the same step.
     """
     robot, objects = _states(given)
     told = [given.step.detections[index].sensor for index in given.used.tolist()]
     rows, numbers = np.nonzero(given.candidates.assignments.objects >= 0)
     robots, seen = robot[rows], objects[rows, numbers]
-    spaces, steps = given.parents[0].spaces, np.zeros((*objects.shape[:2], 3), dtype=int)
+    spaces, steps = given.parents[0].spaces, np.zeros((*objects.shape[:2], 4), dtype=int)
     if spaces.name == "spatial":
         places = seen[:, : spaces.storage.landmark]  # rows of a stack are as wide as the wider kind
         from_here = spaces.viewpoints(robots, places, np.array(told).reshape(-1, 3)[numbers])
@@ -34,6 +34,7 @@ def view_places(given: SemanticInput) -> Index:
         own = spaces.landmark.position_rows
         wide = largest_sigmas(spread[:, own, own]) / np.maximum(away, LEAST_RANGE_M)
         steps[rows, numbers, 2] = np.ceil(np.minimum(wide, WIDEST) / STEP_RAD)
+        steps[rows, numbers, 3] = np.rint(from_here.elevation_rad / STEP_RAD)
     else:
         sensors = np.array(told).reshape(-1, 2)[numbers]
         bearing = camera_bearing(robots, seen, sensors)
