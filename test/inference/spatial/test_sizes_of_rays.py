@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe
+from semantic_slam.inference.models.spatial.log_range import LogRange
 from semantic_slam.viewpoint.size_model import MEAN_OF_ANY, SIGMA_OF_ANY
 
 CAMERA = (0.0, 0.0, 0.0, -0.5, 0.5, -0.5, 0.5)
@@ -50,7 +51,9 @@ def walked(labels: list[str], range_m: float, size_m: float, sigma_view: float) 
 
 def by_sizes(count: int, range_m: float, size_m: float) -> np.ndarray:
     """(C,) log evidence of ``count`` boxes and rays under each class, over the range of an object on the first ray."""
-    log_range = np.linspace(np.log(LEAST_M), np.log(MOST_M), 4001)
+    prior = LogRange.between(LEAST_M, MOST_M)
+    log_range = prior.mean + prior.sigma * np.linspace(-6.0, 6.0, 4001)
+    log_prior = norm.logpdf(log_range, prior.mean, prior.sigma)
     ahead, aside = np.exp(log_range), -STEP_M * np.arange(count)[:, None]
     off = np.arctan2(aside, ahead) - np.arctan2(aside, range_m)
     log_geometry = norm.logpdf(off[1:], scale=RAY_SIGMA).sum(axis=0)
@@ -60,7 +63,7 @@ def by_sizes(count: int, range_m: float, size_m: float) -> np.ndarray:
         multivariate_normal.logpdf(told.T, np.full(count, mean), sigma**2 * shared + SIGMA_VIEW**2 * np.eye(count))
         for mean, sigma in PRIORS
     ]
-    return np.logaddexp.reduce(log_geometry + np.array(densities), axis=1)
+    return np.logaddexp.reduce(log_prior + log_geometry + np.array(densities), axis=1)
 
 
 @pytest.mark.parametrize(
@@ -75,3 +78,15 @@ def test_a_wrong_first_label_makes_no_second_object_and_the_class_recovers(
     expected = np.log(words) + by_sizes(len(labels), range_m, size_m)
     assert number == 1
     np.testing.assert_allclose(sized, np.exp(expected - np.logaddexp.reduce(expected)), atol=0.08)
+
+
+@pytest.mark.parametrize("label", ["chair", "cup"])
+@pytest.mark.parametrize(("range_m", "size_m"), [(1.0, 0.1), (2.0, 0.7), (3.0, 0.7)])
+def test_the_first_box_tells_a_class_as_little_as_its_unknown_range_allows(
+    label: str, range_m: float, size_m: float
+) -> None:
+    """The range that its label lets expect is no evidence that the label is right."""
+    (_, sized), *_ = walked([label], range_m, size_m, SIGMA_VIEW)
+    (_, words), *_ = walked([label], range_m, size_m, 0.0)
+    expected = np.log(words) + by_sizes(1, range_m, size_m)
+    np.testing.assert_allclose(sized, np.exp(expected - np.logaddexp.reduce(expected)), atol=0.01)

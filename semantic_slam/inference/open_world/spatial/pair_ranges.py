@@ -13,17 +13,15 @@ from semantic_slam.inference.states.spaces import Spaces
 def log_ranges_of(
     spaces: Spaces, detections: Sequence[Any], robot: Array, objects: Array, covariances: Array
 ) -> tuple[Array, Array]:
-    """(D, M + 1) log ranges of M near ``objects`` (M, l), and last of the object that each detection starts.
+    """(D, M) log ranges of ``objects`` (M, l) from each detection's camera on a ``robot`` (s,), and their variances.
 
-    Also their variances; from ``robot`` (s,), with covariances (M, l, l) of the objects.
+    ``covariances`` (M, l, l) are those of the objects.
     """
-    logs, variances = (np.zeros((len(detections), len(objects) + 1)) for _ in range(2))
+    logs, variances = (np.zeros((len(detections), len(objects))) for _ in range(2))
     for row, detection in enumerate(detections):
         camera = spaces.robot.displacement(robot, detection.sensor, np.zeros(3))
         away = spaces.landmark.position(objects) - camera
         reach = distances(away)
         along = np.einsum("ni,nij,nj->n", away, covariances, away)
-        logs[row, :-1], variances[row, :-1] = np.log(reach), along / np.maximum(squared_norms(away), 1e-12) / reach**2
-        known = detection.log_range
-        logs[row, -1], variances[row, -1] = known.mean, known.sigma**2
+        logs[row], variances[row] = np.log(reach), along / np.maximum(squared_norms(away), 1e-12) / reach**2
     return logs, variances
