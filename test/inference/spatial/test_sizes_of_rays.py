@@ -16,7 +16,9 @@ LEAST_M, MOST_M = 0.3, 5.0
 PRIORS = [*[(np.log(size), SIGMA) for size in SIZES.values()], (MEAN_OF_ANY, SIGMA_OF_ANY)]
 
 
-def walked(labels: list[str], range_m: float, size_m: float, sigma_view: float) -> list[tuple[int, np.ndarray]]:
+def walked(
+    labels: list[str], range_m: float, size_m: float, sigma_view: float, sigma_start_m: float = 1e-3
+) -> list[tuple[int, np.ndarray]]:
     """Number of objects and class probabilities of the first, while a camera walks aside past one thing ahead."""
     configuration = Configuration.of(
         state_space="spatial",
@@ -30,7 +32,8 @@ def walked(labels: list[str], range_m: float, size_m: float, sigma_view: float) 
             "sigma_log_view": sigma_view,
         },
     )
-    engine = Engine(configuration, initial_pose=(0, 0, 0, 0, 0, 0, 1), initial_covariance=1e-6 * np.eye(6))
+    start = np.diag([sigma_start_m] * 3 + [1e-3] * 3) ** 2
+    engine = Engine(configuration, initial_pose=(0, 0, 0, 0, 0, 0, 1), initial_covariance=start)
     found = []
     for index, label in enumerate(labels):
         aside = -STEP_M * index
@@ -90,3 +93,11 @@ def test_the_first_box_tells_a_class_as_little_as_its_unknown_range_allows(
     (_, words), *_ = walked([label], range_m, size_m, 0.0)
     expected = np.log(words) + by_sizes(1, range_m, size_m)
     np.testing.assert_allclose(sized, np.exp(expected - np.logaddexp.reduce(expected)), atol=0.01)
+
+
+def test_where_the_map_lies_does_not_count_for_the_size_of_what_is_seen() -> None:
+    """Its range is known relative to the camera, however uncertain both are in map."""
+    labels, thing = ["cup"] * 3, (1.0, 0.1)
+    (_, found), (_, expected) = (walked(labels, *thing, SIGMA_VIEW, sigma)[-1] for sigma in (0.5, 1e-3))
+    odds, expected_odds = (np.log(own[:2] / own[2]) for own in (found, expected))
+    np.testing.assert_allclose(odds, expected_odds, atol=0.8)

@@ -15,7 +15,7 @@ def log_ranges_of(
 ) -> tuple[Array, Array]:
     """(D, M) log ranges of ``objects`` (M, l) from each detection's camera on a ``robot`` (s,), and their variances.
 
-    ``covariances`` (M, l, l) are those of the objects.
+    ``covariances`` (M, 3, 3) are those of the objects' positions relative to the robot, along the axes of map.
     """
     logs, variances = (np.zeros((len(detections), len(objects))) for _ in range(2))
     for row, detection in enumerate(detections):
@@ -25,3 +25,13 @@ def log_ranges_of(
         along = np.einsum("ni,nij,nj->n", away, covariances, away)
         logs[row], variances[row] = np.log(reach), along / np.maximum(squared_norms(away), 1e-12) / reach**2
     return logs, variances
+
+
+def relative_covariances(spaces: Spaces, robot: Array, objects: Array, covariances: Array) -> Array:
+    """(M, 3, 3) covariances of positions of ``objects`` (M, l) relative to a ``robot`` (s,), along the axes of map.
+
+    From the joint ``covariances`` (M, r + l, r + l) of the robot with each object.
+    """
+    by_robot = np.tile(-spaces.robot.position_slopes(robot), (len(objects), 1, 1))
+    slopes = np.concatenate([by_robot, spaces.landmark.position_slopes(objects)], axis=2)
+    return np.asarray(slopes @ covariances @ np.swapaxes(slopes, 1, 2))
