@@ -17,7 +17,7 @@ def test_in_the_plane_heights_do_not_count():
         found = seen_from(pose_vector_from_planar(robot), place, sensor, in_space=False)
         turn = np.exp(1j * robot[2])
         offset = complex(*robot[:2]) + turn * complex(*sensor[:2]) - complex(*place[:2])
-        np.testing.assert_allclose(found, [np.angle(offset), abs(offset)], rtol=1e-12)
+        np.testing.assert_allclose(found, [np.angle(offset), 0.0, abs(offset)], rtol=1e-12)
 
 
 def test_in_space_the_distance_is_along_the_line_of_sight():
@@ -25,6 +25,7 @@ def test_in_space_the_distance_is_along_the_line_of_sight():
     poses = np.hstack([RANDOM.normal(size=(20, 3)), turns.as_quat()])
     found = [seen_from(*each, in_space=True) for each in zip(poses, PLACES, SENSORS, strict=True)]
     x, y, z = (poses[:, :3] + turns.apply(SENSORS) - PLACES).T
-    np.testing.assert_allclose(found, np.stack([np.arctan2(y, x), np.sqrt(x**2 + y**2 + z**2)], axis=1), rtol=1e-12)
+    expected = [np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)), np.sqrt(x**2 + y**2 + z**2)]
+    np.testing.assert_allclose(found, np.stack(expected, axis=1), rtol=1e-12)
     in_run = POSES_AND_POINTS_IN_SPACE.viewpoints(poses, PLACES, SENSORS)
-    np.testing.assert_allclose(found, np.stack([in_run.azimuth_rad, in_run.range_m], axis=1), rtol=1e-12)
+    np.testing.assert_allclose(found, np.stack(list(vars(in_run).values()), axis=1), rtol=1e-12)

@@ -16,6 +16,7 @@ AT_MODES = (
     "robot_covariance",
     "object_states",
     "object_covariances",
+    "object_crosses",
     "bend",
     "innovation_nees",
 )
@@ -43,6 +44,7 @@ class Assignments:
     sensor_covariance: Array | None = None  # (K, d, r + d) of these with the robot and among each other
     object_states: Array | None = None  # (K, n, s) of each detection's object
     object_covariances: Array | None = None  # (K, n, l, l)
+    object_crosses: Array | None = None  # (K, n, r, l) covariances of the robot with each detection's object
     innovation_nees: Array | None = (
         None  # (K,) of the detections of known objects, per degree of freedom; NaN without any
     )

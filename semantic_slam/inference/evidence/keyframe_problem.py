@@ -131,13 +131,19 @@ class KeyframeProblem:
         """(B, 1 + n, s) states of robot and objects at whitened variables ``y``."""
         return self._joint.retract(self.mean, self.tangent(y))
 
-    def marginals(self, y: Array, hessian: Array) -> tuple[Array, Array]:
-        """(B, 1 + n, s) states and their (B, 1 + n, w, w) covariances, in the tangent spaces there."""
+    def marginals(self, y: Array, hessian: Array) -> tuple[Array, Array, Array]:
+        """(B, 1 + n, s) states and their (B, 1 + n, w, w) covariances, in the tangent spaces there.
+
+        The third array (B, 1 + n, r, w) holds the covariances of the robot with each state.
+        """
         tangent = self.tangent(y)
         covariance = self.root @ np.linalg.solve(hessian, np.swapaxes(self.root, -1, -2))
         moved, chart = self._joint.exp_and_jacobian(tangent)
         diagonal = self.layout.diagonal(covariance)
-        return self._joint.compose(self.mean, moved), chart @ diagonal @ np.swapaxes(chart, -1, -2)
+        back, r = np.swapaxes(chart, -1, -2), self.layout.robot
+        of_robot = np.swapaxes(self.layout.blocks(covariance[:, :r]), 1, 2)
+        crosses = chart[:, :1, :r, :r] @ of_robot @ back
+        return self._joint.compose(self.mean, moved), chart @ diagonal @ back, crosses
 
     def coordinates(self, states: Array) -> Array:
         """(B, size) whitened y of (B, 1 + n, s) states."""

@@ -52,13 +52,14 @@ class WeighedAssociations:
     def at_modes(self) -> "WeighedAssociations":
         """The candidates with states and covariances of the robot and of each detection's object, and innovations."""
         problem, mode = self.solved()
-        states, covariances = problem.marginals(mode.y, mode.hessian)
+        states, covariances, crosses = problem.marginals(mode.y, mode.hessian)
         robot, landmark = slice(problem.layout.robot), slice(problem.layout.landmark)
         return self.gaining(
             robot=problem.robots_of(states),
             robot_covariance=covariances[:, 0, robot, robot],
             object_states=_of_detections(problem, states)[..., : problem.spaces.storage.landmark],
             object_covariances=_of_detections(problem, covariances)[..., landmark, landmark],
+            object_crosses=_of_detections(problem, crosses)[..., landmark],
             innovation_nees=innovation_nees(problem, mode.y, len(self.object_ids) - self.num_new),
         )
 

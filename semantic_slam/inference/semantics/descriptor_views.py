@@ -77,7 +77,7 @@ class DescriptorViews:
         self, given: SemanticInput, turned: NDArray[np.bool_], log_weights: Array, views: list[dict[int, ObjectViews]]
     ) -> None:
         stack = given.stack
-        states, covariances = stack.marginals(given.mode.y, given.mode.hessian)
+        states, covariances, _ = stack.marginals(given.mode.y, given.mode.hessian)
         detections = [given.step.detections[i] for i in given.used]
         seen = []
         for number in range(turned.shape[1]):

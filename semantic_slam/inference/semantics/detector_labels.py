@@ -20,7 +20,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.inference.models.detector_words import DetectorWords
-from semantic_slam.inference.models.spatial.unmeasured_ranges import sizes_by_label
+from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
+from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges, sizes_by_label
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import ClassModels, LogPriorOf, SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.new_classes import NewClasses
@@ -49,17 +50,19 @@ class DetectorLabels:
         tracks: TrackLinks | None = None,
         *,
         class_counts: float,
+        anywhere: LogRange = ANYWHERE,
         keeps_boxes: bool = False,
     ) -> None:
         """``class_counts``: objects per class that the model's class frequencies count as.
 
-        ``keeps_boxes``: labels may later be reassigned to other objects; not where tracks are evidence, too.
+        ``anywhere``: prior of the range of a new object seen without one, apart from its size. ``keeps_boxes``: labels
+        may later be reassigned to other objects; not where tracks are evidence, too.
         """
         self._model, self._sizes, self._tracks = model, sizes, tracks
         self._new_classes = NewClasses(shares=model.class_shares, counts=class_counts * len(model.class_shares))
         self._log_shares = np.log(model.class_shares)
         self.retells = keeps_boxes and tracks is None
-        self._boxes = BoxModels(labels=model, sizes=sizes, keeps_boxes=self.retells)
+        self._boxes = BoxModels(labels=model, sizes=sizes, anywhere=anywhere, keeps_boxes=self.retells)
         self._spelt: tuple[DetectorWords, Array] | None = None  # cache: newest words, and (D, C) of each
 
     @classmethod
@@ -76,6 +79,7 @@ class DetectorLabels:
             _size_model(models),
             tracks,
             class_counts=models.configuration.semantic_model.class_counts,
+            anywhere=UnmeasuredRanges.of(models.configuration).anywhere,
             keeps_boxes=revision.reassociate_every_keyframes > 0 and repeats,
         )
 
@@ -155,8 +159,10 @@ class DetectorLabels:
         if self._sizes is None or step.words.log_angles is None:
             found = np.log(np.exp(told) @ classes.T)
         else:
-            shown = step.words.log_angles[:, None] + log_ranges
-            sizes = self._log_sizes(self._sizes, shown, variances, every)
+            anywhere, count = self._boxes.anywhere, (len(step.detections), 1)
+            seen = np.hstack([log_ranges, np.full(count, anywhere.mean)])
+            spreads = np.hstack([variances, np.full(count, anywhere.sigma**2)])
+            sizes = self._log_sizes(self._sizes, step.words.log_angles[:, None] + seen, spreads, every)
             found = np.log(np.einsum("dc,mc,dmc->dm", np.exp(told), classes, np.exp(sizes)))
         if self._tracks is not None:
             known_tracks = [NO_TRACK if own is None else own.recent[0].track for own in every]
@@ -200,10 +206,11 @@ class DetectorLabels:
                 earlier = last if new is None else new.told
                 is_first = earlier is None and untold[place]
                 of = parent if is_first else -1
-                key = (id(earlier), of, place, *where[number])  # shared between hypotheses
+                is_new = earlier is None and ids[place] in given.new[parent]
+                key = (id(earlier), of, place, is_new, *where[number])  # shared between hypotheses
                 if key not in known:
                     shares = ratios[parent] if is_first else none
-                    known[key] = box.weighed(last, earlier, place, shares, *where[number])
+                    known[key] = box.weighed(last, earlier, place, shares, *where[number], is_new=is_new)
                 words[ids[place]] = known[key]
         return news
 

@@ -139,7 +139,7 @@ class RanksPairs(Protocol):
         """(D, M + 1) log evidence of D detections as one of each object with its record so far, and as a new one.
 
         ``views`` of all objects of a hypothesis, of which M are asked for; ``log_prior`` (M + 1, C) of their classes;
-        ``log_ranges`` (D, M + 1) and their ``variances`` as seen from each detection's camera.
+        ``log_ranges`` (D, M) of the M objects and their ``variances`` as seen from each detection's camera.
         """
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.spatial.log_range import LogRange
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.semantics.told_words import NewWords, ToldBox, ToldWords
 from semantic_slam.viewpoint.labels.confusion import STEP_RAD
@@ -19,6 +20,7 @@ class BoxModels:
 
     labels: LabelModel
     sizes: SizeModel | None  # None: box sizes are not used
+    anywhere: LogRange  # prior of the range of a new object seen without one, apart from its size
     keeps_boxes: bool  # keep every box, as it may be reassigned later
 
     def weighed(
@@ -48,9 +50,9 @@ class BoxModels:
         if self.sizes is None:
             return None
         record = (before and before.sizes) or self.sizes.start()
-        if np.isnan(box.log_angle):
+        if np.isnan(box.log_size):
             return record
-        return self.sizes.after(record, box.log_angle + box.view.log_range, box.range_sigma**2)
+        return self.sizes.after(record, box.log_size, box.range_sigma**2)
 
 
 class BoxWords:
@@ -75,19 +77,26 @@ class BoxWords:
         direction: int,
         log_range: int,
         range_sigma: int,
+        elevation: int,
+        *,
+        is_new: bool,
     ) -> NewWords:
         """The box as one of the object at index ``place``, given its records ``before`` and ``earlier`` in the frame.
 
         The viewpoint is given in the steps of ``view_places``. ``log_ratios`` (C,): change of its class prior if this
-        is its first detection.
+        is its first detection. ``is_new``: this box starts the object. Its range then counts as unknown for its size,
+        as the range's prior follows from the size that its label lets expect.
         """
         away = STEP_RAD * float(log_range)
-        view = LabelView(word=self._word, direction=direction, log_range=away, stretch=self._stretch)
+        at = self._models.anywhere if is_new else LogRange(away, STEP_RAD * range_sigma)
+        view = LabelView(
+            word=self._word, direction=direction, log_range=away, elevation=elevation, stretch=self._stretch
+        )
         box = ToldBox(
             detection=self._detection,
             view=view,
-            log_angle=self._log_angle,
-            range_sigma=STEP_RAD * range_sigma,
+            log_size=self._log_angle + at.mean,
+            range_sigma=at.sigma,
             track=self._track,
         )
         return self._models.weighed(box, before, earlier, self._log_prior[place], log_ratios, self._drawn_by(view))

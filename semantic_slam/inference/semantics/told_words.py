@@ -18,8 +18,8 @@ class ToldBox:
 
     detection: tuple[int, int]  # keyframe, and index among its detections
     view: LabelView
-    log_angle: float  # log of apparent size (size / range); NaN: unknown
-    range_sigma: float  # of the logarithm of the range
+    log_size: float  # of the size in metres that it shows at its range; NaN: unknown
+    range_sigma: float  # of the logarithm of that range
     track: str
 
 

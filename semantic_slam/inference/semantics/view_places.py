@@ -3,8 +3,8 @@
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.planar.frames import camera_bearing, camera_distance
+from semantic_slam.inference.models.spatial.ray import distances
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, STEP_RAD
 
@@ -15,25 +15,26 @@ WIDEST = 2.0
 
 
 def view_places(given: SemanticInput) -> Index:
-    """(K, n, 3) viewpoints of K candidates on each of n objects, in steps; 0 where there is none.
+    """(K, n, 4) viewpoints of K candidates on each of n objects, in steps; 0 where there is none.
 
-    The cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
-    logarithm of their distance [m]; and its standard deviation, 0 in the plane, where ranges are well known.
-    Directions and log distances have the same step.
+    The azimuth cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
+    logarithm of their distance [m]; its standard deviation, 0 in the plane, where ranges are well known; and the
+    elevation cell of the direction, 0 in the plane. Directions and log distances have the same step.
     """
     robot, objects = _states(given)
     told = [given.step.detections[index].sensor for index in given.used.tolist()]
     rows, numbers = np.nonzero(given.candidates.assignments.objects >= 0)
     robots, seen = robot[rows], objects[rows, numbers]
-    spaces, steps = given.parents[0].spaces, np.zeros((*objects.shape[:2], 3), dtype=int)
+    spaces, steps = given.parents[0].spaces, np.zeros((*objects.shape[:2], 4), dtype=int)
     if spaces.name == "spatial":
         places = seen[:, : spaces.storage.landmark]  # rows of a stack are as wide as the wider kind
-        from_here = spaces.viewpoints(robots, places, np.array(told).reshape(-1, 3)[numbers])
+        cameras = np.array(told).reshape(-1, 3)[numbers]
+        from_here = spaces.viewpoints(robots, places, cameras)
         bearing, away = from_here.azimuth_rad, from_here.range_m
-        spread = given.candidates.assignments.column("object_covariances")[rows, numbers]
-        own = spaces.landmark.position_rows
-        wide = largest_sigmas(spread[:, own, own]) / np.maximum(away, LEAST_RANGE_M)
+        sigma = np.sqrt(_range_variances(given, (rows, numbers), robots, places, cameras))
+        wide = sigma / np.maximum(away, LEAST_RANGE_M)
         steps[rows, numbers, 2] = np.ceil(np.minimum(wide, WIDEST) / STEP_RAD)
+        steps[rows, numbers, 3] = np.rint(from_here.elevation_rad / STEP_RAD)
     else:
         sensors = np.array(told).reshape(-1, 2)[numbers]
         bearing = camera_bearing(robots, seen, sensors)
@@ -42,6 +43,23 @@ def view_places(given: SemanticInput) -> Index:
     found[0] %= DIRECTIONS
     steps[rows, numbers, :2] = found.T
     return steps
+
+
+def _range_variances(
+    given: SemanticInput, at: tuple[Index, Index], robots: Array, places: Array, cameras: Array
+) -> Array:
+    """(m,) [m^2] of the distances from cameras (m, 3) of ``robots`` to ``places``, at rows and detections ``at``.
+
+    What is unknown of both alike, such as the drift of the map, does not count.
+    """
+    table, relative = given.candidates.assignments, given.parents[0].spaces.relative_position(robots, places)
+    away = relative.point - cameras
+    along = (away / distances(away)[:, None])[:, None]
+    by_robot, by_object = along @ relative.by_robot, along @ relative.by_landmark
+    own, both = by_robot @ table.column("robot_covariance")[at[0]], by_robot @ table.column("object_crosses")[at]
+    of_object = by_object @ table.column("object_covariances")[at] + 2.0 * both
+    found = own @ np.swapaxes(by_robot, 1, 2) + of_object @ np.swapaxes(by_object, 1, 2)
+    return np.maximum(found[:, 0, 0], 0.0)
 
 
 def _states(given: SemanticInput) -> tuple[Array, Array]:

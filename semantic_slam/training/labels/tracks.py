@@ -109,10 +109,11 @@ class _Reader:
         measured = self._measurements(belief.stamp_ns)
         row = measured.detection_ids.tolist().index(belief.detection_ids[detection])
         words = self._words.words(measured.take(np.array([row])))
-        direction, away = self._seen_from(number, keyframe, measured)
+        direction, elevation, away = self._seen_from(number, keyframe, measured)
         return LabelView(
             word=LabelWord(answer=int(words.answers[0]), shares=words.shares[0]),
             direction=round(direction / STEP_RAD) % DIRECTIONS,
+            elevation=round(elevation / STEP_RAD),
             log_range=STEP_RAD * round(np.log(max(away, LEAST_RANGE_M)) / STEP_RAD),
         )
 
@@ -123,8 +124,8 @@ class _Reader:
             self._measured[stamp_ns] = joined(told, self._run.configuration.perception.same_outline)
         return self._measured[stamp_ns]
 
-    def _seen_from(self, number: int, keyframe: int, measured: SemanticMeasurements) -> tuple[float, float]:
-        """Direction from object to camera in map [rad] and their distance [m], by the belief of the keyframe."""
+    def _seen_from(self, number: int, keyframe: int, measured: SemanticMeasurements) -> tuple[float, float, float]:
+        """Azimuth and elevation from object to camera in map [rad] and their distance [m], by the keyframe's belief."""
         beliefs = self._run.record.beliefs
         belief = next(own for own in (beliefs[keyframe], beliefs[-1]) if number in own.object_ids)
         pose = beliefs[keyframe].poses[self._hypothesis(keyframe)]
@@ -137,15 +138,15 @@ class _Reader:
         return known if known >= 0 else best_index(self._run.record.beliefs[keyframe])
 
 
-def seen_from(pose: Array, place: Array, sensor: Array, *, in_space: bool) -> tuple[float, float]:
-    """Direction in map [rad] and distance [m] of a camera from an object, as runs measure them.
+def seen_from(pose: Array, place: Array, sensor: Array, *, in_space: bool) -> tuple[float, float, float]:
+    """Azimuth and elevation in map [rad] and distance [m] of a camera from an object, as runs measure them.
 
     ``pose`` (7,) of the robot and ``place`` (3,) of the object in map, ``sensor`` (3,) of the camera in the body frame;
-    heights count only ``in_space``.
+    heights count only ``in_space``, else the elevation is 0.
     """
     if in_space:
         from_object = pose[:3] + so3.rotated(pose[3:], sensor) - place
         view = viewpoints_of(from_object[None])
-        return float(view.azimuth_rad[0]), float(view.range_m[0])
+        return float(view.azimuth_rad[0]), float(view.elevation_rad[0]), float(view.range_m[0])
     seen = planar_from_pose_vector(pose)[None], place[None], sensor[:2]
-    return float(camera_bearing(*seen)[0]), float(camera_distance(*seen)[0])
+    return float(camera_bearing(*seen)[0]), 0.0, float(camera_distance(*seen)[0])

@@ -16,11 +16,21 @@ HIDDEN_NONE = 2
 DIRECTIONS = 72
 """Number of azimuth cells around an object."""
 STEP_RAD = 2.0 * np.pi / DIRECTIONS
-"""Width of an azimuth cell [rad], and step of the log distances of views."""
+"""Width of an azimuth or elevation cell [rad], and step of the log distances of views."""
 TURNS = STEP_RAD * np.abs(
     (np.arange(DIRECTIONS)[:, None] - np.arange(DIRECTIONS) + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2
 )
 """(DIRECTIONS, DIRECTIONS) angles between the azimuth cells around an object, in rad."""
+
+
+def turns_in_space(around: Index, elevations: Index, elevation: int) -> Array:
+    """(P,) angles [rad] between directions in space, from differences of azimuth and from elevations, all in cells.
+
+    By the haversine formula, which is exact for small angles as well.
+    """
+    aside, rise = np.sin(0.5 * STEP_RAD * around), np.sin(0.5 * STEP_RAD * (elevations - elevation))
+    level = np.cos(STEP_RAD * elevations) * np.cos(STEP_RAD * elevation)
+    return np.asarray(2.0 * np.arcsin(np.minimum(np.sqrt(rise**2 + level * aside**2), 1.0)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.viewpoint.labels.confusion import TURNS
+from semantic_slam.viewpoint.labels.confusion import TURNS, turns_in_space
 from semantic_slam.viewpoint.labels.runner_up import NONE, RunnersUp, RunnerUp
 
 LEAST_REPORTED = 1.0 + 1e-9
@@ -44,6 +44,7 @@ class LabelView:
     word: LabelWord
     direction: int  # azimuth cell of the direction from object to camera, in the map frame
     log_range: float  # of the distance in metres, in steps of ``STEP_RAD``
+    elevation: int = 0  # elevation cell of that direction, 0 in the plane
     stretch: int = ANY_STRETCH  # stretch index of the drive
 
 
@@ -66,25 +67,27 @@ NO_VIEW = NearestView(answer=-1, second=NONE, away=np.inf)
 
 @dataclass(frozen=True, kw_only=True)
 class NewestViews:
-    """Newest view of an object from each of P places; a place is an azimuth cell and a step of the log range.
+    """Newest view of an object from each of P places: cells of azimuth and elevation, and a step of the log range.
 
     The number of places is bounded by the numbers of cells and of steps between the nearest and the farthest view.
     """
 
     directions: Index  # (P,) azimuth cells, ascending
+    elevations: Index  # (P,) elevation cells
     log_ranges: Array  # (P,)
     words: Index  # (2, P) first and second word, -1 where there is none
 
     @classmethod
     def none(cls) -> Self:
         """No view yet."""
-        return cls(directions=np.zeros(0, dtype=int), log_ranges=np.zeros(0), words=np.zeros((2, 0), dtype=int))
+        cells = np.zeros(0, dtype=int)
+        return cls(directions=cells, elevations=cells, log_ranges=np.zeros(0), words=np.zeros((2, 0), dtype=int))
 
     def nearest(self, view: LabelView) -> NearestView:
         """Nearest earlier view; among equally near ones that of the lowest azimuth cell."""
         if not len(self.directions):
             return NO_VIEW
-        away = np.hypot(TURNS[view.direction, self.directions], self.log_ranges - view.log_range)
+        away = np.hypot(self._turns(view), self.log_ranges - view.log_range)
         place = int(away.argmin())
         answer, second = self.words[:, place].tolist()
         return NearestView(answer=answer, second=second, away=float(away[place]))
@@ -92,15 +95,23 @@ class NewestViews:
     def following(self, view: LabelView) -> Self:
         """With one more view, in place of an earlier one from its place."""
         first, end = np.searchsorted(self.directions, [view.direction, view.direction + 1]).tolist()
-        same = np.flatnonzero(self.log_ranges[first:end] == view.log_range)
+        from_there = self.elevations[first:end] == view.elevation
+        same = np.flatnonzero(from_there & (self.log_ranges[first:end] == view.log_range))
         start = first + int(same[0]) if len(same) else end
         rest = start + len(same)
         words = np.array([[view.word.answer], [view.word.second]])
         return type(self)(
             directions=np.concatenate([self.directions[:start], [view.direction], self.directions[rest:]]),
+            elevations=np.concatenate([self.elevations[:start], [view.elevation], self.elevations[rest:]]),
             log_ranges=np.concatenate([self.log_ranges[:start], [view.log_range], self.log_ranges[rest:]]),
             words=np.concatenate([self.words[:, :start], words, self.words[:, rest:]], axis=1),
         )
+
+    def _turns(self, view: LabelView) -> Array:
+        """(P,) angles [rad] between the directions of all places and that of a view."""
+        if view.elevation == 0 and not self.elevations.any():
+            return np.asarray(TURNS[view.direction, self.directions])
+        return turns_in_space(self.directions - view.direction, self.elevations, view.elevation)
 
 
 @dataclass(frozen=True, kw_only=True)

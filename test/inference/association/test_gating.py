@@ -115,9 +115,9 @@ def test_one_linearisation_is_exact_for_a_linear_problem() -> None:
         np.testing.assert_allclose(result.robot[row], mean[0] + (gain @ innovation)[:2])
         after = covariance - gain @ jacobian @ covariance
         np.testing.assert_allclose(result.robot_covariance[row], after[:2, :2])
-        np.testing.assert_allclose(
-            result.object_covariances[row, 0], after[2 * first : 2 * first + 2, 2 * first : 2 * first + 2]
-        )
+        own = slice(2 * first, 2 * first + 2)
+        np.testing.assert_allclose(result.object_covariances[row, 0], after[own, own])
+        np.testing.assert_allclose(result.object_crosses[row, 0], after[:2, own])
         if row == 0:
             assert pairs.log_density[0, 0] == pytest.approx(_single(mean, covariance, offsets[0], 1))
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 from worlds.exact.spatial_fixtures import spatial
 
 from semantic_slam import Configuration, Detection, Engine, InputError, Keyframe, MapPrior, ObjectPrior
@@ -168,13 +169,28 @@ def test_what_has_neither_range_nor_bearing_is_refused() -> None:
         UnmeasuredRanges.of(Configuration.of(new_objects={"size_by_label": ["cup"]}))
 
 
-def test_a_known_size_tells_how_far_a_box_is() -> None:
-    """Within the region, unless the image cuts the box, or the thing would have to be elsewhere."""
-    known = UnmeasuredRanges.of(Configuration.of(new_objects={"size_by_label": ["Cup=0.1"], "sigma_log_size": 0.2}))
-    at_two_metres = 2.0 * np.arctan(0.05 / 2.0) * np.ones(2)
-    told = known.of_detection("cup", at_two_metres)
-    assert told.range_m == pytest.approx(2.0, rel=1e-3) and told.sigma == pytest.approx(0.2, rel=1e-3)
-    for label, angles in (("bowl", at_two_metres), ("cup", [np.nan, 0.05]), ("cup", [1e-4, 1e-4])):
+SIZED = {"size_by_label": ["Cup=0.1"], "sigma_log_size": 0.2, "sigma_log_view": 0.1}
+
+
+@pytest.mark.parametrize("angle", [0.05, 0.2, 0.012, 1.0])
+@pytest.mark.parametrize("accuracy", [0.95, 0.75])
+def test_a_known_size_tells_how_far_a_box_is(angle: float, accuracy: float) -> None:
+    """Within the region, by an integral: a cup is as large as cups are, but what is called so may have any size."""
+    settings = Configuration.of(new_objects=SIZED, semantic_model={"label_accuracy": accuracy})
+    found = UnmeasuredRanges.of(settings).of_detection("cup", angle * np.ones(2))
+    log_range = np.linspace(np.log(0.3), np.log(5.0), 100_001)
+    log_size = np.log(2.0 * np.tan(0.5 * angle)) + log_range
+    of_cups, of_all = norm.pdf(log_size, np.log(0.1), np.hypot(0.2, 0.1)), norm.pdf(log_size, np.log(0.25), 1.01**0.5)
+    density = accuracy * of_cups + (1.0 - accuracy) * of_all
+    density /= density.sum()
+    mean = density @ log_range
+    np.testing.assert_allclose([found.mean, found.sigma**2], [mean, density @ (log_range - mean) ** 2], rtol=1e-3)
+
+
+def test_a_box_whose_size_is_not_known_is_anywhere() -> None:
+    """Or one that the image cuts, or that nothing inside the region looks like."""
+    known = UnmeasuredRanges.of(Configuration.of(new_objects=SIZED))
+    for label, angles in (("bowl", [0.05, 0.05]), ("cup", [np.nan, 0.05]), ("cup", [1e-4, 1e-4])):
         found = known.of_detection(label, np.array(angles))
         np.testing.assert_allclose([found.mean, found.sigma], [known.anywhere.mean, known.anywhere.sigma])
 

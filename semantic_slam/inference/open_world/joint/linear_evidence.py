@@ -31,6 +31,7 @@ class _Results:
     sensor_covariance: Array  # (K, d, r + d)
     object_states: Array  # (K, D, s) NaN without an object
     object_covariances: Array  # (K, D, l, l)
+    object_crosses: Array  # (K, D, r, l)
     bend: Array  # (K,)
     innovation_nees: Array  # (K,) NaN without a known object
     outlier: Flags  # (K, D) which are taken for position outliers
@@ -49,6 +50,7 @@ class _Results:
             sensor_covariance=np.repeat(sensor[1][None], count, axis=0),
             object_states=np.full((count, detections, storage.landmark), np.nan),
             object_covariances=np.full((count, detections, own, own), np.nan),
+            object_crosses=np.full((count, detections, r, own), np.nan),
             bend=np.zeros(count),
             innovation_nees=np.full(count, np.nan),
             outlier=np.zeros(shape, dtype=bool),
@@ -288,13 +290,16 @@ class LinearisedEvidence:
             block, numbers = self.layout.block(1 + place), seen[:, place]
             result.object_states[rows, numbers] = states[:, 1 + place, : storage.landmark]
             result.object_covariances[rows, numbers] = after[:, block, block]
+            result.object_crosses[rows, numbers] = after[:, robot, block]
         for number in np.flatnonzero(is_new.any(axis=0)).tolist():
             born, chosen = self.births[number], is_new[:, number]
             displaced = row_products(shift[chosen, 0, robot], born.gain.T)
             mean = np.broadcast_to(born.prior.mean, (len(displaced), storage.landmark))
             result.object_states[rows[chosen], number] = self.spaces.landmark.retract(mean, displaced)
-            spread = born.gain @ after[chosen, robot, robot] @ born.gain.T + born.noise
+            around = after[chosen, robot, robot]
+            spread = born.gain @ around @ born.gain.T + born.noise
             result.object_covariances[rows[chosen], number] = spread
+            result.object_crosses[rows[chosen], number] = around @ born.gain.T
             result.log_evidence[rows[chosen]] += born.log_stand_in
 
     def _retracted(self, own: Index, shift: Array) -> Array:

@@ -28,7 +28,7 @@ from semantic_slam.inference.open_world.keyframe.existence_accounts import least
 from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.prediction.predictor import Predictor
-from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
+from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of, relative_covariances
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.semantics.interface import RanksPairs
 from semantic_slam.inference.smoothing.component import Component
@@ -143,7 +143,7 @@ class OpenAssociation:
         near = prediction.near_ids.tolist()
         log_prior = self.registry.log_class_prior_of([*near, self.registry.first_new_id(step.index)])
         robot, objects = predicted.mean[0, 0, : spaces.storage.robot], predicted.mean[0, 1:, : spaces.storage.landmark]
-        around = predicted.pair_covariances()[0][:, spaces.layout.robot :, spaces.layout.robot :]
+        around = relative_covariances(spaces, robot, objects, predicted.pair_covariances()[0])
         ranges = log_ranges_of(spaces, prediction.detections, robot, objects, around)
         return replace(pairs, log_words=semantics.log_pairs(step, prediction.component.views, near, log_prior, *ranges))
 

@@ -13,17 +13,25 @@ from semantic_slam.inference.states.spaces import Spaces
 def log_ranges_of(
     spaces: Spaces, detections: Sequence[Any], robot: Array, objects: Array, covariances: Array
 ) -> tuple[Array, Array]:
-    """(D, M + 1) log ranges of M near ``objects`` (M, l), and last of the object that each detection starts.
+    """(D, M) log ranges of ``objects`` (M, l) from each detection's camera on a ``robot`` (s,), and their variances.
 
-    Also their variances; from ``robot`` (s,), with covariances (M, l, l) of the objects.
+    ``covariances`` (M, 3, 3) are those of the objects' positions relative to the robot, along the axes of map.
     """
-    logs, variances = (np.zeros((len(detections), len(objects) + 1)) for _ in range(2))
+    logs, variances = (np.zeros((len(detections), len(objects))) for _ in range(2))
     for row, detection in enumerate(detections):
         camera = spaces.robot.displacement(robot, detection.sensor, np.zeros(3))
         away = spaces.landmark.position(objects) - camera
         reach = distances(away)
         along = np.einsum("ni,nij,nj->n", away, covariances, away)
-        logs[row, :-1], variances[row, :-1] = np.log(reach), along / np.maximum(squared_norms(away), 1e-12) / reach**2
-        known = detection.log_range
-        logs[row, -1], variances[row, -1] = known.mean, known.sigma**2
+        logs[row], variances[row] = np.log(reach), along / np.maximum(squared_norms(away), 1e-12) / reach**2
     return logs, variances
+
+
+def relative_covariances(spaces: Spaces, robot: Array, objects: Array, covariances: Array) -> Array:
+    """(M, 3, 3) covariances of positions of ``objects`` (M, l) relative to a ``robot`` (s,), along the axes of map.
+
+    From the joint ``covariances`` (M, r + l, r + l) of the robot with each object.
+    """
+    by_robot = np.tile(-spaces.robot.position_slopes(robot), (len(objects), 1, 1))
+    slopes = np.concatenate([by_robot, spaces.landmark.position_slopes(objects)], axis=2)
+    return np.asarray(slopes @ covariances @ np.swapaxes(slopes, 1, 2))

@@ -61,7 +61,7 @@ class Hindsight(ABC):
 
     @abstractmethod
     def log_ranges(self, step: Step, robot: Array) -> tuple[Array, Array]:
-        """(D, N + 1) log ranges of the objects, last of what a detection starts, and their variances."""
+        """(D, N) log ranges of the objects, and their variances."""
 
     def log_density(self, innovation: Innovation, sizes: Index) -> Array:
         """(K,) log densities of pairs by position, of which ``sizes`` (K,) components are measured."""

@@ -41,7 +41,7 @@ class PlanarHindsight(Hindsight):
 
     def log_ranges(self, step: Step, robot: Array) -> tuple[Array, Array]:
         """Empty: boxes carry no size evidence in the plane."""
-        nothing = np.zeros((len(step.detections), len(self.ids) + 1))
+        nothing = np.zeros((len(step.detections), len(self.ids)))
         return nothing, nothing
 
     @cached_property
