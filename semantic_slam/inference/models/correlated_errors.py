@@ -23,7 +23,6 @@ from typing import Any, Self
 import gtsam
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.optimize import linear_sum_assignment
 
 from semantic_slam.configuration import DetectionErrorsConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
@@ -79,6 +78,8 @@ def lasting_places(
     places = np.array([own.place for own in detections])
     if carried is None:
         return places
+    from scipy.optimize import linear_sum_assignment  # deferred: the import takes 0.2 s
+
     ranged = np.array([own.has_range for own in detections], dtype=bool)
     offsets = _polar(carried.places)[None] - _polar(places)[:, None]
     offsets[..., 1] = wrap_angle(offsets[..., 1])

@@ -10,7 +10,6 @@ from typing import Any
 
 import gtsam
 import numpy as np
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
@@ -48,6 +47,8 @@ def _together(keys: Sequence[int], whiten: Array) -> Any:
 
 def _tree(keys: Sequence[int], covariance: Array) -> list[Any]:
     """One factor for each object, conditioned on its parent in the tree."""
+    from scipy.sparse.csgraph import breadth_first_order  # deferred as in _spanning_tree
+
     count = len(keys)
     size = len(covariance) // count
     blocks = covariance.reshape(count, size, count, size).swapaxes(1, 2)  # (n, n, l, l)
@@ -67,6 +68,8 @@ def _tree(keys: Sequence[int], covariance: Array) -> list[Any]:
 
 def _spanning_tree(blocks: Array) -> Any:
     """The Chow-Liu tree: the maximum spanning tree by mutual information [nats]."""
+    from scipy.sparse.csgraph import minimum_spanning_tree  # deferred: 0.1 s, which only large maps need
+
     own = np.einsum("iiab->iab", blocks)
     whiten = np.linalg.inv(np.linalg.cholesky(own))
     relative = np.einsum("iab,ijbc,jdc->ijad", whiten, blocks, whiten)

@@ -8,7 +8,6 @@ them.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.rows import joined_rows, with_rows
@@ -84,6 +83,8 @@ class BoxTracks:
 
     def _follow(self, stamp_ns: int, boxes: Array) -> list[str]:
         """(n,) names of the tracks that n boxes continue or begin."""
+        from scipy.optimize import linear_sum_assignment  # deferred: the import takes 0.2 s
+
         alive = self._tracks.alive(stamp_ns)
         shared = overlaps(alive.expected(stamp_ns), boxes)
         tracks, rows = linear_sum_assignment(-shared)

@@ -8,12 +8,12 @@ import pytest
 ALL = "backend_node, bag_player, bag_recorder, classifier_node, hypothesis_manager_node"
 LINE = (
     f"import sys; from semantic_slam.ros import {ALL}; from semantic_slam.pipeline import offline;"
-    " print(*sorted({'torch', 'scipy.stats'} & set(sys.modules)))"
+    " print(*sorted({'torch', 'scipy.stats', 'scipy.optimize', 'scipy.sparse.csgraph'} & set(sys.modules)))"
 )
 
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_networks_and_statistics_wait_until_somebody_needs_them() -> None:
+def test_networks_statistics_and_graphs_wait_until_somebody_needs_them() -> None:
     told = subprocess.run([sys.executable, "-c", LINE], capture_output=True, text=True)
     assert (told.returncode, told.stdout.strip()) == (0, ""), told.stderr
