@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,24 +33,38 @@ class Heirs:
         The heir is the survivor that differs in the fewest detections, and of those the heaviest. None: no survivor is
         near enough.
         """
-        found = [(self._changes(row, int(at)), -self.weighed.log_weights[self.rows[at]], at) for at in self._near(row)]
-        if not found:
+        near = self._near(row)
+        if not len(near):
             return None
-        changes, _, heir = min(found, key=lambda own: (len(own[0]), own[1], own[2]))
-        return int(heir), changes
+        survivors, other = self.rows[near], int(self.weighed.parent_ids[row])
+        before = [len(self._between(heir, other)) for heir in self.weighed.parent_ids[survivors].tolist()]
+        now = np.count_nonzero(self.weighed.associations[survivors] != self.weighed.associations[row], axis=1)
+        best = np.lexsort((-self.weighed.log_weights[survivors], before + now))[0]  # of equal ones the first
+        heir = int(near[best])
+        return heir, self._changes(row, heir)
 
     def _near(self, row: int) -> Index:
         """Indices of survivors whose robot is at about the same pose, with the same root (noise setting and start)."""
-        offset = planar_from_pose_vector(self.weighed.poses[self.rows]) - self._planar(row)
+        offset = self._poses - planar_from_pose_vector(self.weighed.poses[row])
         offset[:, 2] = wrap_angle(offset[:, 2])
-        axes = np.array(PLANAR_AXES, dtype=int)
-        spread = self.covariances[:, axes[:, None], axes]
-        squared = (offset * np.linalg.solve(spread, offset[..., None])[..., 0]).sum(axis=1)
-        near = np.flatnonzero(squared <= FARTHEST)
-        return np.array([at for at in near if self._begins(self.rows[at]) == self._begins(row)], dtype=int)
+        squared = (offset * np.linalg.solve(self._spreads, offset[..., None])[..., 0]).sum(axis=1)
+        return np.flatnonzero((squared <= FARTHEST) & (self._roots == self._begins(row)))
 
-    def _planar(self, row: int) -> Array:
-        return np.asarray(planar_from_pose_vector(self.weighed.poses[row]))
+    @cached_property
+    def _poses(self) -> Array:
+        """(H, 3) the survivors' robots in the plane."""
+        return planar_from_pose_vector(self.weighed.poses[self.rows])
+
+    @cached_property
+    def _spreads(self) -> Array:
+        """(H, 3, 3) their covariances."""
+        axes = np.array(PLANAR_AXES, dtype=int)
+        return self.covariances[:, axes[:, None], axes]
+
+    @cached_property
+    def _roots(self) -> Index:
+        """(H,) the modes in which they began."""
+        return np.array([self._begins(row) for row in self.rows.tolist()], dtype=int)
 
     def _begins(self, row: int) -> int:
         lineage = self.parents[int(self.weighed.parent_ids[row])]

@@ -36,21 +36,21 @@ def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2
     after a few overshoot: from then on a step after which the total error would be larger than before is halved,
     repeatedly. Raises RuntimeError when the system is indeterminate.
     """
-    misfit = np.inf
+    factors = factors.in_one_part()
+    before: _Anew | None = None
     for time in range(MOST_TIMES):
-        factors = factors.in_one_part()
         at = factors.charts.located(isam.getDelta().vector())
         if factors.off(at) <= MOST_OFF:
             break
         share = min(1.0, LARGEST_TURN / at.largest_turn) if at.largest_turn > 0.0 else 1.0
-        others = _others(isam, factors)
+        others = _others(isam, factors) if before is None else before.others
         anew = _Anew.about(_after(isam, factors, share), others, factors)
         for _ in range(MOST_HALVED):
-            if time < FREELY or anew.misfit <= misfit:
+            if before is None or time < FREELY or anew.misfit <= before.misfit:
                 break
             share *= 0.5
             anew = _Anew.about(_after(isam, factors, share), others, factors)
-        misfit = anew.misfit
+        before = anew
         isam, factors = anew.held()
     return isam, factors
 

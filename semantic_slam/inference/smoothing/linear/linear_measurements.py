@@ -109,8 +109,12 @@ class LinearFactors:
     def about(self, values: gtsam.Values) -> tuple["LinearFactors", list[LinearMeasurements]]:
         """Empty linear factors with charts about ``values``, and all measurements linearised there."""
         charts = Charts.of(self.charts.spaces, values)
-        empty = LinearFactors(charts=charts, model=self.model, num_slots=0)
-        return empty, empty.made([own.of.with_offsets(values.atVector) for own in self.joined], charts.begun())
+        begun, made = charts.begun(), []
+        for own in self.joined:
+            of = own.of.with_offsets(values.atVector)
+            slopes = of.measured(charts.spaces, self.model, begun)
+            made.append(LinearMeasurements.made(of, slopes, slopes))
+        return LinearFactors(charts=charts, model=self.model, num_slots=0), made
 
 
 def new_measurements(measured: Sequence[Measured], values: gtsam.Values, known: Mapping[int, Array]) -> list[Measured]:
