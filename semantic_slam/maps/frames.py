@@ -21,7 +21,7 @@ class MapFrames:
 
     @classmethod
     def of(cls, state_space: str) -> "MapFrames":
-        """Those of a state space, planar or spatial."""
+        """The motions between maps of a state space, planar or spatial."""
         return cls(object_coordinates(state_space))
 
     @property

@@ -96,7 +96,7 @@ class SavedMap:
 
     @property
     def coordinates(self) -> ObjectCoordinates:
-        """Those that the hypotheses' states and covariances are over."""
+        """Coordinates that the hypotheses' states and covariances are over."""
         return object_coordinates(self.state_space)
 
 

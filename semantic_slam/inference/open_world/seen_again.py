@@ -10,14 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.open_world.margins import Places
-from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.states.miss_runs import MissRuns
 from semantic_slam.inference.states.views import Looks, Overlap, Views
-from semantic_slam.inference.world.problem import Problem
 
 
 class SeenAgain(NamedTuple):
@@ -53,27 +49,3 @@ class SeenAgain(NamedTuple):
             found = found.if_inside(unoccluded[count:])
         looks = views.predicted(expected, unoccluded[:count].reshape(shape), chance(places.points), runs)
         return looks, some.seen(expected.at(*pairs), found, chance(self.points), runs)
-
-    @classmethod
-    def of(
-        cls, problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, stands: Flags
-    ) -> "SeenAgain":
-        """The pairs of K candidates of one parent; ``object_ids`` (K, D) as associated, without what moves.
-
-        ``stands`` (K, D): which detections are of objects that stand still.
-        """
-        spaces, reached = prediction.component.spaces, prediction.component.objects.ids[prediction.in_reach]
-        candidates, numbers = np.nonzero(np.isin(object_ids, reached) & stands)
-        robots, objects = rows.column("robot")[candidates], rows.column("object_states")[candidates, numbers]
-        relative = spaces.relative_position(robots, objects)
-        detections = problem.model.collect(prediction.detections).take(numbers)
-        by_object = problem.model.geometry(detections, robots, objects).jacobian_object
-        if (tail := HeavyTail.of(problem.detection_errors, prediction.component.outliers)) is not None:
-            by_object[rows.column("outlier")[candidates, numbers]] /= tail.width
-        return cls(
-            candidates=candidates,
-            columns=np.searchsorted(reached, object_ids[candidates, numbers]),
-            points=relative.point,
-            slopes=by_object @ np.swapaxes(relative.by_landmark, -1, -2),
-            are_inside=problem.open_world.learn_region,
-        )

@@ -1,0 +1,34 @@
+"""The pairs of known objects and detections that a keyframe's candidates consist of."""
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Flags, Index
+from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
+from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.open_world.seen_again import SeenAgain
+from semantic_slam.inference.world.problem import Problem
+
+
+def seen_again(
+    problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, stands: Flags
+) -> SeenAgain:
+    """Pairs of K candidates of one parent; ``object_ids`` (K, D) as associated, without what moves.
+
+    ``stands`` (K, D): which detections are of objects that stand still.
+    """
+    spaces, reached = prediction.component.spaces, prediction.component.objects.ids[prediction.in_reach]
+    candidates, numbers = np.nonzero(np.isin(object_ids, reached) & stands)
+    robots, objects = rows.column("robot")[candidates], rows.column("object_states")[candidates, numbers]
+    relative = spaces.relative_position(robots, objects)
+    detections = problem.model.collect(prediction.detections).take(numbers)
+    by_object = problem.model.geometry(detections, robots, objects).jacobian_object
+    if (tail := HeavyTail.of(problem.detection_errors, prediction.component.outliers)) is not None:
+        by_object[rows.column("outlier")[candidates, numbers]] /= tail.width
+    return SeenAgain(
+        candidates=candidates,
+        columns=np.searchsorted(reached, object_ids[candidates, numbers]),
+        points=relative.point,
+        slopes=by_object @ np.swapaxes(relative.by_landmark, -1, -2),
+        are_inside=problem.open_world.learn_region,
+    )
