@@ -23,7 +23,7 @@ class SeenAgain(NamedTuple):
     columns: Index  # (n,) among the objects in reach
     points: Array  # (n, d) places in the body frame, at the candidates' modes
     slopes: Array  # (n, m, d) Jacobians of the detections' whitened residuals by these
-    are_inside: bool  # whether what is detected is inside the region: a learned one ends where detections end
+    at_modes: bool  # whether they are weighed at the modes: a learned region ends where detections do, errors included
 
     def looks(
         self,
@@ -39,13 +39,14 @@ class SeenAgain(NamedTuple):
         the probability that nothing occludes them now; ``chance`` the detection probabilities in view, by the points.
         """
         shape, pairs, some = places.points.shape[:-1], (self.candidates, self.columns), views.take(self.columns)
+        if self.at_modes:
+            looks = views.predicted(*in_view(places, views.unoccluded), chance(places.points), runs)
+            return looks, looks.detected[pairs]
         every = places.flat_with(places.at(*pairs).measured(self.points, self.slopes))
         before = np.concatenate([np.tile(views.unoccluded, shape[0]), some.unoccluded])
         overlap, unoccluded = in_view(every, before)
         count = shape[0] * shape[1]
         expected = Overlap(*(own[:count].reshape(shape) for own in overlap))
         found = Overlap(*(own[count:] for own in overlap))
-        if self.are_inside:
-            found = found.if_inside(unoccluded[count:])
         looks = views.predicted(expected, unoccluded[:count].reshape(shape), chance(places.points), runs)
         return looks, some.seen(expected.at(*pairs), found, chance(self.points), runs)

@@ -27,11 +27,6 @@ class Overlap(NamedTuple):
     now: Array
     both: Array
 
-    def if_inside(self, unoccluded: Array) -> "Overlap":
-        """The overlap if the objects are inside the region now; ``unoccluded`` (...,): that nothing occludes them."""
-        before = self.both / np.maximum(self.now, LEAST)
-        return Overlap(before=before, now=unoccluded, both=before * unoccluded)
-
     def at(self, rows: Index, columns: Index) -> "Overlap":
         """Probabilities of some of (K, N) objects."""
         return Overlap(*(own[rows, columns] for own in self))

@@ -96,14 +96,3 @@ def test_a_measurement_of_a_place_leaves_what_a_gaussian_update_leaves() -> None
     own = Places(np.ones(2), after[:2, :2] + by_object, after[:2, :2], nothing, np.eye(2), np.zeros(2))
     left = own.measured(np.ones(2), np.diag(1.0 / np.sqrt(np.diag(noise))))
     np.testing.assert_allclose(left.covariance, relative @ after @ relative.T)
-
-
-def test_what_is_inside_for_sure_was_inside_before_as_often_as_drawn_places_were() -> None:
-    """Of places that are inside now, in a region that ends where detections end; half of them are occluded."""
-    random = np.random.default_rng(4)
-    now = random.normal(size=200_000) > 0.3
-    before = np.where(random.random(len(now)) < 0.7, now, random.random(len(now)) < 0.5)
-    drawn = Overlap(np.array(before.mean()), np.array(now.mean()), np.array((before & now).mean()))
-    found = drawn.if_inside(np.array(0.5))
-    assert found.before == pytest.approx(before[now].mean(), rel=1e-9)
-    assert found.now == 0.5 and found.both == pytest.approx(0.5 * before[now].mean(), rel=1e-9)

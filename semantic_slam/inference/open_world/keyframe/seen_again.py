@@ -30,5 +30,5 @@ def seen_again(
         columns=np.searchsorted(reached, object_ids[candidates, numbers]),
         points=relative.point,
         slopes=by_object @ np.swapaxes(relative.by_landmark, -1, -2),
-        are_inside=problem.open_world.learn_region,
+        at_modes=problem.open_world.learn_region,
     )
