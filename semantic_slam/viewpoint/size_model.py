@@ -81,8 +81,14 @@ class SizeModel:
     ) -> tuple[Array, Array]:
         """(...,) log joint densities of views as inliers, and as outliers."""
         inlier = _log_normal(log_size - means, variances + self.view_variance + variance)
-        outlier = _log_normal(log_size - MEAN_OF_ANY, SIGMA_OF_ANY**2 + variance)
-        return inlier + np.log1p(-self.outlier_share), outlier + np.log(self.outlier_share)
+        return inlier + np.log1p(-self.outlier_share), log_density_of_any(log_size, variance) + np.log(
+            self.outlier_share
+        )
+
+
+def log_density_of_any(log_size: Array | float, variance: Array | float) -> Array:
+    """(...,) log densities of log sizes [m] of things of any size, measured with ``variance``."""
+    return _log_normal(log_size - MEAN_OF_ANY, SIGMA_OF_ANY**2 + variance)
 
 
 def _log_normal(off: Array | float, variance: Array | float) -> Array:

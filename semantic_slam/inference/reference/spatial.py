@@ -8,10 +8,11 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.log_space import LOG_2PI
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.log_range import LogRange
+from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.spatial.births import first_detections_in_space
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
@@ -19,7 +20,7 @@ from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.viewpoint.size_model import MEAN_OF_ANY, SIGMA_OF_ANY
+from semantic_slam.viewpoint.size_model import log_density_of_any
 
 
 @dataclass(kw_only=True)
@@ -35,6 +36,7 @@ class SpatialPlaces:
     spaces: Spaces
     model: ObservationModel
     has_sizes: bool  # whether sizes of boxes are evidence
+    anywhere: LogRange  # prior of a range that was not measured
     robot: GaussianPrior = field(repr=False)  # by odometry and gravity, after the newest keyframe
 
     @classmethod
@@ -57,6 +59,7 @@ class SpatialPlaces:
             spaces=problem.spaces,
             model=problem.model,
             has_sizes=configuration.new_objects.sigma_log_view > 0.0,
+            anywhere=UnmeasuredRanges.of(configuration).anywhere,
             robot=problem.robot,
         )
 
@@ -112,10 +115,8 @@ class SpatialPlaces:
             detection, log_angle = step.detections[number], float(step.words.log_angles[number])
             if not np.isfinite(log_angle):
                 continue
-            mean, variance = MEAN_OF_ANY, SIGMA_OF_ANY**2
+            away, variance = self.anywhere.mean, self.anywhere.sigma**2
             if detection.has_range:
-                mean -= float(np.log(max(detection.range_m, LEAST_DISTANCE_M)))
-            else:
-                mean, variance = mean - detection.log_range.mean, variance + detection.log_range.sigma**2
-            total -= 0.5 * ((log_angle - mean) ** 2 / variance + float(np.log(variance)) + LOG_2PI)
+                away, variance = float(np.log(max(detection.range_m, LEAST_DISTANCE_M))), 0.0
+            total += float(log_density_of_any(log_angle + away, variance))
         return total
