@@ -1,4 +1,4 @@
-"""GTSAM factors with a Python callback, which tell what they were made of: GTSAM can neither clone nor serialise them."""
+"""GTSAM factors with a Python callback, which tell what they were made of, as GTSAM cannot write them."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
