@@ -60,7 +60,7 @@ def test_a_factor_with_a_callback_is_made_again_to_the_bit(make: Any) -> None:
     factor = make()
     again = _made_again(unpacked(packed(source_of(factor))), ROOT)
     values = gtsam.Values()
-    for key in factor.keys():
+    for key in factor.keys():  # noqa: SIM118
         if key == bias_key(4):
             values.insert(key, RANDOM.normal(size=4))
         else:
