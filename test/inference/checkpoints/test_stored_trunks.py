@@ -14,6 +14,7 @@ from semantic_slam_lab.soak.tour import Tour
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.checkpoints import stored_trunks
 from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.hypotheses import redistributed
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.trunks import MOST
@@ -101,6 +102,19 @@ def test_a_backend_that_is_started_again_replays_what_came_after_the_newest_file
     (number,) = again.held
     assert_equal(again.held[number].component, first.held[number].component)
     assert not again.trunks.faults
+
+
+def test_another_backend_of_the_host_takes_a_component_over_from_a_file(folder: Path) -> None:
+    engine, first = undisturbed(keyframes())
+    other, last = StoringBackend(1), engine.hypotheses.num_keyframes - 1
+    other.start(engine.run)
+    for keyframe in keyframes():
+        other.learn(keyframe)
+    moved = redistributed(engine.live, [1])
+    other.commit(engine.hypotheses.commit(engine.run.run_id, last, moved, always_lineage=True))
+    (number,) = other.held
+    assert other.num_replayed == KEYFRAMES - 25
+    assert_equal(other.held[number].component, first.held[number].component)
 
 
 def flipped(path: Path) -> None:
