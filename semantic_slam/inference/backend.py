@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.enumeration import NoAssociationError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.building import problem_of
+from semantic_slam.inference.checkpoints.stored_trunks import trunks_of
 from semantic_slam.inference.expander import Expander, Expansion
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.kept_steps import KeptSteps
@@ -30,7 +31,6 @@ from semantic_slam.inference.reported.displaced_marginals import displaced_margi
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, certain
-from semantic_slam.inference.smoothing.horizon import apart
 from semantic_slam.inference.smoothing.trunks import Trunks
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import LineageStep, as_followed, next_id
@@ -45,9 +45,14 @@ class Backend:
     the configuration that a run announces. Call :meth:`start` before anything else.
     """
 
+    stores_checkpoints = False
+    """Whether checkpoints are files, too, from which a backend that is started again goes on."""
+
     def __init__(self, backend_id: int, problem: Problem | None = None):
         self.backend_id = backend_id
         self._given_problem = problem
+        self.trunks = Trunks()
+        self.num_rebuilt = self.num_replayed = 0  # components rebuilt so far, and keyframes replayed for them
 
     def start(self, run: RunConfiguration) -> None:
         """Begin a run: set up its problem and hold the root hypotheses, those before any measurement."""
@@ -58,7 +63,10 @@ class Backend:
         self.expander = Expander(self.problem, self.association)
         horizon = self.problem.history.horizon_keyframes
         self.steps = KeptSteps(horizon or None)
-        self.trunks = Trunks(apart(self.problem.history) if horizon else None)
+        self.trunks.close()
+        self.trunks = trunks_of(
+            self.problem.history, run.run_id, lambda: self.association.root(0), stores=self.stores_checkpoints
+        )
         self._forgets = False
         self._stand_before(0)
 
@@ -96,6 +104,7 @@ class Backend:
             )
         if step.index == len(self.steps):
             self.steps.append(step)
+            self.trunks.learn(step)
             self.association.introduce(self.registry, step)
         return step
 
@@ -196,6 +205,7 @@ class Backend:
         begin, component = self.trunks.deepest(numbers) or (0, self.association.root(beginning))
         if begin < self.steps.first:
             raise LostComponentError("a history parted from the others before the oldest checkpoint")
+        self.num_rebuilt, self.num_replayed = self.num_rebuilt + 1, self.num_replayed + length - begin
         for at in range(begin, length):
             step, child = self.steps[at], numbers[at + 1]
             expansion = self.expander.expand(

@@ -14,7 +14,7 @@ from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.protocol import Candidates, Components, MissedKeyframes
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
-from semantic_slam.ros.node.health import Status, disk_status, dropped_status
+from semantic_slam.ros.node.health import Status, disk_status, dropped_status, rebuilt_status
 from semantic_slam.ros.node.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.rounds.liveliness import Sign
@@ -33,7 +33,7 @@ class BackendNode(PipelineNode):
         given = declare_fixed(self, "backend_id", -1)
         refuse_undeclared(self)
         self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
-        self._rounds = WorkOrder(lambda: backend_class(self.backend_id))
+        self._rounds = WorkOrder(lambda: _storing(backend_class(self.backend_id)))
         self._sign = Sign(self, self.backend_id)
         self._outlets = {
             Candidates: self._outlet(topics.CANDIDATES),
@@ -51,20 +51,35 @@ class BackendNode(PipelineNode):
 
     def _follow(self, topic: str, profile: QoSProfile) -> None:
         def handle(data: bytes) -> None:
+            before = self._rounds.num_replayed
             self._send(self._rounds.take(data, topics.TYPES[topic], more=self.worker.has_more))
+            if self._rounds.num_replayed > before:
+                self.get_logger().info(f"{self._rounds.num_replayed - before} keyframes replayed to rebuild components")
             self._statuses = self._health()
             self.repeated = self._rounds.repeated.copy()
 
         self.listen(topic, handle, profile)
 
     def _health(self) -> list[Status]:
-        return [dropped_status(self._rounds.dropped), disk_status(self._rounds.disk_fault)]
+        rounds = self._rounds
+        rebuilt = rebuilt_status(rounds.num_rebuilt, rounds.num_replayed, rounds.checkpoint_faults)
+        return [dropped_status(rounds.dropped), disk_status(rounds.disk_fault), rebuilt]
+
+    def close(self) -> None:
+        """Leave the folders with the checkpoints of its runs."""
+        self._rounds.close()
 
     def _send(self, answers: list[Answer]) -> None:
         for answer in answers:
             outlet = self._outlets[type(answer)]
             outlet.wait_for_readers(1, MATCH_S)  # an answer sent before DDS has matched the manager would be lost
             outlet.send(encode(answer))
+
+
+def _storing(backend: Backend) -> Backend:
+    """The backend, with its checkpoints in files, too."""
+    backend.stores_checkpoints = True
+    return backend
 
 
 def _id_in_name(name: str) -> int:

@@ -250,7 +250,8 @@ class HypothesisManagerNode(PipelineNode):
             self._session.change(configuration)
 
     def close(self) -> None:
-        """Cancel pending service requests, including a running explanation."""
+        """Cancel pending service requests, including a running explanation, and leave the folder of checkpoints."""
+        self._pool.close()
         self._explain.close()
         self._background.close()
 

@@ -1,23 +1,28 @@
-"""GTSAM factors with a Python callback, where GTSAM has no built-in factor of that measurement.
-
-A CustomFactor cannot be cloned or pickled, but an ISAM2 that holds one can be forked; a component is rebuilt from its
-lineage, never from a pickled graph.
-"""
+"""GTSAM factors of detections with a Python callback, where GTSAM has no built-in factor of that measurement."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.models.callback_factor import callback_factor
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.states.spaces import Spaces
 
 
+@dataclass(frozen=True)
+class Sighting:
+    """A detection of a landmark from a robot pose, with their GTSAM keys."""
+
+    detection: Any
+    keys: tuple[int, int]
+
+
 def custom_factor(
-    spaces: Spaces, linearise: Callable[[Array, Array], Linearisation], keys: tuple[int, int], rows: slice, size: int
+    spaces: Spaces, linearise: Callable[[Array, Array], Linearisation], sighting: Sighting, rows: slice, size: int
 ) -> Any:
     """Factor on robot and landmark of ``size`` ``rows`` of a whitened residual."""
 
@@ -29,4 +34,4 @@ def custom_factor(
             jacobians[1] = np.asfortranarray(part.jacobian_object[0, rows])
         return np.asarray(part.residual[0, rows])
 
-    return gtsam.CustomFactor(unit_noise(size), list(keys), error)
+    return callback_factor(sighting, sighting.keys, size, error)

@@ -8,6 +8,7 @@ propagate through the whole Bayes tree. Unequal wheels turn the robot as it driv
 mounted closer than nominal, scale up its translations and rotations (Borenstein, Feng 1996).
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import gtsam
@@ -16,7 +17,7 @@ import numpy as np
 from semantic_slam.configuration import OdometryConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.models.callback_factor import callback_factor
 from semantic_slam.inference.states.keys import begins_stretch, bias_key
 
 NAMES = ("odometry.bias_rad_per_m", "odometry.bias_scale", "odometry.bias_turn_scale", "odometry.clock_offset_s")
@@ -102,6 +103,16 @@ def with_changed_bias(covariance: Array, keyframe: int, size: int) -> Array:
     return wider
 
 
+@dataclass(frozen=True)
+class BiasedMotion:
+    """Odometry between two planar poses, and its Jacobian (3, p) by biases; keys of the poses and of the biases."""
+
+    keys: tuple[int, int, int]
+    control: Array  # (3,)
+    covariance: Array  # (3, 3)
+    by_bias: Array  # (3, p)
+
+
 def biased_factor(keys: tuple[int, int, int], control: Array, covariance: Array, by_bias: Array) -> Any:
     """Factor of two planar poses and a bias c: GTSAM's between factor, corrected for the effect of c on the control."""
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
@@ -117,4 +128,4 @@ def biased_factor(keys: tuple[int, int, int], control: Array, covariance: Array,
         jacobians[0], jacobians[1], jacobians[2] = jacobian[:, :3], jacobian[:, 3:], negative
         return np.asarray(-negated - explained)
 
-    return gtsam.CustomFactor(unit_noise(3), list(keys), error)
+    return callback_factor(BiasedMotion(keys, control, covariance, by_bias), keys, 3, error)

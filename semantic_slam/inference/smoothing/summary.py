@@ -19,7 +19,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.models.callback_factor import callback_factor
 from semantic_slam.inference.states.keys import is_robot, is_vector
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -43,7 +43,7 @@ class Summary:
                     jacobians[number] = block
             return np.asarray(self.root @ apart - self.right)
 
-        return gtsam.CustomFactor(unit_noise(len(self.right)), list(self.keys), error)
+        return callback_factor(self, self.keys, len(self.right), error)
 
     def _apart(self, spaces: Spaces, values: gtsam.Values) -> tuple[Array, Array]:
         """(m,) difference of the coordinates at some values from y', and their (m, m) Jacobian."""

@@ -1,8 +1,9 @@
 """Checkpoints: components kept along lineages, from which other lineages are rebuilt without replaying all of them."""
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Sequence
 
+from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
 
 APART = 10
@@ -24,9 +25,20 @@ class Trunks:
         return num_keyframes % self._apart == 0
 
     @property
+    def faults(self) -> Counter[str]:
+        """What went wrong with checkpoints, by reason."""
+        return Counter()
+
+    @property
     def oldest(self) -> int:
         """Number of keyframes behind the oldest checkpoint; 0 without any."""
         return min((component.keyframe + 1 for component in self._kept.values()), default=0)
+
+    def learn(self, step: Step) -> None:
+        """Note the next keyframe; checkpoints in memory need nothing of it."""
+
+    def close(self) -> None:
+        """Give up whatever is held besides memory: nothing."""
 
     def keep(self, number: int, component: Component) -> None:
         """Keep a checkpoint, and drop the least recently used one where there are too many."""

@@ -85,6 +85,16 @@ def disk_status(fault: str) -> Status:
     )
 
 
+def rebuilt_status(num_rebuilt: int, num_replayed: int, faults: Counter[str]) -> Status:
+    """Status of rebuilding components; ``faults``: what went wrong with checkpoints in files, by reason."""
+    text = f"{num_rebuilt} components rebuilt, {num_replayed} keyframes replayed"
+    values = {"components rebuilt": str(num_rebuilt), "keyframes replayed": str(num_replayed)}
+    if not faults:
+        return Status("checkpoints", Level.OK, text, values)
+    told = "; ".join(f"{number} x {reason}" for reason, number in sorted(faults.items()))
+    return Status("checkpoints", Level.WARN, f"checkpoints in files that are not used: {told}; {text}", values)
+
+
 def repeated_status(repeated: Counter[str]) -> Status:
     """Status with the counts of repeated messages, by topic; they are normal after a restart."""
     text = "; ".join(f"{number} x {topic}" for topic, number in sorted(repeated.items())) or "nothing came again"

@@ -1,5 +1,6 @@
 """The manager's pool of backend nodes, reached over topics."""
 
+import json
 import queue
 import time
 from collections import Counter
@@ -9,7 +10,9 @@ from typing import Any
 import rclpy
 from rclpy.node import Node
 
+from semantic_slam.configuration import from_dict
 from semantic_slam.errors import MessageError, SemanticSlamError
+from semantic_slam.inference.checkpoints.stored_trunks import folder_of
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, RunConfiguration
 from semantic_slam.inference.smoothing.component import Component
@@ -21,6 +24,7 @@ from semantic_slam.ros.rounds.liveliness import Watch
 from semantic_slam.ros.rounds.missed import MissedQuestions
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, private_name, receive
+from semantic_slam.run_folder import RunFolder
 
 CHECK_S = 0.2
 ASK_AGAIN_S = 5.0
@@ -45,6 +49,7 @@ class RosPool:
         self.timeout_s = timeout_s
         self.kept: KeptRun  # the keyframes of the run; set by start()
         self._run_id = ""
+        self._checkpoints: RunFolder | None = None  # stays while no backend is there
         self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and reason
         self.repeated: Counter[str] = Counter()  # answers that are repeated or no longer awaited, by topic
         self._all_ids = frozenset(backend_ids)
@@ -67,7 +72,16 @@ class RosPool:
     def start(self, run: RunConfiguration) -> None:
         """Publish the run's configuration, latched, so that backends that start later receive it, too."""
         self._run_id, self.kept = run.run_id, KeptRun(run)
+        self.close()
+        if from_dict(json.loads(run.configuration), "run configuration").history.is_on:
+            self._checkpoints = folder_of(run.run_id)
         self._run.send(encode(run))
+
+    def close(self) -> None:
+        """Leave the folder with the checkpoints of this host's backends."""
+        if self._checkpoints is not None:
+            self._checkpoints.leave()
+            self._checkpoints = None
 
     def tell(self, keyframe: Keyframe) -> None:
         """Keep a keyframe for backends that will miss it, without requesting an answer."""

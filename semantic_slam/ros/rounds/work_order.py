@@ -68,6 +68,26 @@ class WorkOrder:
         """Why keyframes of a run are in memory instead of on disk; "" if there is no such fault."""
         return next((fault for run in self._runs.values() if (fault := run.backend.steps.disk_fault)), "")
 
+    @property
+    def num_rebuilt(self) -> int:
+        """Components rebuilt so far."""
+        return sum(run.backend.num_rebuilt for run in self._runs.values())
+
+    @property
+    def num_replayed(self) -> int:
+        """Keyframes replayed so far to rebuild components."""
+        return sum(run.backend.num_replayed for run in self._runs.values())
+
+    @property
+    def checkpoint_faults(self) -> Counter[str]:
+        """What went wrong with checkpoints, by reason."""
+        return sum((run.backend.trunks.faults for run in self._runs.values()), Counter[str]())
+
+    def close(self) -> None:
+        """Leave the folders of all runs."""
+        for run in self._runs.values():
+            run.backend.trunks.close()
+
     def take(self, data: bytes, type_name: str, *, more: bool = False) -> list[Answer]:
         """Process a serialised message and return the answers; an invalid one is counted.
 
@@ -104,7 +124,7 @@ class WorkOrder:
         self._runs[run.run_id] = _Run(run, self._started(run))
         if len(self._runs) > MOST_RUNS:
             idle = [name for name, other in self._runs.items() if not other.num_known and name != run.run_id]
-            del self._runs[idle[0] if idle else next(iter(self._runs))]
+            self._runs.pop(idle[0] if idle else next(iter(self._runs))).backend.trunks.close()
 
     def keyframe(self, run_id: str, keyframe: Keyframe, *, again: bool = False) -> list[Answer]:
         """Round one: buffer a keyframe; returns the answer if it is known and requested again.

@@ -93,3 +93,28 @@ def test_a_replay_whose_nodes_are_killed_ends_with_the_same_beliefs(tmp_path: Pa
         for topic in ("odom", topics.MEASUREMENTS, topics.BELIEF, topics.GROUND_TRUTH_ODOMETRY):
             name = "/" + topic.lstrip("/")
             assert live.counts[name] == offline.counts[name]
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_the_only_backend_is_killed_and_replays_only_what_came_after_its_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    horizon, killed_at = 20, 26
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    changes = {"perception": {"num_passes": 3}, "weights": {"max_history": 10}}
+    configuration = write_configuration(tmp_path / "own", **changes, history={"horizon_keyframes": horizon})
+    bag = write_bag(tmp_path / "bag", input_entries(killed_at + 2))
+    run_bag(bag, tmp_path / "offline", load_configuration(configuration))
+    replay = Replay(bag, configuration, tmp_path, 1, companions=("print_belief",))
+    specs = replay.specs()
+    with processes(tmp_path, Supervisor(specs)) as nodes:
+        start(nodes, specs)
+        wait_for(nodes, tmp_path / "log" / "print_belief.log", killed_at)
+        nodes.kill("backend_0")
+        nodes.wait("bag_recorder", TIMEOUT_S)
+        nodes.wait("bag_player", TIMEOUT_S)
+    replayed = [int(count) for count in re.findall(r"(\d+) keyframes replayed", replay.output_of("backend_0"))]
+    assert replayed and sum(replayed) < horizon
+    assert_same(beliefs(replay.belief_bag), beliefs(tmp_path / "offline"))
+    assert not list(tmp_path.glob("semantic_slam_*/*"))  # the last node of the run has removed the checkpoints

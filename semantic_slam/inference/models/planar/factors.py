@@ -6,7 +6,7 @@ from typing import Any
 import gtsam
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.custom_factor import custom_factor
+from semantic_slam.inference.models.custom_factor import Sighting, custom_factor
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.states.spaces import Spaces
@@ -22,6 +22,6 @@ def point_range_factor(detection: PlanarDetection, keys: tuple[int, int]) -> Any
     return gtsam.BearingRangeFactor2D(*keys, detection.direction, detection.range_m, detection.noise)
 
 
-def bearing_factor(spaces: Spaces, linearise: Callable[[Array, Array], Linearisation], keys: tuple[int, int]) -> Any:
+def bearing_factor(spaces: Spaces, linearise: Callable[[Array, Array], Linearisation], sighting: Sighting) -> Any:
     """Factor on robot and landmark of a measured bearing alone."""
-    return custom_factor(spaces, linearise, keys, slice(1, 2), 1)
+    return custom_factor(spaces, linearise, sighting, slice(1, 2), 1)

@@ -15,6 +15,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, broadcast_copy
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.geometry.se2 import sine_cosine
+from semantic_slam.inference.models.custom_factor import Sighting
 from semantic_slam.inference.models.observation import Classes, Linearisation
 from semantic_slam.inference.models.planar.detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.models.planar.factors import bearing_factor, range_factor
@@ -111,7 +112,7 @@ class PlanarObservation(ScoredViews):
         if detection.has_range:
             return range_factor(detection, keys)
         collected = self.collect([detection])
-        return bearing_factor(POSES, lambda x, o: self.geometry(collected, x, o), keys)
+        return bearing_factor(POSES, lambda x, o: self.geometry(collected, x, o), Sighting(detection, keys))
 
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """Standard deviation of the bearing, from the covariance of the object in the body frame."""

@@ -13,6 +13,7 @@ import numpy as np
 from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.models.custom_factor import Sighting
 from semantic_slam.inference.models.observation import Classes, Linearisation
 from semantic_slam.inference.models.planar.detection import PlanarDetection, PlanarDetections
 from semantic_slam.inference.models.planar.factors import bearing_factor, point_range_factor
@@ -89,7 +90,7 @@ class PointObservation(PointGeometry):
         if detection.has_range:
             return point_range_factor(detection, keys)
         collected = self.collect([detection])
-        return bearing_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys)
+        return bearing_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), Sighting(detection, keys))
 
     def least_cost(
         self, detections: PlanarDetections, x: Array, covariance: Array, o: Array, sigmas: Array

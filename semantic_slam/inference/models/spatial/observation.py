@@ -16,7 +16,7 @@ from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.geometry.moments import largest_sigmas
-from semantic_slam.inference.models.custom_factor import custom_factor
+from semantic_slam.inference.models.custom_factor import Sighting, custom_factor
 from semantic_slam.inference.models.observation import Classes, Linearisation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.point_geometry import PointGeometry
@@ -135,7 +135,9 @@ class SpatialObservation(PointGeometry):
         collected = self.collect([detection])
         rows = slice(0, 3) if detection.has_range else slice(1, 3)
         size = rows.stop - rows.start
-        return custom_factor(self.spaces, lambda x, o: self.geometry(collected, x, o), keys, rows, size)
+        return custom_factor(
+            self.spaces, lambda x, o: self.geometry(collected, x, o), Sighting(detection, keys), rows, size
+        )
 
     def least_cost(
         self, detections: SpatialDetections, x: Array, covariance: Array, o: Array, sigmas: Array
