@@ -90,6 +90,25 @@ def test_a_drawn_world_has_what_its_configuration_says() -> None:
     assert all(keyframe.odometry_shifts is not None for keyframe in worlds[0].keyframes)
 
 
+def test_ranges_of_a_drawn_world_may_be_depths_of_another_metre() -> None:
+    base = configuration()
+    exact = replace(
+        base.perception, ranges_are=("depth",), sigma_range_m=1e-9, sigma_range_per_m=0.0, sigma_range_scale=0.1
+    )
+    ratios = []
+    for seed in range(40):
+        world = drawn_world(replace(base, perception=exact), 6, np.random.default_rng(seed))
+        own = [
+            measured / se2.between(pose, np.append(world.objects[label], 0.0))[0]
+            for keyframe, labels, pose in zip(world.keyframes, world.detected, world.poses, strict=True)
+            for measured, label in zip(keyframe.measurements.ranges_m, labels, strict=True)
+            if label >= 0
+        ]
+        np.testing.assert_allclose(own, np.mean(own) if own else 1.0, atol=1e-6)
+        ratios += own[:1]
+    assert np.std(ratios) == pytest.approx(0.1, rel=0.4)
+
+
 @pytest.mark.slow
 def test_the_study_leaves_result_and_page(tmp_path: Path) -> None:
     files = run(tmp_path, quick=True, jobs=1, seed=0)

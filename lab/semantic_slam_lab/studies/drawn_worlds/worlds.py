@@ -10,7 +10,7 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.noise.clock_offset import OFFSETS, shifts_of
-from semantic_slam.inference.models.noise.noise_settings import shares_of_odometry
+from semantic_slam.inference.models.noise.noise_settings import DEPTH, shares_of_odometry
 from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance
 from semantic_slam.inference.models.odometry_bias import CLOCK, bias_sigmas, slopes
 from semantic_slam.inference.states.miss_runs import MissRuns
@@ -65,6 +65,8 @@ class _Sensor:
         share = configuration.detection_errors.correlated_share
         self._share = share if truth.correlated_share is None else truth.correlated_share
         self._errors = RepeatedErrors(configuration.detection_errors)
+        self._metre = 1.0 + self._perception.sigma_range_scale * float(random.normal())
+        self._is_depth = str(random.choice(self._perception.ranges_are)) == DEPTH
 
     def look(self, pose: Array, motion: Array) -> tuple[list[Detection], tuple[int, ...]]:
         """From ``pose`` after a ``motion``, which odometry tells: detections in any order, and what they are of."""
@@ -98,9 +100,10 @@ class _Sensor:
             return []
         repeated, white = self._errors.draw(places, self.random), self.random.normal(size=(len(places), 2))
         errors = self._noise * (np.sqrt(self._share) * repeated + np.sqrt(1.0 - self._share) * white)
-        distance, bearing = np.hypot(*places.T), np.arctan2(places[:, 1], places[:, 0])
-        sigma = np.hypot(self._perception.sigma_range_m, self._perception.sigma_range_per_m * distance)
-        ranges = np.maximum(distance + sigma * errors[:, 0], 0.05)
+        bearing = np.arctan2(places[:, 1], places[:, 0])
+        told = self._metre * (places[:, 0] if self._is_depth else np.hypot(*places.T))
+        sigma = np.hypot(self._perception.sigma_range_m, self._perception.sigma_range_per_m * told)
+        ranges = np.maximum(told + sigma * errors[:, 0], 0.05)
         bearings = bearing + self._perception.sigma_bearing_rad * errors[:, 1]
         return [Detection(range_m=float(r), bearing_rad=float(b)) for r, b in zip(ranges, bearings, strict=True)]
 
