@@ -68,7 +68,7 @@ def rotation_matrix(quaternion: Array) -> Array:
     )
 
 
-def rotated(rotation: Array, vectors: Array) -> Array:
+def rotated_by_matrix(rotation: Array, vectors: Array) -> Array:
     """(..., 3) vectors turned by a (3, 3) rotation, each bit-identical whatever vectors are beside it.
 
     Sums are taken term by term: BLAS rounds a row of a product by the number of rows and its own kernels.
@@ -79,4 +79,4 @@ def rotated(rotation: Array, vectors: Array) -> Array:
 
 def transform_points(T_a_b: Array, points_b: Array) -> Array:
     """(N, 3) points in frame b to frame a, by the (7,) pose vector ``T_a_b``."""
-    return np.asarray(rotated(rotation_matrix(T_a_b[3:]), points_b) + T_a_b[:3])
+    return np.asarray(rotated_by_matrix(rotation_matrix(T_a_b[3:]), points_b) + T_a_b[:3])
