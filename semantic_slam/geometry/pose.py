@@ -6,6 +6,7 @@ A 3-D covariance is (..., 6, 6) over x y z rx ry rz, in the order of geometry_ms
 
 import numpy as np
 
+from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 
 PLANAR_AXES = (0, 1, 5)
@@ -57,15 +58,8 @@ def planar_from_covariance(covariance: Array) -> Array:
 
 
 def rotation_matrix(quaternion: Array) -> Array:
-    """(4,) quaternion qx qy qz qw to (3, 3) rotation matrix."""
-    qx, qy, qz, qw = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw)],
-            [2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw)],
-            [2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)],
-        ]
-    )
+    """(4,) quaternion qx qy qz qw of any length to (3, 3) rotation matrix."""
+    return so3.matrix(np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion))
 
 
 def rotated_by_matrix(rotation: Array, vectors: Array) -> Array:
