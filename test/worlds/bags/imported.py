@@ -32,6 +32,12 @@ def read_bag(path: Path) -> dict[str, list[Any]]:
     return values
 
 
+def messages_of(path: Path, topic: str) -> list[Any]:
+    """Our dataclasses of one topic, in the order of the bag."""
+    with BagReader(path) as reader:
+        return [from_message(reader.decode(item.cdr, item.type_name)) for item in reader.messages([topic])]
+
+
 def merge_bags(out: Path, *parts: Path) -> None:
     """One bag of several, with the definitions of all."""
     with BagWriter(out) as writer:
