@@ -354,9 +354,7 @@ def test_claims_are_made_of_what_was_run() -> None:
 def test_a_short_stretch_of_a_real_drive(
     tmp_path: Path, data_set: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data, base = data_set("mrclam_d6").parent, methods.configuration()
-    few = replace(base, pruning=replace(base.pruning, max_hypotheses=40))
-    monkeypatch.setattr("semantic_slam_lab.studies.real_drives.study.configuration", lambda seed: few)
+    data = data_set("mrclam_d6").parent
     words = ["--drives", "mrclam_d6/4", "--methods", "given", "batch_cauchy", "--quick"]
     out = tmp_path / "out"
     monkeypatch.setattr("sys.argv", ["run_study", "real_drives", "--data", str(data), *words, "--out", str(out)])
