@@ -6,6 +6,7 @@ A 3-D covariance is (..., 6, 6) over x y z rx ry rz, in the order of geometry_ms
 
 import numpy as np
 
+from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 
 PLANAR_AXES = (0, 1, 5)
@@ -57,18 +58,11 @@ def planar_from_covariance(covariance: Array) -> Array:
 
 
 def rotation_matrix(quaternion: Array) -> Array:
-    """(4,) quaternion qx qy qz qw to (3, 3) rotation matrix."""
-    qx, qy, qz, qw = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw)],
-            [2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw)],
-            [2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)],
-        ]
-    )
+    """(4,) quaternion qx qy qz qw of any length to (3, 3) rotation matrix."""
+    return so3.matrix(np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion))
 
 
-def rotated(rotation: Array, vectors: Array) -> Array:
+def rotated_by_matrix(rotation: Array, vectors: Array) -> Array:
     """(..., 3) vectors turned by a (3, 3) rotation, each bit-identical whatever vectors are beside it.
 
     Sums are taken term by term: BLAS rounds a row of a product by the number of rows and its own kernels.
@@ -79,4 +73,4 @@ def rotated(rotation: Array, vectors: Array) -> Array:
 
 def transform_points(T_a_b: Array, points_b: Array) -> Array:
     """(N, 3) points in frame b to frame a, by the (7,) pose vector ``T_a_b``."""
-    return np.asarray(rotated(rotation_matrix(T_a_b[3:]), points_b) + T_a_b[:3])
+    return np.asarray(rotated_by_matrix(rotation_matrix(T_a_b[3:]), points_b) + T_a_b[:3])

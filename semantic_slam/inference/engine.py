@@ -35,7 +35,7 @@ from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
 from semantic_slam.inference.pruning import Kinds, Pruned, affordable, prune, widened
-from semantic_slam.inference.relocation.recovery import SOON, Recovery
+from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.revision.looking_back import Present
@@ -44,7 +44,7 @@ from semantic_slam.inference.revision.revision import Revision, normalised, with
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.summarised_copies import SummarisedCopies
-from semantic_slam.inference.world.carried import carried_to, new_grounds
+from semantic_slam.inference.world.carried import is_carried_lately, new_grounds
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -129,12 +129,8 @@ class Engine:
         """
         if not self.recovery.is_on:
             return 0.0
-        lately = slice(max(self.hypotheses.num_keyframes - SOON, 1), None)
-        weights = [
-            own.log_weight
-            for own in self.live.values()
-            if any(map(carried_to, own.lineage[lately])) or new_grounds(own.lineage)
-        ]
+        carried = [own for own in self.live.values() if is_carried_lately(own.lineage) or new_grounds(own.lineage)]
+        weights = [own.log_weight for own in carried]
         return float(np.exp(np.logaddexp.reduce(weights))) if weights else 0.0
 
     @property

@@ -39,7 +39,7 @@ def corresponding(
     """
     found = _assigned(old, new, log_absent, start, np.ones(len(old)), is_continued)
     for _ in range(REFINEMENTS):
-        refined = _refined(old, new, found, start, prior) or found.alignment
+        refined = _refined(new, found, start, prior) or found.alignment
         found = _assigned(old, new, log_absent, refined, found.vacated, is_continued)
     return found
 
@@ -69,7 +69,7 @@ def _assigned(
     )
 
 
-def _refined(old: Landmarks, new: Landmarks, found: Correspondence, start: Alignment, prior: Array) -> Alignment | None:
+def _refined(new: Landmarks, found: Correspondence, start: Alignment, prior: Array) -> Alignment | None:
     """Least-squares alignment from probability-weighted matches; None where there are too few."""
     rows, columns = np.nonzero(found.same > 0.05)
     now, frames = found.alignment, new.frames

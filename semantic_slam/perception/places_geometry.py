@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.geometry.pose import rotated, rotation_matrix
+from semantic_slam.geometry.pose import rotated_by_matrix, rotation_matrix
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import LEAST_VARIANCE, are_covariances
 from semantic_slam.perception.crops import are_in_shares
@@ -101,7 +101,7 @@ def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array) -> 
     are_boxes = np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1) & ~are_in_shares(boxes)
     directions = np.full((count, 3), np.nan)
     rays = viewing_rays(boxes[are_boxes], camera)
-    directions[are_boxes] = rotated(rotation_matrix(T_base_camera[3:]), rays)
+    directions[are_boxes] = rotated_by_matrix(rotation_matrix(T_base_camera[3:]), rays)
     x, y, z = directions.T
     elevations = np.arcsin(np.clip(-z, -1.0, 1.0))
     return Places(np.full(count, np.nan), np.arctan2(y, x), elevations, np.full((count, 3, 3), np.nan))

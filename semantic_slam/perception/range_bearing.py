@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import rotated, rotation_matrix, transform_points
+from semantic_slam.geometry.pose import rotated_by_matrix, rotation_matrix, transform_points
 from semantic_slam.perception.boxes.box_sizes import pixel_rays
 from semantic_slam.perception.frame import CameraModel
 
@@ -55,7 +55,7 @@ def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -
 
 def elevation(box: Array, camera: CameraModel, T_base_camera: Array) -> float:
     """Downward angle [rad] of the ray through the box centre, in the body frame: camera elevation over the object."""
-    direction = rotated(rotation_matrix(T_base_camera[3:]), viewing_ray(box, camera))
+    direction = rotated_by_matrix(rotation_matrix(T_base_camera[3:]), viewing_ray(box, camera))
     return float(np.arcsin(np.clip(-direction[2], -1.0, 1.0)))
 
 
@@ -75,7 +75,7 @@ def range_and_bearing(
     depth = float("nan") if depth_m is None else depth_in_box(depth_m, box, configuration.max_depth_m)
     bearing_variance = configuration.sigma_bearing_rad**2
     if np.isnan(depth):
-        direction = rotated(rotation_matrix(T_base_camera[3:]), ray)
+        direction = rotated_by_matrix(rotation_matrix(T_base_camera[3:]), ray)
         covariance = np.diag([np.nan, bearing_variance])
         return RangeBearing(float("nan"), float(np.arctan2(direction[1], direction[0])), covariance)
     width_m = (box[2] - box[0]) / camera.fx * depth

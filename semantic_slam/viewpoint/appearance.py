@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.arrays import Array
 
 LEAST_NORM = 1e-9
 """Norm below which features count as those of an image that excites nothing."""
@@ -104,11 +104,6 @@ def _log_density(directions: Array, kept: UnitVectors) -> Array:
     from scipy.special import logsumexp  # deferred: the import is a sixth of a classifier's start time
 
     return np.asarray(logsumexp(CONCENTRATION * (directions.astype(np.float32) @ kept.T), axis=1) - np.log(len(kept)))
-
-
-def is_novel(appearance: KnownAppearance, features: Array, false_alarms: float) -> Flags:
-    """(N,) whether images with (N, K) features look like no known object."""
-    return np.asarray(appearance.novelty(features) > appearance.limit(false_alarms))
 
 
 PICTURES = ("known", "others")

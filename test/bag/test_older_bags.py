@@ -28,7 +28,6 @@ from semantic_slam.report.make import make_report
 FIRST_ROUND = Path(__file__).parents[1] / "fixtures" / "first_round"
 """Three keyframes of bags/aliased_room, recorded and reported by the version before beliefs told log_evidence."""
 SHIPPED = Path(__file__).parents[2] / "bags"
-SEPARATOR = "\n" + "=" * 80 + "\n"
 
 
 def definition(name, without=(), renamed=()):

@@ -1,22 +1,17 @@
 """A turntable folder in BigBIRD's format becomes the drive of a robot around the object."""
 
-import sys
-
 import cv2
 import h5py
 import numpy as np
 import pytest
+from worlds.bags.imported import import_bag, read_bag, run_import
 
-from semantic_slam.bag.reader import BagReader
-from semantic_slam.cli import import_dataset
 from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.geometry.transform import compose
-from semantic_slam.messages.codec import CODECS, from_message
 from semantic_slam.messages.sensor import TransformTree
 
-OUR_TYPES = {codec.type_name for codec in CODECS.values()}
 ANGLES = range(0, 360, 30)
 FOCAL, WIDTH, HEIGHT = 100.0, 160, 120
 REFERENCE_HEIGHT = 0.9
@@ -59,24 +54,8 @@ def turntable(tmp_path):
     return folder
 
 
-def run_command(monkeypatch, *words):
-    monkeypatch.setattr(sys, "argv", ["import_dataset", "bigbird", *map(str, words)])
-    import_dataset.command()
-
-
-def read_bag(path):
-    values = {}
-    with BagReader(path) as reader:
-        for message in reader.messages():
-            value = reader.decode(message.cdr, message.type_name)
-            value = from_message(value) if message.type_name in OUR_TYPES else value
-            values.setdefault(message.topic, []).append(value)
-    return values
-
-
 def test_every_view_is_a_frame_with_its_box(turntable, tmp_path, monkeypatch, capsys):
-    run_command(monkeypatch, turntable, "--out", tmp_path / "bag")
-    bag = read_bag(tmp_path / "bag")
+    bag = import_bag(monkeypatch, "bigbird", turntable, "--out", tmp_path / "bag")
     for topic in ("/image/compressed", "/camera_info", "/detections", "/odom", "/ground_truth/odom"):
         assert len(bag[topic]) == len(ANGLES), topic
     np.testing.assert_array_equal(bag["/detections"][3].boxes, [[70, 50, 90, 70]])
@@ -90,8 +69,7 @@ def test_every_view_is_a_frame_with_its_box(turntable, tmp_path, monkeypatch, ca
 
 
 def test_ground_truth_and_extrinsics_give_the_camera_pose_about_the_object(turntable, tmp_path, monkeypatch):
-    run_command(monkeypatch, turntable, "--out", tmp_path / "bag")
-    bag = read_bag(tmp_path / "bag")
+    bag = import_bag(monkeypatch, "bigbird", turntable, "--out", tmp_path / "bag")
     tree = TransformTree()
     tree.add(bag["/tf_static"][0])
     T_base_camera = tree.lookup("base_link", "camera_optical_frame")
@@ -108,14 +86,14 @@ def test_ground_truth_and_extrinsics_give_the_camera_pose_about_the_object(turnt
 
 
 def test_max_keyframes_and_a_folder_of_many_objects(turntable, tmp_path, monkeypatch):
-    run_command(monkeypatch, turntable.parent, "--out", tmp_path / "bag", "--max-keyframes", 5)
+    run_import(monkeypatch, "bigbird", turntable.parent, "--out", tmp_path / "bag", "--max-keyframes", 5)
     assert len(read_bag(tmp_path / "bag")["/detections"]) == 5
     (turntable.parent / "blue_mug").mkdir()
     (turntable.parent / "blue_mug" / "calibration.h5").touch()
     with pytest.raises(InputError, match="holds 2 objects; name the folder of one"):
-        run_command(monkeypatch, turntable.parent, "--out", tmp_path / "other")
+        run_import(monkeypatch, "bigbird", turntable.parent, "--out", tmp_path / "other")
 
 
 def test_a_camera_without_pictures_is_named(turntable, tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"no NP3_\*.jpg"):
-        run_command(monkeypatch, turntable, "--out", tmp_path / "bag", "--camera", "NP3")
+        run_import(monkeypatch, "bigbird", turntable, "--out", tmp_path / "bag", "--camera", "NP3")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from worlds.bags.image_folder import hand_held, write_cube_slam, write_seven_scenes
+from worlds.bags.imported import messages_of
 
-from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import import_dataset
 from semantic_slam.configuration import from_dict, load_configuration
 from semantic_slam.datasets.image_folders.images_in_space import drive_in_space
@@ -16,7 +16,6 @@ from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import from_message
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.shipped import CONFIGURATIONS
 
@@ -40,11 +39,6 @@ def imported(source, tmp_path, *words):
     return bag
 
 
-def messages(bag, topic):
-    with BagReader(bag) as reader:
-        return [from_message(reader.decode(raw.cdr, raw.type_name)) for raw in reader.messages([topic])]
-
-
 def in_first(points):
     """Level positions seen from the first body."""
     c, s = np.cos(PLANAR[0, 2]), np.sin(PLANAR[0, 2])
@@ -54,7 +48,8 @@ def in_first(points):
 def placed_in_map(bag):
     """All detected positions, moved by the true poses."""
     places = []
-    for true, told in zip(messages(bag, topics.GROUND_TRUTH_ODOMETRY), messages(bag, topics.DETECTIONS), strict=True):
+    known, seen = messages_of(bag, topics.GROUND_TRUTH_ODOMETRY), messages_of(bag, topics.DETECTIONS)
+    for true, told in zip(known, seen, strict=True):
         x, y, yaw = planar_from_pose_vector(true.pose)
         rotation = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         places += (told.positions[:, :2] @ rotation.T + [x, y]).tolist()
@@ -77,17 +72,17 @@ def test_what_a_pitching_camera_sees_stands_where_it_stands(folder, tmp_path):
 
 def test_truth_is_in_the_frame_of_its_first_pose_and_odometry_without_noise_agrees(folder, tmp_path):
     bag = imported(folder, tmp_path, "--drift", "0")
-    true = planar_from_pose_vector(np.array([row.pose for row in messages(bag, topics.GROUND_TRUTH_ODOMETRY)]))
+    true = planar_from_pose_vector(np.array([row.pose for row in messages_of(bag, topics.GROUND_TRUTH_ODOMETRY)]))
     np.testing.assert_allclose(true[:, :2], in_first(PLANAR), atol=1e-6)
     np.testing.assert_allclose(true[:, 2], PLANAR[:, 2] - PLANAR[0, 2], atol=1e-6)
-    told = planar_from_pose_vector(np.array([row.pose for row in messages(bag, topics.ODOMETRY)]))
+    told = planar_from_pose_vector(np.array([row.pose for row in messages_of(bag, topics.ODOMETRY)]))
     np.testing.assert_allclose(told, true, atol=1e-6)
 
 
 def test_noise_of_odometry_is_a_matter_of_seed_and_drift(folder, tmp_path):
     def odometry(name, *words):
         (tmp_path / name).mkdir()
-        rows = messages(imported(folder, tmp_path / name, *words), topics.ODOMETRY)
+        rows = messages_of(imported(folder, tmp_path / name, *words), topics.ODOMETRY)
         return np.array([row.pose for row in rows])
 
     first, again = odometry("a", "--seed", "1"), odometry("b", "--seed", "1")
@@ -117,7 +112,7 @@ def test_odometry_of_a_file_in_a_frame_of_its_own(folder, tmp_path):
         rows.append(" ".join(f"{value:.9f}" for value in row))
     (folder / "odometry.txt").write_text("\n".join(rows))
     bag = imported(folder, tmp_path)
-    told = planar_from_pose_vector(np.array([row.pose for row in messages(bag, topics.ODOMETRY)]))
+    told = planar_from_pose_vector(np.array([row.pose for row in messages_of(bag, topics.ODOMETRY)]))
     np.testing.assert_allclose(told[:, :2], in_first(PLANAR), atol=1e-6)
 
 
@@ -126,7 +121,7 @@ def test_a_box_without_depth_tells_its_bearing_alone(folder, tmp_path):
 
     for path in (folder / "depth_imgs").iterdir():
         cv2.imwrite(str(path), np.zeros((120, 160), dtype=np.uint16))
-    told = messages(imported(folder, tmp_path, "--drift", "0"), topics.DETECTIONS)[0]
+    told = messages_of(imported(folder, tmp_path, "--drift", "0"), topics.DETECTIONS)[0]
     assert np.isnan(told.positions).all()
     turned = in_first(POINTS)
     np.testing.assert_allclose(told.bearings_rad, np.arctan2(turned[:, 1], turned[:, 0]), atol=0.02)
@@ -183,7 +178,7 @@ def test_the_cabinet_stands_still_under_the_true_poses(tmp_path, data_set):
 def test_a_detector_finds_the_chairs_of_a_kitchen(tmp_path, data_set):
     weights = data_set("weights")
     words = ("--detector", str(weights / "nanodet_m.onnx"), "--labels-of", str(weights / "coco.names"))
-    told = messages(imported(data_set("redkitchen"), tmp_path, *words, "--max-keyframes", "3"), topics.DETECTIONS)
+    told = messages_of(imported(data_set("redkitchen"), tmp_path, *words, "--max-keyframes", "3"), topics.DETECTIONS)
     assert all("chair" in row.labels for row in told)
     assert all(np.isfinite(row.positions).all(axis=1).any() for row in told)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from worlds.bags.image_folder import hand_held
-from worlds.bags.imported import read_bag
+from worlds.bags.imported import messages_of, read_bag
 from worlds.bags.tum_folder import stamp_s, write_tum_folder
 
 from semantic_slam.bag.reader import BagReader
@@ -17,7 +17,6 @@ from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.geometry import se3, so3
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.inertial import imu_reading
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.shipped import CONFIGURATIONS
@@ -42,11 +41,6 @@ def imported(source, tmp_path, *words):
     return bag
 
 
-def messages(bag, topic):
-    with BagReader(bag) as reader:
-        return [from_message(reader.decode(raw.cdr, raw.type_name)) for raw in reader.messages([topic])]
-
-
 def in_map():
     """The points seen from the first body, whose heading alone is undone."""
     c, s = np.cos(PLANAR[0, 2]), np.sin(PLANAR[0, 2])
@@ -62,18 +56,18 @@ def folder(tmp_path):
 
 def test_map_begins_at_the_first_pose_with_gravity_down(folder, tmp_path):
     bag = imported(folder, tmp_path, "--drift", "0")
-    (start,) = messages(bag, topics.INITIAL_POSE)
-    true = messages(bag, topics.GROUND_TRUTH_ODOMETRY)
+    (start,) = messages_of(bag, topics.INITIAL_POSE)
+    true = messages_of(bag, topics.GROUND_TRUTH_ODOMETRY)
     np.testing.assert_allclose(true[0].pose, start.pose, atol=1e-8)
     np.testing.assert_allclose(start.pose[:3], 0.0, atol=1e-9)
     forward = so3.rotated(start.pose[3:], np.array([1.0, 0.0, 0.0]))
     np.testing.assert_allclose(forward, [np.cos(PITCHES[0]), 0.0, -np.sin(PITCHES[0])], atol=1e-6)
-    np.testing.assert_allclose(messages(bag, topics.GROUND_TRUTH_OBJECTS)[0].poses[:, :3], in_map(), atol=1e-6)
+    np.testing.assert_allclose(messages_of(bag, topics.GROUND_TRUTH_OBJECTS)[0].poses[:, :3], in_map(), atol=1e-6)
 
 
 def test_odometry_without_noise_is_the_truth_from_its_start(folder, tmp_path):
     bag = imported(folder, tmp_path, "--drift", "0")
-    told, true = messages(bag, topics.ODOMETRY), messages(bag, topics.GROUND_TRUTH_ODOMETRY)
+    told, true = messages_of(bag, topics.ODOMETRY), messages_of(bag, topics.GROUND_TRUTH_ODOMETRY)
     for first, second in zip(told, true, strict=True):
         step = se3.between(true[0].pose, second.pose)
         np.testing.assert_allclose(se3.log(se3.between(first.pose, step)), 0.0, atol=1e-7)
@@ -82,11 +76,11 @@ def test_odometry_without_noise_is_the_truth_from_its_start(folder, tmp_path):
 
 def test_what_depth_shows_stands_where_it_stands(folder, tmp_path):
     bag = imported(folder, tmp_path, "--drift", "0")
-    true = {row.stamp_ns: row.pose for row in messages(bag, topics.GROUND_TRUTH_ODOMETRY)}
-    frames = messages(bag, topics.DETECTIONS)
+    true = {row.stamp_ns: row.pose for row in messages_of(bag, topics.GROUND_TRUTH_ODOMETRY)}
+    frames = messages_of(bag, topics.DETECTIONS)
     assert [len(frame) for frame in frames][-1] == 0
     assert len(frames) == len(PLANAR)
-    for frame, seen in zip(frames, messages(bag, topics.GROUND_TRUTH_ASSOCIATIONS), strict=True):
+    for frame, seen in zip(frames, messages_of(bag, topics.GROUND_TRUTH_ASSOCIATIONS), strict=True):
         pose = true[frame.stamp_ns]
         for position, name in zip(frame.positions, seen.object_ids, strict=True):
             there = pose[:3] + so3.rotated(pose[3:], position)
@@ -101,7 +95,7 @@ def test_boxes_alone_are_enough(tmp_path):
     with BagReader(bag) as reader:
         assert "/image/compressed" not in reader.topics
         assert {"/camera_info", "/tf_static", "/initialpose"} <= set(reader.topics)
-    frames = messages(bag, topics.DETECTIONS)
+    frames = messages_of(bag, topics.DETECTIONS)
     assert len(frames) == len(PLANAR) - 1  # nobody tells of pictures that show nothing
     assert np.isnan(frames[0].positions).all()
     assert np.isfinite(frames[0].boxes).all()
@@ -158,8 +152,8 @@ def test_an_inertial_sensor_levels_the_map_where_the_world_of_the_poses_leans(tm
     ]
     (folder / "imu.txt").write_text("\n".join(rows) + "\n")
     bag = imported(folder, tmp_path, "--drift", "0")
-    np.testing.assert_allclose(messages(bag, topics.GROUND_TRUTH_OBJECTS)[0].poses[:, :3], in_map(), atol=1e-5)
-    shown, (start,) = read_bag(bag)["/imu"], messages(bag, topics.INITIAL_POSE)
+    np.testing.assert_allclose(messages_of(bag, topics.GROUND_TRUTH_OBJECTS)[0].poses[:, :3], in_map(), atol=1e-5)
+    shown, (start,) = read_bag(bag)["/imu"], messages_of(bag, topics.INITIAL_POSE)
     assert len(shown) == len(rows) and start.covariance[3, 3] == start.covariance[4, 4] == 0.02**2
     assert imu_reading(shown[0]).acceleration.tolist() == [float(word) for word in rows[0].split()[1:4]]
     (folder / "imu.txt").write_text("\n".join(row.replace("-", "") for row in rows) + "\n")

@@ -1,16 +1,11 @@
 """Victoria Park: every pose and detection of the real file arrives in the bag, identities only as ground truth."""
 
-import sys
-
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
+from worlds.bags.imported import import_bag, read_bag, run_import
 
-from semantic_slam.bag.definitions import extended_typestore
-from semantic_slam.cli import import_dataset
 from semantic_slam.datasets.victoria_park import dead_reckoning, example_path, range_bearing, read_log, stamps
 from semantic_slam.errors import InputError
-from semantic_slam.messages.codec import from_message
 
 SMALL = """ODOMETRY 0 1 1.0 0.0 1.5707963267948966 0.0001 0 0 4e-06 0 4e-06
 LANDMARK 1 2 3.0 4.0 0.4 0 0.4
@@ -25,20 +20,6 @@ def small(tmp_path):
     path = tmp_path / "victoria_park.txt"
     path.write_text(SMALL)
     return path
-
-
-def run_command(monkeypatch, *words):
-    monkeypatch.setattr(sys, "argv", ["import_dataset", *map(str, words)])
-    import_dataset.command()
-
-
-def read_bag(path):
-    """Topic -> our dataclasses, in the order of the bag."""
-    values = {}
-    with AnyReader([path], default_typestore=extended_typestore({})) as reader:
-        for connection, _, data in reader.messages():
-            values.setdefault(connection.topic, []).append(from_message(reader.deserialize(data, connection.msgtype)))
-    return values
 
 
 def test_poses_and_landmarks_share_one_index_space(small):
@@ -68,7 +49,7 @@ def test_the_drive_takes_as_long_as_it_took():
 
 
 def test_identities_are_ground_truth_only(small, tmp_path, monkeypatch):
-    run_command(monkeypatch, "victoria_park", small, "--out", tmp_path / "bag", "--landmark-variance", "0.25")
+    run_import(monkeypatch, "victoria_park", small, "--out", tmp_path / "bag", "--landmark-variance", "0.25")
     bag = read_bag(tmp_path / "bag")
     first, second = bag["/classifier/measurements"]
     assert [m.sequence for m in (first, second)] == [0, 1]
@@ -85,8 +66,7 @@ def test_identities_are_ground_truth_only(small, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_all_of_the_real_file_is_imported(tmp_path, monkeypatch, capsys):
-    run_command(monkeypatch, "victoria_park", "--out", tmp_path / "bag")
-    bag = read_bag(tmp_path / "bag")
+    bag = import_bag(monkeypatch, "victoria_park", "--out", tmp_path / "bag")
     frames = bag["/classifier/measurements"]
     assert len(bag["/odom"]) == 6969
     assert sum(map(len, frames)) == 3640
@@ -100,7 +80,7 @@ def test_all_of_the_real_file_is_imported(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_max_keyframes_counts_frames_with_detections(tmp_path, monkeypatch):
-    run_command(monkeypatch, "victoria_park", "--out", tmp_path / "bag", "--max-keyframes", 5)
+    run_import(monkeypatch, "victoria_park", "--out", tmp_path / "bag", "--max-keyframes", 5)
     bag = read_bag(tmp_path / "bag")
     assert len(bag["/classifier/measurements"]) == 5
     assert bag["/odom"][-1].stamp_ns == bag["/classifier/measurements"][-1].stamp_ns

@@ -7,9 +7,10 @@ from pathlib import Path
 import gtsam
 import numpy as np
 import pytest
+from worlds.bags.imported import run_import
 
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.cli import bag_to_report, import_dataset
+from semantic_slam.cli import bag_to_report
 from semantic_slam.configuration import load_configuration
 from semantic_slam.datasets.victoria_park import dead_reckoning, example_path, range_bearing, read_log
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector
@@ -75,8 +76,7 @@ def batch_solution(log, configuration):
 @pytest.mark.slow
 def test_first_keyframes_replay_report_and_agree_with_the_batch_solution(tmp_path, monkeypatch):
     bag, out = tmp_path / "bag", tmp_path / "out"
-    monkeypatch.setattr(sys, "argv", ["import_dataset", "victoria_park", "--out", str(bag)])
-    import_dataset.command()
+    run_import(monkeypatch, "victoria_park", "--out", bag)
     words = ("bag_to_report", bag, "--out", out, "--config", CONFIGURATION, "--max-keyframes", NUM_KEYFRAMES)
     monkeypatch.setattr(sys, "argv", [str(word) for word in words])
     bag_to_report.command()

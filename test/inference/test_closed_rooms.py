@@ -10,16 +10,25 @@ from semantic_slam_lab.studies.faulty_rooms.closed_room import (
     first_view,
     make_room,
     position_error_m,
-    right_share,
     some_views,
     with_swapped_scores,
     without_object,
 )
 
+from semantic_slam.inference.belief import HybridBelief
+
 KEYFRAMES, LATER = 30, 20
 """Of a drive, and those by which it is judged."""
 NOTHING_WRONG = {"semantic_model": {"outlier_share": 0.0}, "closed_world": {"clutter_per_frame": 0.0}}
 """As if every detection were of an object of the map, and every view as its class has it."""
+
+
+def right_share(room: ClosedRoom, belief: HybridBelief, k: int) -> float:
+    """Weight of the hypotheses whose associations of keyframe ``k`` are the true ones, -1 for what no map knows."""
+    known = belief.object_ids.tolist()
+    truth = [n if n in known else -1 for n in room.associations[k]]
+    right = (np.append(belief.object_ids.astype(int), -1)[belief.associations] == truth).all(axis=1)
+    return float(np.exp(belief.log_weights[right]).sum())
 
 
 def drawn_room(seed: int) -> ClosedRoom:

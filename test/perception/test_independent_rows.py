@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from semantic_slam.configuration import PerceptionConfiguration
-from semantic_slam.geometry.pose import rotated, rotation_matrix, transform_points
+from semantic_slam.geometry.pose import rotated_by_matrix, rotation_matrix, transform_points
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
@@ -94,6 +94,6 @@ def test_rotations_are_sums_of_products_in_the_order_of_the_axes() -> None:
     for _ in range(100):
         rotation, vectors = rotation_matrix(random.normal(size=4)), random.normal(size=(5, 3))
         exact = [[(x * a + y * b) + z * c for a, b, c in rotation.tolist()] for x, y, z in vectors.tolist()]
-        np.testing.assert_array_equal(rotated(rotation, vectors), exact)
-        np.testing.assert_array_equal(rotated(rotation, np.asfortranarray(vectors)), exact)
-        np.testing.assert_allclose(rotated(rotation, vectors), vectors @ rotation.T, rtol=0.0, atol=1e-15)
+        np.testing.assert_array_equal(rotated_by_matrix(rotation, vectors), exact)
+        np.testing.assert_array_equal(rotated_by_matrix(rotation, np.asfortranarray(vectors)), exact)
+        np.testing.assert_allclose(rotated_by_matrix(rotation, vectors), vectors @ rotation.T, rtol=0.0, atol=1e-15)

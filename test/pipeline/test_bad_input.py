@@ -19,7 +19,6 @@ from worlds.processes.commands import call
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.messages.standard import time_message
 
 NUM_FRAMES = 5
@@ -145,14 +144,6 @@ def test_time_going_backwards(command, topic, name, lost):
     assert (code, lines) == (0, [])
     assert stamps(report) == all_but(*lost)
     assert report["dropped"][f"{name}: time goes backwards"] == 1
-
-
-def change_detections(entries, k, change):
-    """Apply ``change`` to the arrays of the detections of frame ``k``."""
-    entry = of_topic(entries, topics.DETECTIONS)[k]
-    value = from_message(entry.message)
-    entry.message = to_message(change(value))
-    return entries
 
 
 def test_an_unknown_label(command, tmp_path):

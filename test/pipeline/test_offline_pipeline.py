@@ -22,6 +22,7 @@ from worlds.bags.bag_factory import (
     write_bag,
     write_configuration,
 )
+from worlds.bags.imported import messages_of
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
@@ -33,7 +34,7 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import from_message, to_message
+from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.images import decode_image
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import message_class, serialize, typestore
@@ -53,13 +54,8 @@ def bag(tmp_path):
     return write_bag(tmp_path / "bag", input_entries(NUM_FRAMES))
 
 
-def values(bag, topic):
-    with BagReader(bag) as reader:
-        return [from_message(reader.decode(item.cdr, item.type_name)) for item in reader.messages([topic])]
-
-
 def beliefs(bag):
-    return values(bag, topics.BELIEF)
+    return messages_of(bag, topics.BELIEF)
 
 
 def raw(bag, topic):
@@ -88,7 +84,7 @@ def test_the_belief_is_that_of_the_world(bag, tmp_path, configuration):
 
 def test_the_measurements_are_those_of_the_world(bag, tmp_path, configuration):
     run_bag(bag, tmp_path / "belief", configuration)
-    measured = values(tmp_path / "belief", topics.MEASUREMENTS)
+    measured = messages_of(tmp_path / "belief", topics.MEASUREMENTS)
     assert [item.sequence for item in measured] == [0, 1, 2, 3]
     for k, item in enumerate(measured):
         offsets = OBJECTS[:, :2] - [SPEED_M * k, 0.0]
@@ -101,7 +97,7 @@ def test_what_a_report_needs_is_in_the_belief_bag(bag, tmp_path, configuration):
     run_bag(bag, tmp_path / "belief", configuration)
     for topic in (topics.ODOMETRY, topics.GROUND_TRUTH_OBJECTS, topics.GROUND_TRUTH_ASSOCIATIONS, topics.TF_STATIC):
         assert raw(tmp_path / "belief", topic) == raw(bag, topic)
-    (run,) = values(tmp_path / "belief", topics.RUN_CONFIGURATION)
+    (run,) = messages_of(tmp_path / "belief", topics.RUN_CONFIGURATION)
     with BagReader(bag) as reader:
         assert json.loads(run.source) == {"path": str(bag), "sha256": reader.sha256()}
     assert run.stamp_ns == frame_stamp(0)
@@ -120,7 +116,7 @@ def test_the_belief_bag_shows_pose_path_and_markers(bag, tmp_path, configuration
     monkeypatch.setattr(recorded_views, "EVERY", 2)
     run_bag(bag, tmp_path / "belief", configuration)
     told = beliefs(tmp_path / "belief")
-    poses = values(tmp_path / "belief", topics.POSE)
+    poses = messages_of(tmp_path / "belief", topics.POSE)
     with BagReader(tmp_path / "belief") as reader:
         shown = [
             (item.topic, item.stamp_ns, reader.decode(item.cdr, item.type_name))
@@ -169,7 +165,7 @@ def test_without_depth_the_run_is_bearing_only(tmp_path, configuration):
     bag = write_bag(tmp_path / "bag", without(input_entries(NUM_FRAMES), topics.DEPTH_COMPRESSED))
     summary = run_bag(bag, tmp_path / "belief", configuration)
     assert (summary.num_keyframes, summary.dropped) == (NUM_FRAMES, {})
-    assert np.isnan(values(tmp_path / "belief", topics.MEASUREMENTS)[0].ranges_m).all()
+    assert np.isnan(messages_of(tmp_path / "belief", topics.MEASUREMENTS)[0].ranges_m).all()
 
 
 def test_the_initial_pose_of_the_bag_comes_first(tmp_path, configuration):
@@ -177,7 +173,7 @@ def test_the_initial_pose_of_the_bag_comes_first(tmp_path, configuration):
     start = PoseEstimate(frame_stamp(0), "map", pose, covariance)
     entries = [*input_entries(2), Entry(topics.INITIAL_POSE, to_message(start), frame_stamp(2))]  # anywhere in the bag
     run_bag(write_bag(tmp_path / "bag", entries), tmp_path / "belief", configuration)
-    (run,) = values(tmp_path / "belief", topics.RUN_CONFIGURATION)
+    (run,) = messages_of(tmp_path / "belief", topics.RUN_CONFIGURATION)
     np.testing.assert_array_equal(run.initial_covariance, covariance)
 
 
@@ -263,7 +259,7 @@ def test_the_objects_of_a_report_are_the_map_prior_of_a_later_run(bag, tmp_path,
     second = report("second", "--map-prior", str(found), "--seed", "5", "--max-keyframes", "3")
     assert second["seed"] == 5
     assert [keyframe["k"] for keyframe in second["keyframes"]] == [0, 1, 2]
-    (run,) = values(tmp_path / "second" / "belief", topics.RUN_CONFIGURATION)
+    (run,) = messages_of(tmp_path / "second" / "belief", topics.RUN_CONFIGURATION)
     assert json.loads(run.map_prior) == json.loads(read_map_prior(found).to_json())
     printed = capsys.readouterr().out.splitlines()
     for name in ("report.html", "report.json", "objects.json", "trajectory.tum"):

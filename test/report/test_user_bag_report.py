@@ -6,9 +6,10 @@ import sys
 import numpy as np
 import pytest
 from worlds.bags.bag_factory import write_configuration
+from worlds.bags.imported import run_import
 from worlds.bags.user_bag_factory import write_drive
 
-from semantic_slam.cli import bag_to_report, import_dataset
+from semantic_slam.cli import bag_to_report
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 CUP, BOTTLE = [3.1, -0.5], [3.1, 0.6]
@@ -20,8 +21,7 @@ FLAT = {"depth_to_width": 0.0}
 def import_drive(monkeypatch, folder, **drive):
     """The imported bag of a drive."""
     source, bag = write_drive(folder / "source", **drive), folder / "bag"
-    monkeypatch.setattr(sys, "argv", ["import_dataset", "bag", str(source), "--out", str(bag)])
-    import_dataset.command()
+    run_import(monkeypatch, "bag", source, "--out", bag)
     return bag
 
 

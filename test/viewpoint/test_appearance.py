@@ -23,7 +23,7 @@ from semantic_slam.training.appearance import fit_appearance
 from semantic_slam.training.other_things import other_crop
 from semantic_slam.training.viewpoint.fit import other_features
 from semantic_slam.training.viewpoint.regression import fit_class
-from semantic_slam.viewpoint.appearance import KnownAppearance, KnownPictures, is_novel
+from semantic_slam.viewpoint.appearance import KnownAppearance, KnownPictures
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.store import FORMAT, read_appearance, save_model
 
@@ -55,6 +55,11 @@ def other_things(seed: int) -> np.ndarray:
     generator = np.random.default_rng(seed)
     many = generator.gamma(0.5, size=(100, NUM_FEATURES)) + 0.1
     return pictures(1000, generator, many)[0]
+
+
+def is_novel(appearance: KnownAppearance, features: np.ndarray, false_alarms: float) -> np.ndarray:
+    """(N,) whether pictures with (N, K) features look like no known object, as ``KnownPictures`` says of each."""
+    return appearance.novelty(features) > appearance.limit(false_alarms)
 
 
 @pytest.mark.parametrize("rate", RATES)

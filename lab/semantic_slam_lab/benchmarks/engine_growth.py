@@ -1,11 +1,10 @@
 """Time per keyframe against keyframes, objects, detections and hypotheses: exponents of fitted powers."""
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from semantic_slam_lab.benchmarks.row import Row
+from semantic_slam_lab.benchmarks.row import Row, cpu_seconds
 from semantic_slam_lab.grid.hypothesis_fan import TRACKED, HypothesisFan
 from semantic_slam_lab.grid.world import grid_world
 
@@ -37,7 +36,7 @@ def along_track(seed: int, lengths: Sequence[int]) -> list[float]:
     """Seconds per keyframe around the given lengths of one track."""
     world = grid_world(seed, num_detections=DETECTIONS, num_keyframes=max(lengths) + REPETITIONS, noise=TRACKED)
     fan = HypothesisFan(world, HYPOTHESES)
-    seconds = [_timed(fan.step) for _ in world.frames]
+    seconds = [cpu_seconds(fan.step) for _ in world.frames]
     return [float(np.median(seconds[n : n + REPETITIONS])) for n in lengths]
 
 
@@ -49,7 +48,7 @@ def keyframe_seconds(
     world = grid_world(seed, num_detections=detections, num_keyframes=count, shape=shape, noise=TRACKED)
     fan = HypothesisFan(world, hypotheses)
     fan.advance(WIDENING)
-    return float(np.median([_timed(fan.step) for _ in range(REPETITIONS)]))
+    return float(np.median([cpu_seconds(fan.step) for _ in range(REPETITIONS)]))
 
 
 def _row(name: str, sizes: Sequence[int], seconds: Sequence[float], setting: str) -> Row:
@@ -57,9 +56,3 @@ def _row(name: str, sizes: Sequence[int], seconds: Sequence[float], setting: str
     listed = ", ".join(f"{size}: {value:.3g} s" for size, value in zip(sizes, seconds, strict=True))
     how = f"expand and commit of one keyframe; {setting}; {listed}; ours: the last; ratio: exponent of the fit"
     return Row(f"keyframe_growth_{name}", seconds[-1], float("nan"), "s", exponent, REPETITIONS, how)
-
-
-def _timed(call: Callable[[], object]) -> float:
-    start = time.thread_time()
-    call()
-    return time.thread_time() - start

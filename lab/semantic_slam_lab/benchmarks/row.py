@@ -23,12 +23,13 @@ class Row:
 
 def alternated(ours: Callable[[], Any], peer: Callable[[], Any], repetitions: int) -> tuple[float, float]:
     """Median CPU seconds of this thread for each, called in turn so that both meet the same machine."""
-    times = np.array([[_seconds(ours), _seconds(peer)] for _ in range(repetitions)])
+    times = np.array([[cpu_seconds(ours), cpu_seconds(peer)] for _ in range(repetitions)])
     first, second = np.median(times, axis=0)
     return float(first), float(second)
 
 
-def _seconds(call: Callable[[], Any]) -> float:
+def cpu_seconds(call: Callable[[], Any]) -> float:
+    """CPU seconds of this thread in a call."""
     start = time.thread_time()
     call()
     return time.thread_time() - start

@@ -9,6 +9,9 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
+REQUIREMENT = "project requirement"
+"""Source of the claims that the project makes of itself."""
+
 
 @dataclass(frozen=True)
 class Claim:
@@ -19,6 +22,11 @@ class Claim:
     thesis: str  # what the source reports, "" where it reports no number
     measured: str
     holds: bool
+
+
+def required(text: str, measured: str, holds: bool) -> Claim:
+    """A claim that the project makes of itself."""
+    return Claim(text, REQUIREMENT, "", measured, bool(holds))
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ class LevelPath:
 
     poses: Array  # (F, 3) x y [m] yaw [rad] of the body, in the plane
     R_body_camera: Array  # (F, 3, 3) of the optical frame
-    heights_m: Array  # (F,) against the first
 
 
 def levelled(T_world_camera: Array, down: Array) -> LevelPath:
@@ -42,7 +41,7 @@ def levelled(T_world_camera: Array, down: Array) -> LevelPath:
     positions = (T_world_camera[:, :3, 3] - T_world_camera[0, :3, 3]) @ R_world_plane
     headings = forward @ R_world_plane
     poses = np.column_stack([positions[:, :2], np.unwrap(np.arctan2(headings[:, 1], headings[:, 0]))])
-    return LevelPath(poses, np.swapaxes(R_world_body, 1, 2) @ T_world_camera[:, :3, :3], positions[:, 2])
+    return LevelPath(poses, np.swapaxes(R_world_body, 1, 2) @ T_world_camera[:, :3, :3])
 
 
 def at_times(times_s: Array, poses: Array, wanted_s: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.doctor.finding import Finding, error, warning
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.messages.standard import NANOSECONDS
-from semantic_slam.pipeline.assembly.keyframe_assembler import MAX_EXTRAPOLATION_S
+from semantic_slam.pipeline.odometry.odometry_buffer import MAX_EXTRAPOLATION_S
 
 NAME = "clocks"
 MOST_OUTSIDE = 0.02

@@ -74,11 +74,6 @@ class SearchStart:
     objects: Array
 
 
-def search_one(window: Window, robots: Array, objects: Array, settings: WeightsConfiguration) -> list[PosteriorMode]:
-    """Modes of the window ``window``, best first; see :func:`search_modes`."""
-    return search_modes([SearchStart(window, robots, objects)], settings)[0]
-
-
 def search_modes(starts: Sequence[SearchStart], settings: WeightsConfiguration) -> list[list[PosteriorMode]]:
     """Modes of each window, best first; empty where no sample has any weight.
 

@@ -22,14 +22,12 @@ from semantic_slam.inference.relocation.new_ground import NewGround
 from semantic_slam.inference.relocation.places import Account, Places, account
 from semantic_slam.inference.revision.replay import Progress, Replay, Revised
 from semantic_slam.inference.states.lineage import Lineage
-from semantic_slam.inference.world.carried import carried_to, new_grounds
+from semantic_slam.inference.world.carried import is_carried_lately, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.starts import Starts
 
 LOOKS = (3, 6, 10, 15, 20, 27, 35)
 """Keyframes after an unexpected one at which to search for poses on known ground."""
-SOON = 40
-"""Keyframes within which the robot is not carried twice, as long as some history was not carried in them."""
 MARGIN = 1.0
 """Nats below the entry threshold at which a history is weighed exactly: the best one's own weight is known roughly."""
 PROMISING = 1.0
@@ -103,8 +101,7 @@ class Recovery:
         """(K,) whether the parents of candidates were not carried lately (``SOON``); None where none ever is."""
         if not self.is_on:
             return None
-        lately = slice(max(self._num_noted - SOON, 1), None)
-        carried = {number: any(map(carried_to, own.lineage[lately])) for number, own in live.items()}
+        carried = {number: is_carried_lately(own.lineage) for number, own in live.items()}
         return np.array([not carried[number] for number in parent_ids.tolist()], dtype=bool)
 
     def found(
@@ -252,8 +249,7 @@ class Recovery:
 
     def _not_carried_lately(self, live: Mapping[int, Hypothesis], since: int) -> Lineage:
         """The likeliest history not carried within ``SOON`` keyframes before this one, or else the likeliest."""
-        lately = slice(max(since - SOON, 1), since)
-        lineages = [own.lineage for own in live.values() if not any(map(carried_to, own.lineage[lately]))]
+        lineages = [own.lineage for own in live.values() if not is_carried_lately(own.lineage[:since])]
         return [*lineages, next(iter(live.values())).lineage][0]
 
     def _look(self, since: int, live: Mapping[int, Hypothesis]) -> None:

@@ -171,7 +171,7 @@ class LookingBack:
         near = [pair for pair in near_pairs(ids, objects, lineage) if self._may_be_one(pair, lineage)]
         pairs = _not_hopeless(followed.component, self._tried.news(near, lineage))[: self._settings.proposals]
         self._tried.note(pairs, len(self._replay.steps))
-        together = apart(pairs, lineage)
+        together = apart(pairs)
         chosen = [[pair] for pair in pairs]
         if len(together) > 1:
             chosen.insert(0, together)

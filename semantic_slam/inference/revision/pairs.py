@@ -85,7 +85,7 @@ def merged(lineage: Lineage, pairs: Sequence[Pair]) -> Lineage:
     )
 
 
-def apart(pairs: Sequence[Pair], lineage: Lineage) -> list[Pair]:
+def apart(pairs: Sequence[Pair]) -> list[Pair]:
     """Pairs that can be merged at once: no two share an object."""
     chosen: list[Pair] = []
     taken: set[int] = set()

@@ -31,6 +31,8 @@ NEW_GROUND = 1
 """In place of a lattice point: carried to an unknown position, where the robot re-observes no known object."""
 FIRST_POINT = 2
 """Number of the first point of the lattice."""
+SOON = 40
+"""Keyframes within which the robot is not carried twice, as long as some history was not carried in them."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,11 @@ def _number(point: int) -> int:
 def carried_to(step: LineageStep) -> int:
     """The lattice point to which the robot is carried before a step other than the first one; NOWHERE: it is not."""
     return step.mode // MODES
+
+
+def is_carried_lately(lineage: Sequence[LineageStep]) -> bool:
+    """Whether the robot of a history was carried before one of its last ``SOON`` steps."""
+    return any(map(carried_to, lineage[max(len(lineage) - SOON, 1) :]))
 
 
 def new_grounds(lineage: Sequence[LineageStep]) -> tuple[int, ...]:

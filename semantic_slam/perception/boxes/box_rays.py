@@ -15,7 +15,7 @@ import numpy as np
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import rotated, rotation_matrix
+from semantic_slam.geometry.pose import rotated_by_matrix, rotation_matrix
 from semantic_slam.geometry.so3 import cross
 from semantic_slam.perception.boxes.box_sizes import are_cut, pixel_rays, shown_sizes
 from semantic_slam.perception.frame import CameraModel
@@ -42,7 +42,7 @@ def ray_covariances(
     axes = np.stack([across, cross(rays, across)], axis=2)
     rotation = rotation_matrix(T_base_camera[3:])
     turned = rotation @ axes
-    return rotated(rotation, rays), np.asarray((turned * variances[:, None]) @ np.swapaxes(turned, 1, 2))
+    return rotated_by_matrix(rotation, rays), np.asarray((turned * variances[:, None]) @ np.swapaxes(turned, 1, 2))
 
 
 def whole_boxes(boxes: Array, camera: CameraModel) -> Array:

@@ -23,7 +23,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.association.strategy import strategy_of
-from semantic_slam.inference.inputs.keyframe import Keyframe, OdometrySample
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.noise.clock_offset import OFFSETS
 from semantic_slam.inference.open_world.planar.region import sensor_region
 from semantic_slam.messages import topics
@@ -40,23 +40,13 @@ from semantic_slam.pipeline.gravity.imu_use import unused_because
 from semantic_slam.pipeline.gravity.level import level_at
 from semantic_slam.pipeline.odometry.motion import (
     OdometryPoint,
-    driven_between,
     motion_covariance,
     motion_covariance_in_space,
     motion_shifts,
     motion_slopes,
-    point_between,
-    start,
 )
-from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
-from semantic_slam.pipeline.odometry.odometry_rate import RateMeter
+from semantic_slam.pipeline.odometry.odometry_buffer import OdometryBuffer
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
-
-MAX_EXTRAPOLATION_S = 1.0
-"""How long after the last odometry sample, and before the first one, that one is used as the robot's pose [s].
-
-Measurements farther outside the time of the odometry cannot be used.
-"""
 
 LONGEST_NAME = 80
 """Characters of a foreign frame id that are quoted in a reason."""
@@ -86,12 +76,10 @@ class KeyframeAssembler:
         self._tracks = BoxTracks() if tracks_tell(configuration) else None
         self._in_space = PointsInput(configuration, self.dropped) if configuration.is_spatial else None
         self._region = sensor_region(configuration.open_world)
-        self._odometry = StampedBuffer(topics.ODOMETRY, self.dropped, made_of=self._advanced)
+        self._odometry = OdometryBuffer(self.dropped, with_slopes=configuration.odometry.estimate_bias)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
         self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
-        self._newest: OdometryPoint | None = None
-        self._rates = RateMeter()
-        self._last_keyframe: OdometryPoint | None = None  # before the first keyframe: the first odometry sample
+        self._last_keyframe: OdometryPoint | None = None
         self._last_poses: Array | None = None  # (G, 7) odometry there at all clock offsets, if these are estimated
         self._last_driven: tuple[float, float] | None = None  # [m], [rad] up to there, by uncorrected odometry stamps
         self._expected_ns = round(configuration.odometry.clock_offset_s * NANOSECONDS)
@@ -104,7 +92,11 @@ class KeyframeAssembler:
             self._instants_ns.append(-self._imu.window_ns)
         self._next_index = 0
         self.is_paused = False  # make no keyframes; the next one's odometry includes the motion meanwhile
-        self.first_pose: Array | None = None  # (7,) T_odom_body where the motion of the first keyframe starts
+
+    @property
+    def first_pose(self) -> Array | None:
+        """(7,) T_odom_body where the motion of the first keyframe starts; None before the first odometry."""
+        return None if self._odometry.start is None else self._odometry.start.pose
 
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry; one that is not finite is dropped, and its neighbours are interpolated."""
@@ -127,24 +119,6 @@ class KeyframeAssembler:
         """Take a sensor_msgs/Imu; ignored if the configuration does not use it."""
         if self._imu is not None:
             self._imu.add(message)
-
-    def _advanced(self, sample: OdometrySample) -> OdometryPoint:
-        """The odometry point at the next sample; at the first sample the first keyframe's motion starts."""
-        last = self._newest
-        if last is not None and sample.stamp_ns <= last.stamp_ns and not self._next_index:
-            last, self._rates = self._odometry.newest, RateMeter()  # the first stamps were wrong and were withdrawn
-        if last is None:
-            biases = self._configuration.odometry.estimate_bias
-            self._newest = self._last_keyframe = start(sample, with_slopes=biases)
-            self.first_pose = sample.pose
-        elif last.jumps_to(sample):
-            self.dropped[f"{topics.ODOMETRY}: jumps farther than any robot moves"] += 1
-            self._newest = last.after_jump_to(sample)
-        else:
-            new = last.advance(sample)
-            steps = (new.stamp_ns - last.stamp_ns, new.travelled_m - last.travelled_m, new.turned_rad - last.turned_rad)
-            self._newest = replace(new, rate=self._rates.step(*steps))
-        return self._newest
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
         """Take the measurements of one frame; detections that are no valid measurements are dropped, as such scores."""
@@ -195,7 +169,7 @@ class KeyframeAssembler:
         return self._keyframes(at_end=False)
 
     def flush(self) -> list[Keyframe]:
-        """All remaining keyframes, once no more messages will come; see :data:`MAX_EXTRAPOLATION_S`."""
+        """All remaining keyframes, once no more messages will come; see ``MAX_EXTRAPOLATION_S``."""
         for buffer in (self._odometry, self._measurements, self._identities):
             buffer.release()
         if self._imu is not None:
@@ -253,7 +227,7 @@ class KeyframeAssembler:
         if self.is_paused:
             self.dropped[f"{topics.MEASUREMENTS}: came while the robot was paused"] += 1
             return None
-        driven = self._driven(measurements.stamp_ns - self._expected_ns)
+        driven = self._odometry.driven_at(measurements.stamp_ns - self._expected_ns)
         if not self._is_chosen(measurements, driven):
             return None
         if self._imu is not None and self._imu.begins_later(measurements.stamp_ns):
@@ -267,7 +241,7 @@ class KeyframeAssembler:
         if named is None:
             self.dropped[f"{topics.MEASUREMENTS}: no {topics.GROUND_TRUTH_ASSOCIATIONS} of their stamp"] += 1
             return None
-        point, last = self._point(measurements.stamp_ns), self._last_keyframe
+        point, last = self._odometry.at(measurements.stamp_ns), self._last_keyframe or self._odometry.start
         assert last is not None
         covariance = motion_covariance if self._in_space is None else motion_covariance_in_space
         keyframe = Keyframe(
@@ -277,7 +251,7 @@ class KeyframeAssembler:
             odometry_covariance=covariance(last, point, self._configuration.odometry),
             measurements=named,
             odometry_slopes=motion_slopes(last, point),
-            odometry_shifts=self._shifts(point),
+            odometry_shifts=self._shifts(last, point),
             level=self._level(point),
         )
         self._measurements.settle()
@@ -286,71 +260,28 @@ class KeyframeAssembler:
         return keyframe
 
     def _is_odometry_near(self, stamp_ns: int) -> bool:
-        """Whether an instant is within odometry, or at most ``MAX_EXTRAPOLATION_S`` outside it; prunes old samples."""
-        earlier, later = self._around(stamp_ns)
-        oldest, _ = self._around(stamp_ns + min(self._instants_ns))
-        if earlier is not None and oldest is not None:
+        """Whether there is odometry at an instant, or shortly before or after it; prunes what is older than needed."""
+        oldest, _ = self._odometry.around(stamp_ns + min(self._instants_ns))
+        if oldest is not None:
             self._odometry.forget_before(oldest.stamp_ns)
-        if earlier is not None and later is not None:
-            return True
-        end = earlier or later
-        return end is not None and abs(stamp_ns - end.stamp_ns) <= MAX_EXTRAPOLATION_S * NANOSECONDS
-
-    def _point(self, stamp_ns: int) -> OdometryPoint:
-        """Odometry at an instant: interpolated; before the first sample the first, after the last one with sigmas."""
-        earlier, later = self._around(stamp_ns)
-        if earlier is not None and later is None:
-            return earlier.standing_until(stamp_ns)
-        return self._standing(stamp_ns)
-
-    def _around(self, stamp_ns: int) -> tuple[OdometryPoint | None, OdometryPoint | None]:
-        """The last odometry before an instant, and the first one at or after it."""
-        earlier: OdometryPoint | None = None
-        for sample_stamp_ns, point in self._odometry:
-            if sample_stamp_ns >= stamp_ns:
-                return earlier, point
-            earlier = point
-        return earlier, None
+        return self._odometry.is_near(stamp_ns)
 
     def _level(self, point: OdometryPoint) -> Array | None:
         """``Keyframe.level`` of a 3D run, from the IMU or from odometry; None if neither measures it."""
         if self._in_space is None:
             return None
         if self._imu is not None:
-            earlier = [each for stamp_ns, each in self._odometry if stamp_ns < point.stamp_ns]
-            return self._imu.level_at(point.stamp_ns, OdometryPath.of([*earlier, point]))
-        before = self._last_keyframe if self._next_index else None
-        return level_at(point, before, self._configuration.odometry)
+            return self._imu.level_at(point.stamp_ns, self._odometry.path_to(point))
+        return level_at(point, self._last_keyframe, self._configuration.odometry)
 
-    def _shifts(self, point: OdometryPoint) -> Array | None:
-        """Changes of the motion to ``point`` by odometry clock offsets; None if the offset is not estimated."""
+    def _shifts(self, last: OdometryPoint, point: OdometryPoint) -> Array | None:
+        """Changes of the motion by odometry clock offsets; None if the offset is not estimated."""
         if not self._offsets_ns:
             return None
-        assert self._last_keyframe is not None
-        poses = np.array([self._standing(point.stamp_ns + offset_ns).pose for offset_ns in self._offsets_ns])
-        before = (
-            self._last_poses if self._last_poses is not None else np.tile(self._last_keyframe.pose, (len(poses), 1))
-        )
+        poses = np.array([self._odometry.standing_at(point.stamp_ns + each_ns).pose for each_ns in self._offsets_ns])
+        before = self._last_poses if self._last_poses is not None else np.tile(last.pose, (len(poses), 1))
         self._last_poses = poses
         return motion_shifts(before, poses)
-
-    def _standing(self, stamp_ns: int) -> OdometryPoint:
-        """Odometry at an instant, interpolated; constant before the first sample and after the last."""
-        earlier, later = self._around(stamp_ns)
-        if earlier is not None and later is not None:
-            return point_between(earlier, later, stamp_ns)
-        end = earlier or later
-        assert end is not None
-        return end
-
-    def _driven(self, stamp_ns: int) -> tuple[float, float]:
-        """Path length [m] and sum of absolute turns [rad] up to an instant, interpolated as in :meth:`_standing`."""
-        earlier, later = self._around(stamp_ns)
-        if earlier is not None and later is not None:
-            return driven_between(earlier, later, stamp_ns)
-        end = earlier or later
-        assert end is not None
-        return end.travelled_m, end.turned_rad
 
     def _is_chosen(self, measurements: SemanticMeasurements, driven: tuple[float, float]) -> bool:
         """Whether the policy selects the frame; ``driven`` does not depend on the configured odometry clock offset."""

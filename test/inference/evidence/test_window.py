@@ -10,7 +10,7 @@ from semantic_slam.configuration import WeightsConfiguration
 from semantic_slam.geometry import se2
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.laplace import Mode
-from semantic_slam.inference.evidence.mode_search import SAME_VALLEY, search_one, valleys
+from semantic_slam.inference.evidence.mode_search import SAME_VALLEY, SearchStart, search_modes, valleys
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode
 from semantic_slam.inference.evidence.window import Window, WindowStep
 from semantic_slam.inference.models.planar.detection import PlanarDetection
@@ -70,12 +70,17 @@ def history(root: Component, detections: Sequence[PlanarDetection], control: np.
     return found
 
 
+def modes_from(given: Window, robots: np.ndarray) -> list[PosteriorMode]:
+    """Modes found from these poses of the robot and the object's place, best first."""
+    return search_modes([SearchStart(given, robots, OBJECT[None])], SETTINGS)[0]
+
+
 def modes_of(given: Window) -> list[PosteriorMode]:
     steps = [taken.motion.control for taken in given.taken]
     robots = [START]
     for control in steps:
         robots.append(se2.compose(robots[-1], control))
-    return search_one(given, np.array(robots), OBJECT[None], SETTINGS)
+    return modes_from(given, np.array(robots))
 
 
 def prior_evidence(given: Window, count: int = 400_000) -> tuple[float, float]:
@@ -138,7 +143,7 @@ def test_a_mode_answers_for_its_own_side_from_then_on() -> None:
         assert mode.window is not None
         given = mode.window.with_keyframe(WindowStep(motion, (AssociatedDetection(detection(model, 0.9), 0, 0),)), {})
         robots = np.array([mode.smoothed[robot_key(k)] for k in (-1, 0, 1, 1)])
-        found = search_one(given, robots, OBJECT[None], SETTINGS)
+        found = modes_from(given, robots)
         assert np.sign(found[0].smoothed[robot_key(2)][1]) == np.sign(mode.smoothed[robot_key(1)][1])
         total = np.logaddexp(total, np.logaddexp.reduce([each.log_evidence for each in found]))
     everything = history(root, [detection(model, a) for a in (0.8, 0.8, 0.9)], np.zeros(3))

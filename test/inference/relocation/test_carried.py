@@ -19,7 +19,7 @@ from semantic_slam.inference.relocation.places import Account
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.world.carried import carried_to, with_carried
+from semantic_slam.inference.world.carried import FIRST_POINT, SOON, carried_to, is_carried_lately, with_carried
 
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([-1.0, -3.0, 0.4])
 BEFORE, AFTER = 5, 6
@@ -194,3 +194,11 @@ def _by_grid(robot: np.ndarray, centre: np.ndarray, detections: list, places: np
         total -= 0.5 * np.log((2.0 * np.pi) ** 2 * variances.prod())
     volume = float(np.prod([axis[1] - axis[0] for axis in axes]))
     return float(np.logaddexp.reduce(total) + np.log(volume))
+
+
+@pytest.mark.parametrize("at", [0, 1, 2, 7])
+@pytest.mark.parametrize("length", [1, 2, SOON, SOON + 1, SOON + 9])
+def test_carried_lately_is_within_the_last_steps_and_the_first_step_is_a_start(at: int, length: int) -> None:
+    stays, moved = LineageStep((), ()), with_carried(LineageStep((), ()), FIRST_POINT)
+    lineage = tuple(moved if k == at else stays for k in range(length))
+    assert is_carried_lately(lineage) == (0 < at < length <= at + SOON)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from worlds.exact.spatial_fixtures import NOTHING_LEFT_OUT, history_weights, run_spatial, spatial
+from worlds.scenes.bodies import IN_PLANE, PINNED, full
 
 from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.geometry import se2, se3, so3
@@ -18,10 +19,6 @@ START_VARIANCES = np.array([0.2, 0.2, 0.05])
 STEP, STEP_VARIANCES = np.array([0.5, 0.05, 0.15]), np.array([0.0025, 0.0025, 0.0009])
 RANGE_SIGMA, BEARING_SIGMA = 0.35, 0.3
 SEEN = ((0, 1), (2, 0), (1, 2))
-PINNED = 1e-9
-"""Variance of height, roll and pitch, and of the points' heights."""
-IN_PLANE = [0, 1, 5]
-"""Rows of x, y and yaw among x y z rx ry rz."""
 
 
 def detections(random: np.random.Generator, names: bool) -> list[list[tuple[float, float, str]]]:
@@ -36,13 +33,6 @@ def detections(random: np.random.Generator, names: bool) -> list[list[tuple[floa
             [(r + a, b + e, f"p{n}" if names else "") for n, (r, b), (a, e) in zip(seen, polar, noise, strict=True)]
         )
     return frames
-
-
-def full(variances: np.ndarray) -> np.ndarray:
-    """(6, 6) over x y z rx ry rz, of which only x, y and yaw are uncertain."""
-    covariance = PINNED * np.eye(6)
-    covariance[IN_PLANE, IN_PLANE] = variances
-    return covariance
 
 
 def planar_run(frames: list, association: str, method: str) -> tuple[Engine, HybridBelief]:

@@ -5,10 +5,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from worlds.bags.imported import run_import
 from worlds.processes.installed import ROOT
 
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.cli import bag_to_report, import_dataset
+from semantic_slam.cli import bag_to_report
 from semantic_slam.messages.codec import from_message
 
 pytest.importorskip("semantic_slam_lab")
@@ -22,9 +23,7 @@ ROOM = ROOT / "bags" / "aliased_room"
 @pytest.mark.slow
 def test_eight_objects_have_the_right_name_and_nothing_else_exists(tmp_path: Path, monkeypatch, capsys) -> None:
     write_detector_bag(ROOM, tmp_path / "foreign", DetectorFaults(), seed=1)
-    words = ["import_dataset", "bag", tmp_path / "foreign", "--out", tmp_path / "bag"]
-    monkeypatch.setattr(sys, "argv", list(map(str, words)))
-    import_dataset.command()
+    run_import(monkeypatch, "bag", tmp_path / "foreign", "--out", tmp_path / "bag")
     words = ["bag_to_report", tmp_path / "bag", "--out", tmp_path / "out"]
     monkeypatch.setattr(sys, "argv", list(map(str, words)))
     with pytest.raises(SystemExit) as left:

@@ -1,12 +1,8 @@
 """Studies of hand-held cameras: what is simulated is what an importer reads, and references are where rays meet."""
 
-import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
-from semantic_slam_lab.commands import run_study
 from semantic_slam_lab.simulation.desks import CAMERA, Office, write_office
 from semantic_slam_lab.studies.desks.run import Walked, nearest
 from semantic_slam_lab.studies.desks.study import claims_of
@@ -68,17 +64,3 @@ def test_the_worst_walk_counts() -> None:
     assert [claim.holds for claim in claims] == [False, True, True, True, True, True, True, False, True, True]
     assert nearest(np.array([[0.0, 0.1, 0.0], [3.0, 0.0, 0.0]]), np.zeros((1, 3))) == {0: 0}
     assert nearest(np.zeros((0, 3)), np.zeros((1, 3))) == {}
-
-
-@pytest.mark.slow
-@pytest.mark.real_data
-def test_a_quick_run_of_real_pictures_in_space(
-    tmp_path: Path, data_set: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    data_set("cabinet_58")
-    words = ["--data", str(data_set("redkitchen").parent), "--quick", "--out", str(tmp_path / "out")]
-    monkeypatch.setattr("sys.argv", ["run_study", "real_in_space", *words])
-    run_study.command()
-    result = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert result["lines"]["cabinet, boxes alone"]["errors_m"][0] < 0.1
-    assert result["lines"]["kitchen, depth"]["counts"]["chair"] >= 2

@@ -5,12 +5,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from worlds.processes.waiting import comes_true
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration
@@ -56,13 +57,6 @@ def watcher() -> Iterator[tuple[Node, Watch]]:
     thread.join()
     node.destroy_node()
     context.try_shutdown()
-
-
-def comes_true(condition: Callable[[], bool], timeout_s: float = 20.0) -> bool:
-    give_up = time.monotonic() + timeout_s
-    while not condition() and time.monotonic() < give_up:
-        time.sleep(0.02)
-    return condition()
 
 
 def test_who_paused_returns_and_who_was_killed_does_not(

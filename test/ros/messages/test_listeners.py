@@ -1,11 +1,11 @@
 """Who counts as a listener: a recorder that comes up before the node that works must not start a replay."""
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 import rclpy
 from rclpy.node import Node
+from worlds.processes.waiting import comes_true
 
 from semantic_slam.messages import topics
 from semantic_slam.ros.bag_player import ONLOOKERS
@@ -30,13 +30,6 @@ def listener(context: rclpy.Context, name: str) -> Node:
     kind = ros_type(topics.TYPES[TOPIC])
     node.create_subscription(kind, TOPIC, lambda message: None, qos.replayed(TOPIC))
     return node
-
-
-def comes_true(condition: Callable[[], bool], timeout_s: float) -> bool:
-    give_up = time.monotonic() + timeout_s
-    while not condition() and time.monotonic() < give_up:
-        time.sleep(0.02)
-    return condition()
 
 
 def test_a_recorder_alone_is_no_listener(context: rclpy.Context) -> None:

@@ -4,6 +4,7 @@ The messages come as a list that a test may spoil before it is written.
 """
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,11 @@ class Entry:
 
 def frame_stamp(k: int) -> int:
     return START + k * PERIOD
+
+
+def stamps(items: Iterable[Any]) -> list[int]:
+    """Nanoseconds of frames, keyframes or messages."""
+    return [item.stamp_ns for item in items]
 
 
 def input_entries(num_frames: int = 6, with_depth: bool = True) -> list[Entry]:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from worlds.belief_factory import odometry_message
 
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.geometry import se2
@@ -12,7 +13,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations, GroundTruthObjects
-from semantic_slam.messages.standard import NANOSECONDS, OdometryEstimate
+from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.perception.frame import Detections
 
 START = 1_700_000_000 * NANOSECONDS
@@ -65,8 +66,8 @@ def write_drive(path: Path, noise: Noise, num_keyframes: int = 60, seed: int = 0
                 error = noise.odometry * SIGMAS * random.normal(size=3)
                 turned = STEP + noise.bias_rad_per_m * np.array([0.0, 0.0, STEP[0]])
                 true = se2.compose(se2.compose(true, turned), se2.exp(error))
-            writer.write(topics.ODOMETRY, _estimate(stamp, odometry, "odom"), stamp)
-            writer.write(topics.GROUND_TRUTH_ODOMETRY, _estimate(stamp, true, "map"), stamp)
+            writer.write(topics.ODOMETRY, odometry_message(stamp, odometry, "odom"), stamp)
+            writer.write(topics.GROUND_TRUTH_ODOMETRY, odometry_message(stamp, true, "map"), stamp)
             polar, seen = _detected(true, posts, noise, random)
             names = tuple("" if n < 0 else f"post {n}" for n in seen)
             writer.write(topics.GROUND_TRUTH_ASSOCIATIONS, GroundTruthAssociations(stamp, names), stamp)
@@ -75,10 +76,6 @@ def write_drive(path: Path, noise: Noise, num_keyframes: int = 60, seed: int = 0
         poses = pose_vector_from_planar(np.column_stack([posts, np.zeros(len(posts))]))
         writer.write(topics.GROUND_TRUTH_OBJECTS, GroundTruthObjects(START, ids, ("post",) * len(ids), poses), START)
     return path
-
-
-def _estimate(stamp: int, pose: Array, frame: str) -> OdometryEstimate:
-    return OdometryEstimate(stamp, frame, "base_link", pose_vector_from_planar(pose), np.zeros((6, 6)))
 
 
 def _detected(pose: Array, posts: Array, noise: Noise, random: np.random.Generator) -> tuple[Array, list[int]]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam_lab.studies.aliased_room.scores import METRICS
-from semantic_slam_lab.studies.result import Claim, Figure, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Figure, Table
 
 WORDS = {
     "ours": "open world (ours)",
@@ -58,7 +58,6 @@ SETTING = (
      " follows its best associations. It takes detections one by one (joint options run out of time) and cannot say"
      " that one object takes one detection; classes by votes"),
 )  # fmt: skip
-REQUIREMENT = "project requirement"
 
 
 def claims_of(result: dict[str, Any]) -> list[Claim]:

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from semantic_slam_lab.studies.ch3.pages import COLUMNS, number
-from semantic_slam_lab.studies.rendered.pages import REQUIREMENT, ROUNDING
+from semantic_slam_lab.studies.rendered.pages import ROUNDING
 from semantic_slam_lab.studies.rendered.realisations import WORDS
-from semantic_slam_lab.studies.result import Claim, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Table
 
 SOURCE = "Sec. 3.4.5.2, Fig. 3.17"
 TENFOLD = 2.302585

@@ -9,7 +9,7 @@ from semantic_slam.configuration import to_dict
 from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.studies.carried_robot.run import DRIVES, Driven, Method, driven, with_values
 from semantic_slam_lab.studies.faulty_rooms.closed import configuration
-from semantic_slam_lab.studies.result import Claim, Table, write_result
+from semantic_slam_lab.studies.result import Claim, Table, required, write_result
 
 NAME = "carried_robot"
 ROOMS, QUICK_ROOMS = 10, 1
@@ -95,15 +95,7 @@ def claims_of(found: Found) -> list[Claim]:
             ),
         )
         for text, number, count in cases:
-            claims.append(
-                Claim(
-                    text=f"{world}: {text}",
-                    source="project requirement",
-                    thesis="",
-                    measured=f"{told[number]} of {count}",
-                    holds=told[number] >= 0.9 * count,
-                )
-            )
+            claims.append(required(f"{world}: {text}", f"{told[number]} of {count}", told[number] >= 0.9 * count))
     return claims
 
 

@@ -19,11 +19,10 @@ from semantic_slam_lab.studies.ch4.methods import (
     Summaries,
 )
 from semantic_slam_lab.studies.ch4.runs import Method
-from semantic_slam_lab.studies.result import Claim, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Table
 
 LEAST_P_TRUE = 0.99
 LARGEST_OVERCONFIDENCE = 0.05
-REQUIREMENT = "project requirement"
 IMPROVED = ("association_entropy", "det_position_covariance", "error_max_weight_m", "error_weighted_m")
 """The metrics of Fig. 4.5."""
 

@@ -17,7 +17,7 @@ from semantic_slam_lab.studies.ch4.pictures import (
 from semantic_slam_lab.studies.ch4.runs import Followed, Method, Moment, follow
 from semantic_slam_lab.studies.ch4.scenarios import given_scenario, long_path, settings
 from semantic_slam_lab.studies.ch4.simulation import Run, simulate
-from semantic_slam_lab.studies.result import Claim, Figure, Table, write_result
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Figure, Table, write_result
 
 NAME = "ch4_example"
 SHOWN = (1, 5, 15, 25)
@@ -169,7 +169,7 @@ def claims(result: Mapping[str, Any]) -> list[Claim]:
         ),
         Claim(
             "With semantics the true association is certain at the end of the repetitions",
-            "project requirement",
+            REQUIREMENT,
             "at least 0.99 on average",
             f"{methods['ours']['p_true_association_final']:.4f}, without"
             f" {methods['no_semantics']['p_true_association_final']:.4f};"

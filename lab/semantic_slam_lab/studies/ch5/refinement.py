@@ -51,7 +51,7 @@ def _solved(model: LatentModel, runs: Sequence[Located], formulation: str, jobs:
 
 
 def _smoothed(drive: Drive, model: LatentModel) -> Smoothed:
-    """The descriptor is unknown, as before."""
+    """The posterior of a track, whose descriptor is unknown."""
     return drive.smoothed(model, model.prior)
 
 

@@ -10,7 +10,7 @@ from semantic_slam.configuration import to_dict
 from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.simulation.desks import Office
 from semantic_slam_lab.studies.desks.run import Walked, configuration, walked
-from semantic_slam_lab.studies.result import Claim, Table, write_result
+from semantic_slam_lab.studies.result import Claim, Table, required, write_result
 
 NAME = "desks"
 DRIFTS = (0.01, 0.03)
@@ -47,22 +47,18 @@ def claims_of(found: Found) -> list[Claim]:
     for drift, rows in found.items():
         name, share = f"drift {drift:.0%}", 1.0 if drift <= DRIFTS[0] else 0.5
         things, f1 = min(row.found for row in rows), min(row.f1 for row in rows)
-        claims.append(_claim(f"{name}: {LEAST_FOUND} things or more", f"{things}", things >= LEAST_FOUND))
-        claims.append(_claim(f"{name}: F1 of {LEAST_F1} or more", f"{f1:.3f}", f1 >= LEAST_F1))
+        claims.append(required(f"{name}: {LEAST_FOUND} things or more", f"{things}", things >= LEAST_FOUND))
+        claims.append(required(f"{name}: F1 of {LEAST_F1} or more", f"{f1:.3f}", f1 >= LEAST_F1))
         worst = max(row.ate_m / row.odometry_ate_m for row in rows)
         text = f"{name}: error of the path at most {share:g} of odometry's"
-        claims.append(_claim(text, f"{worst:.2f}", worst <= share))
+        claims.append(required(text, f"{worst:.2f}", worst <= share))
         nees = [row.nees for row in rows]
         holds = min(nees) >= NEES[0] and max(nees) <= NEES[1]
         text = f"{name}: mean normalised squared error of the pose in {NEES[0]:g} to {NEES[1]:g}"
-        claims.append(_claim(text, ", ".join(f"{value:.1f}" for value in nees), holds))
+        claims.append(required(text, ", ".join(f"{value:.1f}" for value in nees), holds))
         speed = min(row.times_real for row in rows)
-        claims.append(_claim(f"{name}: {REAL_TIME:g} times real time", f"{speed:.2f}", speed >= REAL_TIME))
+        claims.append(required(f"{name}: {REAL_TIME:g} times real time", f"{speed:.2f}", speed >= REAL_TIME))
     return claims
-
-
-def _claim(text: str, measured: str, holds: bool) -> Claim:
-    return Claim(text=text, source="project requirement", thesis="", measured=measured, holds=holds)
 
 
 def _table(found: Found) -> Table:

@@ -7,9 +7,8 @@ import numpy as np
 from scipy.stats import kstwo
 
 from semantic_slam_lab.studies.drawn_worlds.calibration import LEVEL
-from semantic_slam_lab.studies.result import Claim, Figure, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Figure, Table
 
-REQUIREMENT = "project requirement"
 LEAST_HELD = 0.9
 
 

@@ -18,8 +18,6 @@ STEPS_PER_LAP = 24
 MOTION_SIGMAS = np.array([0.08, 0.08, 0.06])
 DETECTED, CLUTTER_PER_FRAME = 0.85, 0.15
 RANGE_SIGMA_M, BEARING_SIGMA_RAD = 0.15, 0.04
-CROP_SIGMA = 0.1
-"""Length of what a box that is cut otherwise changes, in lengths of vectors."""
 CLUTTER = -1
 MOST_DRAWS = 10_000
 

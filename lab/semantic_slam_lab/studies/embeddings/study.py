@@ -15,10 +15,9 @@ from semantic_slam_lab.studies.embeddings import texts
 from semantic_slam_lab.studies.embeddings.drives import METHODS, driven
 from semantic_slam_lab.studies.embeddings.gallery import Gallery, drawn, photographed
 from semantic_slam_lab.studies.embeddings.questions import PASSES, Asked, asked_of_map, scores
-from semantic_slam_lab.studies.result import Claim, Table, write_result
+from semantic_slam_lab.studies.result import Claim, Table, required, write_result
 
 NAME = "embeddings"
-REQUIREMENT = "project requirement"
 DATA = "SEMANTIC_SLAM_DATA"
 MAPS, QUICK_MAPS = 10, 2
 ROOMS, QUICK_ROOMS = 10, 1
@@ -108,18 +107,14 @@ def _claims(found: dict[str, Any]) -> list[Claim]:
             whole = own["ours"]["all"]
             what = f"{network}, things passed {name}: find_objects by vector"
             claims += [
-                _claim(f"{what} right for ≥ 95 %", f"{whole['right']:.3f}", whole["right"] >= 0.95),
-                _claim(f"{what} calibrated, ECE ≤ 0.05", f"{whole['ece']:.3f}", whole["ece"] <= 0.05),
+                required(f"{what} right for ≥ 95 %", f"{whole['right']:.3f}", whole["right"] >= 0.95),
+                required(f"{what} calibrated, ECE ≤ 0.05", f"{whole['ece']:.3f}", whole["ece"] <= 0.05),
             ]
         f1 = {method: part["methods"][method]["association_f1"] for method in METHODS}
         measured = ", ".join(f"{method} {value:.3f}" for method, value in f1.items())
         text = f"{network}: detections are associated no worse with vectors than without"
-        claims.append(_claim(text, measured, f1["embedding"] >= f1["none"]))
+        claims.append(required(text, measured, f1["embedding"] >= f1["none"]))
     return claims
-
-
-def _claim(text: str, measured: str, holds: bool) -> Claim:
-    return Claim(text, REQUIREMENT, "", measured, bool(holds))
 
 
 def _tables(found: dict[str, Any], named: dict[str, dict[str, float]]) -> list[Table]:

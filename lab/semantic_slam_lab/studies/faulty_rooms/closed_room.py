@@ -123,14 +123,6 @@ def run(room: ClosedRoom, configuration: Configuration) -> list[HybridBelief]:
     return [engine.process(keyframe) for keyframe in room.keyframes]
 
 
-def right_share(room: ClosedRoom, belief: HybridBelief, k: int) -> float:
-    """Weight of the hypotheses whose associations of keyframe ``k`` are the true ones, -1 for what no map knows."""
-    known = belief.object_ids.tolist()
-    truth = [n if n in known else -1 for n in room.associations[k]]
-    right = (np.append(belief.object_ids.astype(int), -1)[belief.associations] == truth).all(axis=1)
-    return float(np.exp(belief.log_weights[right]).sum())
-
-
 def position_error_m(room: ClosedRoom, belief: HybridBelief) -> float:
     """Distance of the heaviest hypothesis's newest pose from the truth."""
     return float(np.hypot(*(planar_from_pose_vector(belief.poses[0])[:2] - room.truth[belief.keyframe, :2])))

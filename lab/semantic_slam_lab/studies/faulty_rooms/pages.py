@@ -2,9 +2,8 @@
 
 from typing import Any
 
-from semantic_slam_lab.studies.result import Claim, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Table
 
-REQUIREMENT = "project requirement"
 LEAST_NAMED, MOST_ECE, MOST_WITH_GHOST = 0.9, 0.02, 0.05
 OURS = "known_map"
 COLUMNS = (

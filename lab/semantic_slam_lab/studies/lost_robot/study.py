@@ -17,9 +17,8 @@ from semantic_slam_lab.studies.lost_robot.starts import starts_of
 from semantic_slam_lab.studies.real_drives.drives import MRCLAM, chosen_drives, data_folder
 from semantic_slam_lab.studies.real_drives.methods import configuration
 from semantic_slam_lab.studies.real_drives.scores import Metrics
-from semantic_slam_lab.studies.result import Claim, Table, write_result
+from semantic_slam_lab.studies.result import Claim, Table, required, write_result
 
-REQUIREMENT = "project requirement"
 MOST_DETECTIONS, QUICK_DETECTIONS = 120, 32
 COLUMNS = {
     "right_clusters": ("right clusters", ".0%"),
@@ -68,11 +67,13 @@ def claims_of(rows: Rows) -> list[Claim]:
     wrong = max(_values(rows, "wrong_probability"))
     p95, most = max(_values(rows, "cpu_p95_s")), max(_values(rows, "cpu_max_s"))
     return [
-        _claim("At least 20 starts", f"{len(rows)}", len(rows) >= 20),
-        _claim("Right cluster and ATE ≤ 0.5 m in at least 90 %", f"{np.mean(right):.0%}", float(np.mean(right)) >= 0.9),
-        _claim("Wrong with P > 0.9 in none", f"at most {wrong:.3f}", wrong <= 0.9),
-        _claim("A keyframe takes at most 1 s at the 95th percentile", f"at most {p95:.2f} s", p95 <= 1.0),
-        _claim("A keyframe takes at most 3 s", f"at most {most:.2f} s", most <= 3.0),
+        required("At least 20 starts", f"{len(rows)}", len(rows) >= 20),
+        required(
+            "Right cluster and ATE ≤ 0.5 m in at least 90 %", f"{np.mean(right):.0%}", float(np.mean(right)) >= 0.9
+        ),
+        required("Wrong with P > 0.9 in none", f"at most {wrong:.3f}", wrong <= 0.9),
+        required("A keyframe takes at most 1 s at the 95th percentile", f"at most {p95:.2f} s", p95 <= 1.0),
+        required("A keyframe takes at most 3 s", f"at most {most:.2f} s", most <= 3.0),
     ]
 
 
@@ -83,10 +84,6 @@ def _is_right(row: Metrics) -> bool:
 
 def _values(rows: Rows, name: str) -> list[float]:
     return [float(row[name] or 0.0) for row in rows.values()]
-
-
-def _claim(text: str, measured: str, holds: bool) -> Claim:
-    return Claim(text, REQUIREMENT, "", measured, bool(holds))
 
 
 def _table(rows: Rows) -> Table:

@@ -5,9 +5,8 @@ from typing import Any
 
 from semantic_slam_lab.studies.own_detector.lessons import FITTED, TAUGHT
 from semantic_slam_lab.studies.own_detector.scores import LEAST_LEAD, LEAST_VIEWS, METRICS, SURE
-from semantic_slam_lab.studies.result import Claim, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Table
 
-REQUIREMENT = "project requirement"
 MOST_ECE = 0.05
 MOST_NLL, MOST_ABOVE_TAUGHT, MOST_LATER = 0.5, 1.2, 2.0
 OURS, OTHERS = "ours", ("labels_counted", "arg_max", "running_product")

@@ -7,9 +7,8 @@ import numpy as np
 
 from semantic_slam_lab.studies.real_drives.drives import DLR, KITTI, MRCLAM
 from semantic_slam_lab.studies.real_drives.methods import ABLATIONS, BASELINES, BATCH, GIVEN, OURS, WITH_ROBOTS
-from semantic_slam_lab.studies.result import Claim
+from semantic_slam_lab.studies.result import Claim, required
 
-REQUIREMENT = "project requirement"
 DENSITY_ABLATIONS = ("without_correlation", "without_outliers", "without_estimated_noise")
 
 Row = Mapping[str, Any]
@@ -51,7 +50,7 @@ def _mrclam(drives: Drives) -> list[Claim]:
         ates = [(row["ate_aligned_m"], given[name]["ate_aligned_m"]) for name, row in ours.items()]
         text = "ATE at most 1.25 times that with numbers given, or 0.15 m"
         measured = ", ".join(f"{own:.2f} ({told:.2f}) m" for own, told in ates)
-        claims.insert(0, _claim(text, measured, all(own <= max(1.25 * told, 0.15) for own, told in ates)))
+        claims.insert(0, required(text, measured, all(own <= max(1.25 * told, 0.15) for own, told in ates)))
     for method in (*BASELINES, *ABLATIONS):
         claims += _against(ours, _rows(drives, MRCLAM, method), method)
     with_robots = _rows(drives, MRCLAM, WITH_ROBOTS)
@@ -69,8 +68,8 @@ def _against(ours: dict[str, Row], theirs: dict[str, Row], method: str) -> list[
         own, other = _mean(ours, "ate_aligned_m"), _mean(theirs, "ate_aligned_m")
         f1, other_f1 = _mean(ours, "association_f1_clusters"), _mean(theirs, "association_f1_clusters")
         return [
-            _claim(f"Mean ATE below that of {method}", f"{own:.2f} and {other:.2f} m", own < other),
-            _claim(
+            required(f"Mean ATE below that of {method}", f"{own:.2f} and {other:.2f} m", own < other),
+            required(
                 f"Mean cluster F1 not below that of {method}", f"{f1:.3f} and {other_f1:.3f}", f1 >= min(other_f1, 0.99)
             ),
         ]
@@ -78,7 +77,7 @@ def _against(ours: dict[str, Row], theirs: dict[str, Row], method: str) -> list[
         return []
     own, other = _mean(ours, "log_density"), _mean(theirs, "log_density")
     return [
-        _claim(
+        required(
             f"Mean log density of the true pose above that {_words(method)}", f"{own:.2f} and {other:.2f}", own > other
         )
     ]
@@ -97,7 +96,7 @@ def _given(drives: Drives) -> list[Claim]:
         ates = [(row["ate_aligned_m"], batch[name]["ate_aligned_m"]) for name, row in given.items()]
         text = "Numbers given: ATE at most 1.25 times the robust batch's, and 0.18 m"
         measured = ", ".join(f"{own:.2f} ({other:.2f}) m" for own, other in ates)
-        claims.append(_claim(text, measured, all(own <= min(1.25 * other, 0.18) for own, other in ates)))
+        claims.append(required(text, measured, all(own <= min(1.25 * other, 0.18) for own, other in ates)))
     return claims
 
 
@@ -120,9 +119,9 @@ def _kitti(drives: Drives) -> list[Claim]:
     ates = [(row["ate_aligned_m"], row["dead_reckoning_ate_aligned_m"]) for row in ours.values()]
     return [
         _each("KITTI: at least 95 % of the parked cars found", ours, "parked_recall", ".2f", lambda v: v >= 0.95),
-        _claim("KITTI: at most 5 % ghosts", ", ".join(f"{share:.0%}" for share in shares), max(shares) <= 0.05),
+        required("KITTI: at most 5 % ghosts", ", ".join(f"{share:.0%}" for share in shares), max(shares) <= 0.05),
         _each("KITTI: at least 80 % of the movers called moving", ours, "moving_recall", ".2f", lambda v: v >= 0.8),
-        _claim(
+        required(
             "KITTI: ATE at most half of dead reckoning's",
             ", ".join(f"{own:.1f} ({dead:.1f}) m" for own, dead in ates),
             all(own <= 0.5 * dead for own, dead in ates),
@@ -135,12 +134,8 @@ def _each(text: str, rows: dict[str, Row], key: str, style: str, test: Callable[
     values: Sequence[float | None] = [row.get(key) for row in rows.values()]
     form, _, unit = style.partition(" ")
     measured = ", ".join("unknown" if value is None else format(value, form) for value in values)
-    return _claim(text, f"{measured} {unit}".strip(), all(value is not None and test(value) for value in values))
+    return required(text, f"{measured} {unit}".strip(), all(value is not None and test(value) for value in values))
 
 
 def _mean(rows: dict[str, Row], key: str) -> float:
     return float(np.mean([row[key] for row in rows.values()]))
-
-
-def _claim(text: str, measured: str, holds: bool) -> Claim:
-    return Claim(text, REQUIREMENT, "", measured, bool(holds))

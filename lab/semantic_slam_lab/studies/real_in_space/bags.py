@@ -3,17 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from semantic_slam.datasets.image_folders.detector_arguments import given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
 from semantic_slam.datasets.image_folders.images_import import found_in
 from semantic_slam.datasets.image_folders.images_in_space import drive_in_space
 from semantic_slam.datasets.space.drive import SpatialDrive, write_spatial_drive
 from semantic_slam.datasets.space.mount import mounted
 from semantic_slam.perception.frame import Detections
-from semantic_slam_lab.studies.real_kitchen.study import tum_rows
-from semantic_slam_lab.studies.real_kitchen.visual_odometry import visual_odometry
+from semantic_slam_lab.studies.real_kitchen.front_end import front_end
 
 DRIFT = 0.02
 """Noise of the cabinet's odometry, which is made of its true poses."""
@@ -21,11 +17,9 @@ DRIFT = 0.02
 
 def kitchen(folder: ImageFolder, weights: Path, place: Path, seed: int) -> tuple[SpatialDrive, list[Detections]]:
     """How the camera moved by visual odometry, and NanoDet's boxes. Raises InputError."""
-    poses, _ = visual_odometry(folder, seed)
-    odometry = place / "odometry.txt"
-    np.savetxt(odometry, tum_rows(np.array([frame.time_s for frame in folder.frames]), poses), fmt="%.9f")
-    detector = given_detector(weights / "nanodet_m.onnx", weights / "coco.names")
-    return drive_in_space(folder, odometry, 0.0, seed), found_in(folder, detector)
+    told, odometry = front_end(folder, weights, seed), place / "odometry.txt"
+    told.write_odometry(odometry)
+    return drive_in_space(folder, odometry, 0.0, seed), told.found
 
 
 def cabinet(folder: ImageFolder, seed: int) -> tuple[SpatialDrive, list[Detections]]:

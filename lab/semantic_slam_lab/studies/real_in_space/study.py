@@ -19,7 +19,7 @@ from semantic_slam_lab.studies.real_in_space import bags
 from semantic_slam_lab.studies.real_in_space.reference import meeting_point, places
 from semantic_slam_lab.studies.real_in_space.run import Task, configuration, outcome_of
 from semantic_slam_lab.studies.real_kitchen.reference import COUNTS, agreed_places
-from semantic_slam_lab.studies.result import Claim, Table, write_result
+from semantic_slam_lab.studies.result import Claim, Table, required, write_result
 
 QUICK_FRAMES = 60
 WITH_DEPTH, ALONE, CABINET = "kitchen, depth", "kitchen, boxes alone", "cabinet, boxes alone"
@@ -82,15 +82,11 @@ def claims_of(runs: Mapping[str, dict[str, Any]]) -> list[Claim]:
         errors, most = told["errors_m"], LARGEST_M[name]
         measured = ", ".join("missing" if error is None else f"{error:.3f}" for error in errors)
         holds = all(error is not None and error <= most for error in errors)
-        claims.append(_claim(f"{name}: each within {most:.2f} m", f"{measured} m", holds))
-        claims.append(_claim(f"{name}: nothing else", f"{told['ghosts']} others", told["ghosts"] == 0))
+        claims.append(required(f"{name}: each within {most:.2f} m", f"{measured} m", holds))
+        claims.append(required(f"{name}: nothing else", f"{told['ghosts']} others", told["ghosts"] == 0))
         ate, odometry = told["ate_m"], told["odometry_ate_m"]
-        claims.append(_claim(f"{name}: path no worse than odometry", f"{ate:.3f}, {odometry:.3f} m", ate <= odometry))
+        claims.append(required(f"{name}: path no worse than odometry", f"{ate:.3f}, {odometry:.3f} m", ate <= odometry))
     return claims
-
-
-def _claim(text: str, measured: str, holds: bool) -> Claim:
-    return Claim(text=text, source="project requirement", thesis="", measured=measured, holds=holds)
 
 
 def _table(runs: Mapping[str, dict[str, Any]]) -> Table:

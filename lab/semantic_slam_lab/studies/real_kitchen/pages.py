@@ -6,9 +6,8 @@ from typing import Any
 
 from semantic_slam_lab.studies.real_kitchen.judged import Judged
 from semantic_slam_lab.studies.real_kitchen.reference import COUNTS
-from semantic_slam_lab.studies.result import Claim, Figure, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Figure, Table
 
-REQUIREMENT = "project requirement"
 LARGEST_ERROR_M = 0.10
 MARKERS = {"chair": "s", "cup": "^"}
 

@@ -10,23 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from semantic_slam.configuration import Configuration, to_dict
-from semantic_slam.datasets.image_folders.detector_arguments import given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
-from semantic_slam.datasets.image_folders.images_import import found_in, write_images
+from semantic_slam.datasets.image_folders.images_import import write_images
 from semantic_slam.datasets.image_folders.journey import journey_by_odometry
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
 from semantic_slam.evaluation.belief_bag import read_record
-from semantic_slam.geometry.arrays import Array
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam_lab.repetitions import apart
 from semantic_slam_lab.studies.real_drives.drives import data_folder
+from semantic_slam_lab.studies.real_kitchen.front_end import front_end
 from semantic_slam_lab.studies.real_kitchen.judged import Judged, judged
 from semantic_slam_lab.studies.real_kitchen.methods import METHODS, configuration, configuration_of
 from semantic_slam_lab.studies.real_kitchen.pages import claims_of, figures_of, tables_of
-from semantic_slam_lab.studies.real_kitchen.visual_odometry import visual_odometry
 from semantic_slam_lab.studies.result import write_result
 from semantic_slam_lab.studies.victoria_park.methods import StudyPool, smoothed_poses
 
@@ -58,19 +55,10 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int, data: Path | None = Non
 
 def write_bag(folder: ImageFolder, weights: Path, place: Path, seed: int) -> int:
     """Write ``place``/bag with visual odometry; in how many frames that failed is returned. Raises InputError."""
-    poses, failures = visual_odometry(folder, seed)
-    odometry = place / "odometry.txt"
-    times = np.array([frame.time_s for frame in folder.frames])
-    np.savetxt(odometry, tum_rows(times, poses), fmt="%.9f")
-    journey = journey_by_odometry(folder, odometry)
-    detector = given_detector(weights / "nanodet_m.onnx", weights / "coco.names")
-    write_images(folder, journey, found_in(folder, detector), place / "bag")
-    return failures
-
-
-def tum_rows(times_s: Array, poses: Array) -> Array:
-    """(N, 8) t x y z qx qy qz qw of (N, 4, 4) poses."""
-    return np.column_stack([times_s, poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat()])
+    told, odometry = front_end(folder, weights, seed), place / "odometry.txt"
+    told.write_odometry(odometry)
+    write_images(folder, journey_by_odometry(folder, odometry), told.found, place / "bag")
+    return told.failures
 
 
 def outcome_of(task: Task) -> Judged:

@@ -5,9 +5,8 @@ from typing import Any
 
 from semantic_slam_lab.studies.ch3.pages import number
 from semantic_slam_lab.studies.real_turntables.latent_models import FORMULATIONS
-from semantic_slam_lab.studies.result import Claim
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim
 
-REQUIREMENT = "project requirement"
 LEAST_CORRECT = 0.95
 SHARE_OF_MGR, LEAST_MGR = 0.1, 0.5
 LEAST_PEAK = 0.95

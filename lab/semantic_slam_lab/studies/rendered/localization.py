@@ -17,10 +17,10 @@ from semantic_slam_lab.studies.rendered import figures as draw
 from semantic_slam_lab.studies.rendered.aliasing import AliasingMap, aliasing_map, fixed_tracks
 from semantic_slam_lab.studies.rendered.methods import TEST_NOISES, class_processes
 from semantic_slam_lab.studies.rendered.models import HALF_WIDTH_M, TrainedModels, train_models
-from semantic_slam_lab.studies.rendered.pages import NAMES, REQUIREMENT, Methods, lowest_nll, methods_table, summaries
+from semantic_slam_lab.studies.rendered.pages import NAMES, Methods, lowest_nll, methods_table, summaries
 from semantic_slam_lab.studies.rendered.realisations import ALL, SWEPT, WORDS, Problem, realisation
 from semantic_slam_lab.studies.rendered.views import CLASSES, Subject, measure
-from semantic_slam_lab.studies.result import Claim, Figure, Table, write_result
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Figure, Table, write_result
 
 NAME = "rendered_localization"
 TRUE_CLASS = CLASSES.index("desk")

@@ -17,7 +17,6 @@ from semantic_slam_lab.studies.rendered.models import HALF_WIDTH_M, TrainedModel
 from semantic_slam_lab.studies.rendered.pages import (
     LEAST_EXCESS,
     NAMES,
-    REQUIREMENT,
     Methods,
     lowest_nll,
     methods_table,
@@ -26,7 +25,7 @@ from semantic_slam_lab.studies.rendered.pages import (
 )
 from semantic_slam_lab.studies.rendered.tracks import SEEN_FROM_Y_M, random_tracks
 from semantic_slam_lab.studies.rendered.views import CLASSES, LEAST_RANGE_M, NUM_PASSES, Subject, measure, pictures
-from semantic_slam_lab.studies.result import Claim, Figure, write_result
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Figure, write_result
 
 NAME = "rendered_model_uncertainty"
 TRUE_CLASS = CLASSES.index("crate")

@@ -7,7 +7,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam_lab.studies.ch3.metrics import summary, true_class_first
 from semantic_slam_lab.studies.ch3.pages import COLUMNS, number
 from semantic_slam_lab.studies.rendered.methods import METHODS, OURS
-from semantic_slam_lab.studies.result import Claim, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Table
 
 Methods = Mapping[str, Mapping[str, Any]]
 
@@ -15,7 +15,6 @@ ROUNDING = 1e-9
 """Nats; certain and right answers differ by the rounding of their logarithms."""
 OTHERS = ("recursive", "model_based", "simple_bayes")
 NAMES = {"none": "no test noise", "sigma_n": "test noise sigma_n"}
-REQUIREMENT = "project requirement"
 LEAST_EXCESS = 5.0
 """A 95th percentile of Model Based's log MGR above this leaves something to improve by half."""
 

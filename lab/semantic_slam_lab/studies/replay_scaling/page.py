@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from semantic_slam_lab.studies.result import Claim, Figure, Table
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Figure, Table
 
 SAME = 1e-9
 """Difference up to which two beliefs count as equal."""
@@ -28,7 +28,7 @@ def _equal(rows: Rows) -> Claim:
     largest = max((row["belief_difference"] for row in double if row["keyframes_compared"]), default=np.inf)
     return Claim(
         text="Two backends state the same belief as one",
-        source="project requirement",
+        source=REQUIREMENT,
         thesis="",
         measured=f"largest difference of any number: {largest:.2g}, over {compared} keyframes",
         holds=bool(compared and largest <= SAME),
@@ -41,7 +41,7 @@ def _complete(rows: Rows) -> Claim:
     ]
     return Claim(
         text="Every replay reaches its last keyframe within the limit",
-        source="project requirement",
+        source=REQUIREMENT,
         thesis="",
         measured="; ".join(reached),
         holds=all(row["finished"] for row in rows),
@@ -60,7 +60,7 @@ def _growth(rows: Rows) -> Claim:
     missing = [f"{row['objects']}: not one keyframe" for row in single if row["ms_per_keyframe_p50"] is None]
     return Claim(
         text="Time per keyframe grows more slowly than the map while what is in sight stays the same",
-        source="project requirement",
+        source=REQUIREMENT,
         thesis="",
         measured=f"{', '.join([*times, *missing])} (one backend); {fit}",
         holds=bool(exponent < 1.0 and not missing),
@@ -76,7 +76,7 @@ def _faster(rows: Rows) -> Claim:
     ]
     return Claim(
         text="A second backend makes keyframes faster",
-        source="project requirement",
+        source=REQUIREMENT,
         thesis="",
         measured="; ".join(found) or "nothing to compare",
         holds=bool(double) and all(row["speedup"] > 1.0 for row in double),

@@ -7,7 +7,7 @@ from pathlib import Path
 from semantic_slam.configuration import load_configuration, to_dict
 from semantic_slam.shipped import configuration_file
 from semantic_slam_lab.repetitions import repeat
-from semantic_slam_lab.studies.result import Claim, Table, write_result
+from semantic_slam_lab.studies.result import REQUIREMENT, Claim, Table, write_result
 from semantic_slam_lab.studies.second_session.sessions import STARTS, Judged, sessions
 
 ROOMS, QUICK_ROOMS = 10, 1
@@ -55,7 +55,7 @@ def claims_of(rooms: Rooms) -> list[Claim]:
         claims += [
             Claim(
                 f"Shipped room, {start.replace('_', ' ')}: two displaced, one gone, one new, P >= 0.9, no other",
-                "project requirement",
+                REQUIREMENT,
                 "",
                 f"least probability {shipped.least:.3f}, {shipped.wrong} wrong",
                 is_right(shipped),

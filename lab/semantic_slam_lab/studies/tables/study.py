@@ -12,7 +12,7 @@ from semantic_slam.configuration import to_dict
 from semantic_slam_lab.repetitions import repeat
 from semantic_slam_lab.simulation.detectors.detector_words import DetectorFaults
 from semantic_slam_lab.simulation.tables import NAMES, OTHERS, Flight
-from semantic_slam_lab.studies.result import Claim, Table, write_result
+from semantic_slam_lab.studies.result import Claim, Table, required, write_result
 from semantic_slam_lab.studies.tables.lost import Settled, lost
 from semantic_slam_lab.studies.tables.run import Flown, configuration, flown
 
@@ -106,16 +106,16 @@ def claims_of(found: Found) -> list[Claim]:
         told = _summary(rows)
         right = told["all_right"]
         text = f"{name}: every thing once in 9 of 10 rooms"
-        claims.append(_claim(text, f"{right} of {len(rows)}", right >= 0.9 * len(rows)))
+        claims.append(required(text, f"{right} of {len(rows)}", right >= 0.9 * len(rows)))
         for what in ("pose", "object"):
             mean, (low, high) = told[f"{what}_nees"], told[f"{what}_band"]
             holds = mean is not None and low < mean < high
             text = f"{name}: normalised squared error of one {what} in every room in the 95 % band of its mean"
-            claims.append(_claim(text, "-" if mean is None else f"{mean:.2f} in {low:.2f} to {high:.2f}", holds))
+            claims.append(required(text, "-" if mean is None else f"{mean:.2f} in {low:.2f} to {high:.2f}", holds))
     if WITH_DEPTH in found and WITHOUT_DEPTH in found:
         with_depth, without = (_summary(found[name])["error_m"] for name in (WITH_DEPTH, WITHOUT_DEPTH))
         text = "without depth: error of the path at most twice that with depth"
-        claims.append(_claim(text, f"{without:.3f} m against {with_depth:.3f} m", without <= MOST_TIMES * with_depth))
+        claims.append(required(text, f"{without:.3f} m against {with_depth:.3f} m", without <= MOST_TIMES * with_depth))
     return claims
 
 
@@ -137,12 +137,8 @@ def claims_of_starts(settled: Put) -> list[Claim]:
     for name, rows in settled.items():
         right = sum(row.is_right for row in rows)
         text = f"lost by 3 m and any yaw among {name}: settled right in 9 of 10 rooms"
-        claims.append(_claim(text, f"{right} of {len(rows)}", right >= 0.9 * len(rows)))
+        claims.append(required(text, f"{right} of {len(rows)}", right >= 0.9 * len(rows)))
     return claims
-
-
-def _claim(text: str, measured: str, holds: bool) -> Claim:
-    return Claim(text=text, source="project requirement", thesis="", measured=measured, holds=holds)
 
 
 def _table(found: Found) -> Table:

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam_lab.studies.result import Claim, Figure, Table
+from semantic_slam_lab.studies.result import Claim, Figure, Table, required
 from semantic_slam_lab.studies.victoria_park.methods import Outcome
 
-REQUIREMENT = "project requirement"
 PASSED_F1 = 0.99
 REFERENCE = (
     "Where a path lies on the broad grey one, association was right. Known association is the minimum of half the"
@@ -46,32 +45,32 @@ def claims_of(result: dict[str, Any]) -> list[Claim]:
     factors = result["odometry_factors"]
     good = [name for name, row in factors.items() if passes(row)]
     return [
-        _claim(
+        required(
             "Association F1 >= 0.975, and >= 0.995 with the doubtful pairs as one",
             f"{ours['association_f1']:.4f} and {ours['association_f1_merged']:.4f}",
             ours["association_f1"] >= 0.975 and ours["association_f1_merged"] >= 0.995,
         ),
-        _claim(
+        required(
             "140 to 160 landmarks (whole drive)",
             f"{ours['n_landmarks']:.0f} after {result['num_keyframes']} keyframes",
             140 <= ours["n_landmarks"] <= 160,
         ),
-        _claim(
+        required(
             "RMS distance to the known-association solution <= 1.0 m",
             f"{ours['rms_to_known_association_m']:.2f} m",
             ours["rms_to_known_association_m"] <= 1.0,
         ),
-        _claim(
+        required(
             "At least 50 times real time, no keyframe over 222 ms (CPU time of the one thread)",
             f"{ours['real_time_factor']:.0f} times, {ours['ms_per_keyframe_max']:.0f} ms",
             ours["real_time_factor"] >= 50.0 and ours["ms_per_keyframe_max"] <= 222.0,
         ),
-        _claim(
+        required(
             "19 of 20 reruns with 10 % of the detections dropped reach 0.99",
             f"{passed} of {len(runs)}",
             passed >= 0.95 * len(runs),
         ),
-        _claim(
+        required(
             "So does the file's odometry covariance times 4 to 50",
             f"{', '.join(good) or 'none'} of {', '.join(factors)}",
             len(good) == len(factors),
@@ -82,10 +81,6 @@ def claims_of(result: dict[str, Any]) -> list[Claim]:
 def passes(row: dict[str, Any]) -> bool:
     """A rerun that counts as right."""
     return bool(row["association_f1_merged"] > PASSED_F1 and not row["fault"])
-
-
-def _claim(text: str, measured: str, holds: bool) -> Claim:
-    return Claim(text, REQUIREMENT, "", measured, bool(holds))
 
 
 def tables_of(result: dict[str, Any]) -> list[Table]:

@@ -11,7 +11,7 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
-from semantic_slam.inference.open_world.keyframe.seen_again import seen_again
+from semantic_slam.inference.open_world.keyframe.associated_pairs import associated_pairs
 from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.prediction.nearby import views_of
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
@@ -43,7 +43,7 @@ class ExistenceAccounts:
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
             own = assignments.take(rows)
-            seen = seen_again(self._problem, prediction, own, object_ids[rows], ~moves[rows])
+            seen = associated_pairs(self._problem, prediction, own, object_ids[rows], ~moves[rows])
             looks, found = self._looks(prediction, own, seen)
             for at, row in enumerate(rows.tolist()):
                 mine = seen.candidates == at

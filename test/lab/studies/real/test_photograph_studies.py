@@ -3,11 +3,13 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from semantic_slam_lab.commands import run_study
 from semantic_slam_lab.studies.real_cabinet.study import settled_view
+from semantic_slam_lab.studies.real_kitchen.front_end import FrontEnd, front_end
 from semantic_slam_lab.studies.real_kitchen.judged import matched
 from semantic_slam_lab.studies.real_kitchen.reference import Standing, agreed_places
 from semantic_slam_lab.studies.real_kitchen.visual_odometry import LEAST_MATCHES, Seen, matches, relative_pose
@@ -73,22 +75,68 @@ def test_features_are_matched_both_ways():
     assert matches(words[:1], words).shape == (0, 2)
 
 
+@pytest.fixture(scope="module")
+def seen_once() -> Callable[[ImageFolder, Path, int], FrontEnd]:
+    """Odometry and boxes of the kitchen, computed once for all studies."""
+    known: dict[tuple[Path, int, int], FrontEnd] = {}
+
+    def seen(folder: ImageFolder, weights: Path, seed: int) -> FrontEnd:
+        key = (folder.path, len(folder.frames), seed)
+        if key not in known:
+            known[key] = front_end(folder, weights, seed)
+        return known[key]
+
+    return seen
+
+
+@pytest.fixture
+def quick_result(
+    tmp_path: Path,
+    data_set: Callable[[str], Path],
+    seen_once: Callable[[ImageFolder, Path, int], FrontEnd],
+    monkeypatch: pytest.MonkeyPatch,
+) -> Callable[[str], dict[str, Any]]:
+    """What a quick run of a study finds, with its page written."""
+    data_set("cabinet_58")
+    words = ["--data", str(data_set("redkitchen").parent), "--quick", "--out", str(tmp_path / "out")]
+    for module in ("real_kitchen.study", "real_in_space.bags"):
+        monkeypatch.setattr(f"semantic_slam_lab.studies.{module}.front_end", seen_once)
+    for module in ("real_kitchen.study", "real_in_space.study"):
+        monkeypatch.setattr(f"semantic_slam_lab.studies.{module}.QUICK_FRAMES", 48)
+
+    def result(study: str) -> dict[str, Any]:
+        monkeypatch.setattr("sys.argv", ["run_study", study, *words])
+        run_study.command()
+        assert (tmp_path / "out" / "result.html").stat().st_size > 1_000
+        return json.loads((tmp_path / "out" / "result.json").read_text())
+
+    return result
+
+
 @pytest.mark.slow
 @pytest.mark.real_data
-@pytest.mark.parametrize("study", ["real_kitchen", "real_cabinet"])
-def test_a_quick_run_on_photographs(
-    study: str, tmp_path: Path, data_set: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    data_set("cabinet_58")
-    monkeypatch.setattr("semantic_slam_lab.studies.real_kitchen.study.QUICK_FRAMES", 48)
-    monkeypatch.setattr("semantic_slam_lab.studies.real_cabinet.study.QUICK_PASSES", 3)
-    words = ["--data", str(data_set("redkitchen").parent), "--quick", "--out", str(tmp_path / "out")]
-    monkeypatch.setattr("sys.argv", ["run_study", study, *words])
-    run_study.command()
-    result = json.loads((tmp_path / "out" / "result.json").read_text())
+def test_a_quick_run_of_the_kitchen(quick_result: Callable[[str], dict[str, Any]]) -> None:
+    result = quick_result("real_kitchen")
     assert result["quick"]
     assert {"ours"} < set(result["methods"])
-    if study == "real_kitchen":
-        assert result["counts"]["chair"] >= 2
-        assert result["visual_odometry_failures"] == 0
-    assert (tmp_path / "out" / "result.html").stat().st_size > 1_000
+    assert result["counts"]["chair"] >= 2
+    assert result["visual_odometry_failures"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.real_data
+def test_a_quick_run_of_real_pictures_in_space(quick_result: Callable[[str], dict[str, Any]]) -> None:
+    result = quick_result("real_in_space")
+    assert result["lines"]["cabinet, boxes alone"]["errors_m"][0] < 0.1
+    assert result["lines"]["kitchen, depth"]["counts"]["chair"] >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.real_data
+def test_a_quick_run_of_the_cabinet(
+    quick_result: Callable[[str], dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("semantic_slam_lab.studies.real_cabinet.study.QUICK_PASSES", 3)
+    result = quick_result("real_cabinet")
+    assert result["quick"]
+    assert {"ours"} < set(result["methods"])

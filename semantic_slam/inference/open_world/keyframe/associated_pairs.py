@@ -10,7 +10,7 @@ from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.world.problem import Problem
 
 
-def seen_again(
+def associated_pairs(
     problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, stands: Flags
 ) -> SeenAgain:
     """Pairs of K candidates of one parent; ``object_ids`` (K, D) as associated, without what moves.

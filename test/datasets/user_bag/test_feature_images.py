@@ -1,23 +1,19 @@
 """Segments with vectors, as semantic_inference tells them, are detections with embeddings."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds.bags.imported import read_bag
+from worlds.bags.imported import import_bag
 from worlds.bags.user_bag_factory import FOCAL, Seen, UserBag, write_drive
 
-from semantic_slam.cli import import_dataset
 from semantic_slam.datasets.user_bag.feature_images import from_feature_image
 from semantic_slam.errors import MessageError
 
 
 def test_a_bag_of_segments_is_imported_with_their_vectors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = write_drive(tmp_path / "source", detector="segments")
-    monkeypatch.setattr(sys, "argv", ["import_dataset", "bag", str(source), "--out", str(tmp_path / "bag")])
-    import_dataset.command()
-    first = read_bag(tmp_path / "bag")["/detections"][0]
+    first = import_bag(monkeypatch, "bag", source, "--out", tmp_path / "bag")["/detections"][0]
     u = round(80 + FOCAL * 0.5 / 3.0)
     assert first.labels == ("", "") and first.frame_id == "camera_optical_frame"
     np.testing.assert_array_equal(first.boxes[0], [u - 12, 48, u + 12, 72])

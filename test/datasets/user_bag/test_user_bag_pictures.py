@@ -1,0 +1,86 @@
+"""Colour and depth images of a user's own bag, in any encoding and transport."""
+
+import struct
+
+import cv2
+import numpy as np
+import pytest
+from worlds.bags.imported import import_bag, merge_bags, read_bag, run_import
+from worlds.bags.user_bag_factory import HEIGHT, SECOND, WIDTH, UserBag, picture, write_drive
+
+from semantic_slam.datasets.user_bag.image_formats import to_millimetres
+from semantic_slam.errors import InputError
+
+
+def decoded(message):
+    return cv2.imdecode(np.asarray(message.data), cv2.IMREAD_UNCHANGED)
+
+
+def test_raw_colour_keeps_its_colours(tmp_path, monkeypatch):
+    run_import(monkeypatch, "bag", write_drive(tmp_path / "source"), "--out", tmp_path / "bag")
+    image = decoded(read_bag(tmp_path / "bag")["/image/compressed"][0])
+    rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    assert np.abs(rgb.astype(int) - picture(0)).mean() < 4.0  # JPEG; swapped channels give more than 50
+
+
+@pytest.mark.parametrize("kind", ["16UC1", "32FC1", "compressedDepth"])
+def test_depth_becomes_millimetres(tmp_path, monkeypatch, kind):
+    run_import(monkeypatch, "bag", write_drive(tmp_path / "source", depth=kind), "--out", tmp_path / "bag")
+    depth = decoded(read_bag(tmp_path / "bag")["/depth/compressed"][1])
+    assert depth.dtype == np.uint16
+    assert depth[0, 0] == 0  # was NaN
+    np.testing.assert_allclose(depth[1:], 2900, atol=1)
+
+
+def test_inverse_depth_of_compressed_depth_transport(tmp_path, monkeypatch):
+    # 32FC1 travels as q = scale / depth + offset: 2 m with scale 1000 and offset 10 is q = 510; q = 0 is invalid.
+    source = write_drive(tmp_path / "source", frames=1, depth="")
+    quantised = np.full((HEIGHT, WIDTH), 510, dtype=np.uint16)
+    quantised[0, 0] = 0
+    with UserBag(tmp_path / "depth") as bag:
+        header = struct.pack("<iff", 0, 1000.0, 10.0)
+        message = bag.compressed(SECOND, quantised, ".png", "32FC1; compressedDepth png", header)
+        bag.write("/depth/compressedDepth", message, SECOND)
+    merge_bags(tmp_path / "both", source, tmp_path / "depth")
+    run_import(monkeypatch, "bag", tmp_path / "both", "--out", tmp_path / "bag")
+    depth = decoded(read_bag(tmp_path / "bag")["/depth/compressed"][0])
+    assert depth[0, 0] == 0
+    assert (depth[1:] == 2000).all()
+
+
+def test_depth_beyond_what_16_bits_hold_is_invalid():
+    metres = np.array([[0.0, -1.0, np.nan, np.inf, 65.535, 65.536, 1.2344]], dtype=np.float32)
+    np.testing.assert_array_equal(to_millimetres(metres), [[0, 0, 0, 0, 65535, 0, 1234]])
+
+
+def test_without_depth_none_is_written(tmp_path, monkeypatch, capsys):
+    run_import(monkeypatch, "bag", write_drive(tmp_path / "source", depth=""), "--out", tmp_path / "bag")
+    assert "/depth/compressed" not in read_bag(tmp_path / "bag")
+    assert "bearing only" in capsys.readouterr().out
+
+
+def test_depth_can_be_left_out_and_is_then_counted(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", frames=3)
+    run_import(monkeypatch, "bag", source, "--out", tmp_path / "bag", "--depth", "none")
+    assert "/depth/compressed" not in read_bag(tmp_path / "bag")
+    assert "not needed: /camera/aligned_depth/image_raw 3" in capsys.readouterr().out
+
+
+def test_images_that_do_not_decode_are_counted(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", frames=2)
+    with UserBag(tmp_path / "broken") as bag:
+        message = bag.image(3 * SECOND, picture(0), "rgb8")
+        message.data = message.data[:100]
+        bag.write("/camera/color/image_raw", message, 3 * SECOND)
+    merge_bags(tmp_path / "both", source, tmp_path / "broken")
+    assert len(import_bag(monkeypatch, "bag", tmp_path / "both", "--out", tmp_path / "bag")["/image/compressed"]) == 2
+    assert "/camera/color/image_raw: 100 bytes are no 160 x 120 image of rgb8" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["/camera/aligned_depth/image_raw", "/nope"])
+def test_depth_that_is_named_and_would_not_be_used_is_refused(tmp_path, monkeypatch, name):
+    source = write_drive(tmp_path / "source", frames=1)
+    with pytest.raises(InputError, match=rf"--depth {name} would not be used, as it needs colour images"):
+        run_import(monkeypatch, "bag", source, "--out", tmp_path / "bag", "--image", "none", "--depth", name)
+    run_import(monkeypatch, "bag", source, "--out", tmp_path / "bag", "--image", "none", "--depth", "none")
+    assert "/depth/compressed" not in read_bag(tmp_path / "bag")
