@@ -55,13 +55,14 @@ def normalised(q: Array) -> Array:
 def matrix(q: Array) -> Array:
     """(..., 3, 3) rotation matrices of unit quaternions."""
     x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    xx, yy, zz, xy, xz, yz, xw, yw, zw = x * x, y * y, z * z, x * y, x * z, y * z, x * w, y * w, z * w
     found = np.empty((*q.shape[:-1], 3, 3))
-    found[..., 0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    found[..., 1, 1] = 1.0 - 2.0 * (x * x + z * z)
-    found[..., 2, 2] = 1.0 - 2.0 * (x * x + y * y)
-    found[..., 0, 1], found[..., 1, 0] = 2.0 * (x * y - z * w), 2.0 * (x * y + z * w)
-    found[..., 0, 2], found[..., 2, 0] = 2.0 * (x * z + y * w), 2.0 * (x * z - y * w)
-    found[..., 1, 2], found[..., 2, 1] = 2.0 * (y * z - x * w), 2.0 * (y * z + x * w)
+    found[..., 0, 0] = 1.0 - 2.0 * (yy + zz)
+    found[..., 1, 1] = 1.0 - 2.0 * (xx + zz)
+    found[..., 2, 2] = 1.0 - 2.0 * (xx + yy)
+    found[..., 0, 1], found[..., 1, 0] = 2.0 * (xy - zw), 2.0 * (xy + zw)
+    found[..., 0, 2], found[..., 2, 0] = 2.0 * (xz + yw), 2.0 * (xz - yw)
+    found[..., 1, 2], found[..., 2, 1] = 2.0 * (yz - xw), 2.0 * (yz + xw)
     return found
 
 

@@ -46,21 +46,21 @@ def pair_densities(
     spaces: Spaces,
     model: ObservationModel,
     detections: Sequence[Any],
-    mean: Array,
-    covariance: Array,
+    predicted: PredictedBelief,
     errors: PredictedErrors | None = None,
     tail: HeavyTail | None = None,
 ) -> PairDensities:
-    """Densities of all pairs from the predicted ``mean`` (1 + M, s) and ``covariance`` of the robot and M objects.
+    """Densities of all pairs from the ``predicted`` robot and M objects of one parent.
 
     ``errors``: prediction of the detections' correlated errors, if these are modelled; residuals are then whitened by
     the uncorrelated rest of the noise.
     """
+    mean = predicted.mean[0]
     count = len(mean) - 1
     if not count or not detections:
         nothing = np.zeros((len(detections), count))
         return PairDensities(nothing, nothing, _no_pairs(nothing.shape), tail=tail, outlier_distance=nothing)
-    joint = PredictedBelief(spaces.layout, mean[None], covariance[None]).pair_covariances()[0]
+    joint = predicted.pair_covariances[0]
     rows, storage = len(detections) * count, spaces.storage
     collected = model.collect(detections)
     if len(detections) > 1:  # a single row is broadcast

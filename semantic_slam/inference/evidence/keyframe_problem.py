@@ -7,6 +7,7 @@ object) is a dummy: an independent standard normal without measurements, which c
 
 import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,11 +27,12 @@ class PredictedBelief:
     mean: Array  # (P, 1 + O, s)
     covariance: Array  # (P, r + O l, r + O l)
 
-    @property
+    @cached_property
     def blocks(self) -> Array:
         """(P, 1 + O, w, 1 + O, w) predicted covariance in blocks by state."""
         return self.layout.square_blocks(self.covariance)
 
+    @cached_property
     def pair_covariances(self) -> Array:
         """(P, O, r + l, r + l) joint covariances of the robot with each object."""
         r, landmark, count = self.layout.robot, slice(self.layout.landmark), self.mean.shape[1] - 1

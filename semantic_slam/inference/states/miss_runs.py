@@ -54,10 +54,12 @@ class MissRuns:
         """
         share = np.broadcast_to(self.share, in_view.shape[1:])
         seen, hidden = share.copy(), 1.0 - share  # joint with being detectable, or not detectable
-        lasting = np.power(np.asarray(self.persistence, dtype=float), gaps[..., None])
-        for chance, left in zip(self.hit * in_view, lasting, strict=True):
-            missed = seen * (1.0 - chance)
+        every = np.arange(gaps.max(initial=0) + 1)
+        lasting = np.power(np.asarray(self.persistence, dtype=float), every[:, None])[gaps]
+        for miss, left in zip(1.0 - self.hit * in_view, lasting, strict=True):
+            missed = seen * miss
             total = missed + hidden
-            seen = total * share + left * (missed - total * share)
+            settled = total * share
+            seen = settled + left * (missed - settled)
             hidden = total - seen
         return np.asarray(seen / share)

@@ -11,6 +11,7 @@ from worlds.exact.linear_gaussian import LinearDetection, LinearModel
 from semantic_slam.inference.association.gating import best_assignments, pair_densities
 from semantic_slam.inference.association.sums import clusters, log_sum_of_all
 from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.spaces import Spaces
@@ -98,7 +99,7 @@ def test_one_linearisation_is_exact_for_a_linear_problem() -> None:
     detections = [LinearDetection(offset, np.zeros(2)) for offset in offsets]
     model = LinearModel(0.25 * np.eye(2), np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
     spaces = Spaces.same(PlanarPositions())
-    pairs = pair_densities(spaces, model, detections, mean, covariance)
+    pairs = pair_densities(spaces, model, detections, PredictedBelief(spaces.layout, mean[None], covariance[None]))
     linear = LinearisedEvidence(spaces, mean, covariance, pairs, [], np.zeros(2))
     columns = np.array([[0, 1], [1, 0]])
     result = linear.evaluate(Assignments(parents=np.zeros(2, dtype=int), objects=columns), columns)

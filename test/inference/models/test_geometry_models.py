@@ -18,7 +18,7 @@ from semantic_slam.inference.models.point_geometry import PointGeometry
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
-from semantic_slam.inference.models.spatial.ray import polar, polar_and_slopes
+from semantic_slam.inference.models.spatial.ray import deviation, deviation_and_slopes, polar, polar_and_slopes
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
@@ -275,3 +275,17 @@ def test_a_robot_anywhere_on_a_ring_about_a_landmark_is_not_steady() -> None:
     covariance, charts = np.outer(along_ring, along_ring)[None], np.eye(spaces.layout.size(1))[None]
     assert PointGeometry.bearing_sigma(model, x, o, covariance, charts) == pytest.approx(0.0, abs=1e-9)
     assert model.bearing_sigma(x, o, covariance, charts) == pytest.approx(1.8)
+
+
+def test_one_point_deviates_from_one_ray_as_in_a_batch_to_the_last_bit() -> None:
+    """Points anywhere, also on the ray, behind it and at the camera."""
+    random = np.random.default_rng(3)
+    for number, length in enumerate(np.tile([0.0, 1e-7, 1.0, 10.0], 50)):
+        basis, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        ray, across = basis[:, 0], np.ascontiguousarray(basis[:, 1:])
+        point = length * (random.choice([-1.0, 1.0]) * ray if number % 3 == 0 else random.normal(size=3))
+        expected, slopes = polar_and_slopes(point, ray, across)
+        found, by_point = deviation_and_slopes(point, ray, across)
+        np.testing.assert_array_equal(found, expected[1:])
+        np.testing.assert_array_equal(by_point, slopes[1:])
+        np.testing.assert_array_equal(deviation(point, ray, across), polar(point, ray, across)[1:])

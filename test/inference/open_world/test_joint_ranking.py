@@ -10,6 +10,7 @@ from worlds.exact.linear_gaussian import LinearDetection, LinearModel
 
 from semantic_slam.inference.association.gating import RankedAssignments, best_assignments, pair_densities
 from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.open_world.joint.costs import JointCosts
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.open_world.joint.ranking import JointRanking
@@ -37,7 +38,8 @@ class Frame:
     def pairs(self):
         model = LinearModel(SIGMA**2 * np.eye(2), np.eye(2), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0)
         detections = [LinearDetection(offset, np.zeros(2)) for offset in self.offsets]
-        return pair_densities(SPACES, model, detections, self.mean, self.covariance)
+        predicted = PredictedBelief(SPACES.layout, self.mean[None], self.covariance[None])
+        return pair_densities(SPACES, model, detections, predicted)
 
     @property
     def num_objects(self) -> int:

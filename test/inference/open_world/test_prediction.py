@@ -65,7 +65,7 @@ def test_what_is_cut_weighs_no_more_than_is_counted(range_m: float) -> None:
     cut, full = prediction(item, 3), prediction(item, AROUND)
     assert (full.log_beyond == -np.inf).all()
     problem = problem_of(make_room(1).run)
-    pairs = pair_densities(problem.spaces, problem.model, [item], full.predicted.mean[0], full.predicted.covariance[0])
+    pairs = pair_densities(problem.spaces, problem.model, [item], full.predicted)
     others = ~np.isin(full.near_ids, cut.near_ids)
     weight = 0.9 / (1.0 - 0.9)  # of a detection against a miss of an object that certainly exists
     assert np.isfinite(cut.log_beyond).all()
@@ -76,7 +76,7 @@ def test_an_object_on_the_other_side_of_the_robot_is_not_brought_in_front_of_it_
     """The neighbours 30 degrees aside are weighed at their modes (integrated: -10.2); those behind have none nearby."""
     item = detection(np.nan)
     full, problem = prediction(item, AROUND), problem_of(make_room(1).run)
-    pairs = pair_densities(problem.spaces, problem.model, [item], full.predicted.mean[0], full.predicted.covariance[0])
+    pairs = pair_densities(problem.spaces, problem.model, [item], full.predicted)
     np.testing.assert_allclose(pairs.log_density[0, [11, 12, 13]], [-1.72, 1.33, -1.72], atol=0.03)
     np.testing.assert_allclose(pairs.log_density[0, [10, 14]], -10.3, atol=0.3)
     assert (pairs.log_density[0, :9] < -40.0).all() and (pairs.log_density[0, 16:] < -40.0).all()

@@ -9,6 +9,7 @@ from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyfra
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.association.gating import pair_densities
 from semantic_slam.inference.evidence.assignments import Assignments
+from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
@@ -103,7 +104,7 @@ def test_where_an_object_is_born_is_the_same_to_the_last_bit_whatever_is_weighed
         spaces=spaces,
         mean=mean,
         covariance=covariance,
-        pairs=pair_densities(spaces, model, detections, mean, covariance),
+        pairs=pair_densities(spaces, model, detections, PredictedBelief(spaces.layout, mean[None], covariance[None])),
         births=births_in_space(model, detections, POSE, REGION),
         turns=np.zeros(2),
     )

@@ -93,7 +93,7 @@ def second_ray(place: np.ndarray, range_m: float) -> tuple[float, float]:
     )
     detection = ray_to(np.array([range_m, 0.0, 0.0]) - place)
     model = SpatialObservation()
-    pairs = pair_densities(SPACES, model, [detection], predicted.mean[0], covariance)
+    pairs = pair_densities(SPACES, model, [detection], predicted)
     parent = ParentPairs(detections=[detection], predicted=predicted, anchors=anchor[None], pairs=pairs)
     (found,) = pairs_at_modes(SPACES, model, [parent])
     return found.log_density[0, 0], integrated(detection, robot, expected, covariance)
@@ -125,7 +125,7 @@ def wide_pairs(
     robot = np.append(random.uniform(-0.2, 0.2, 3), ORIGIN[3:])
     covariance = np.diag([*np.full(6, 1e-4), *np.full(9, 0.3)])
     predicted = PredictedBelief(SPACES.layout, SPACES.storage.stacked(robot[None], rays)[None], covariance[None])
-    pairs = pair_densities(SPACES, model, detections, predicted.mean[0], covariance)
+    pairs = pair_densities(SPACES, model, detections, predicted)
     return ParentPairs(detections=detections, predicted=predicted, anchors=np.zeros((3, 3)), pairs=pairs)
 
 

@@ -5,6 +5,7 @@ places the object, with the camera's uncertainty. A Gaussian over x, y and z wou
 object is not where it was guessed.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,7 +50,7 @@ class RangePrior(GaussianPrior):
 
         def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
             away = space.position(space.state(values, this.keys()[0])) - anchor
-            distance = max(float(np.linalg.norm(away)), LEAST_DISTANCE_M)
+            distance = max(math.sqrt(away.dot(away)), LEAST_DISTANCE_M)
             if jacobians is not None:
                 jacobians[0] = np.asfortranarray(away[None] / (known.sigma * distance**2))
             return np.array([(np.log(distance) - known.mean) / known.sigma])

@@ -5,6 +5,8 @@ both and |e| = 1, and the deviation of the point is t e. It grows by arc length 
 sin(t) for motion across it. On the ray, and opposite to it, the direction e is arbitrary.
 """
 
+import math
+
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, squared_norms
@@ -51,6 +53,37 @@ def polar_and_slopes(point: Array, ray: Array, basis: Array) -> tuple[Array, Arr
     found[..., 1:, :] += ratio[..., None, None] * np.swapaxes(basis, -1, -2)
     found[..., 1:, :] /= np.maximum(distance, NEAREST_M)[..., None, None]
     return _polar(distance, arc, aside), found
+
+
+def deviation(point: Array, ray: Array, basis: Array) -> Array:
+    """(2,) deviation [rad] of one point (3,) from one ray: the last two of :func:`polar`, to the bit, in half its time.
+
+    It is evaluated thousands of times in an optimisation, point by point.
+    """
+    _, aside, sine, cosine = _arc_of_one(point, ray, basis)
+    return np.asarray(np.arctan2(sine, cosine) * aside)
+
+
+def deviation_and_slopes(point: Array, ray: Array, basis: Array) -> tuple[Array, Array]:
+    """:func:`deviation`, and (2, 3) its derivatives by the point, as :func:`polar_and_slopes` has them to the bit."""
+    distance, aside, sine, cosine = _arc_of_one(point, ray, basis)
+    arc, bounded = np.arctan2(sine, cosine), max(sine, LEAST_SINE) if cosine < 0.0 else sine
+    ratio = arc / bounded if bounded > 0.0 else 1.0
+    outward = (basis @ aside[:, None])[:, 0]
+    slopes = aside[:, None] * (cosine * outward - sine * ray - ratio * outward)
+    slopes += ratio * basis.T
+    slopes /= max(distance, NEAREST_M)
+    return arc * aside, slopes
+
+
+def _arc_of_one(point: Array, ray: Array, basis: Array) -> tuple[float, Array, float, float]:
+    """Distance of one point, and :func:`_arc`."""
+    distance = max(math.sqrt(np.vecdot(point, point)), LEAST_DISTANCE_M)
+    unit = point / distance
+    across = (basis.T @ unit[:, None])[:, 0]
+    sine = math.sqrt(np.vecdot(across, across))
+    aside = across / sine if sine > 0.0 else np.array([1.0, across[1]])
+    return distance, aside, sine, float(np.vecdot(ray, unit))
 
 
 def _polar(distance: Array, arc: Array, aside: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
-from semantic_slam.inference.models.spatial.ray import polar, polar_and_slopes
+from semantic_slam.inference.models.spatial.ray import deviation, deviation_and_slopes
 
 
 def with_tail(noise: Any, sigmas: float) -> Any:
@@ -29,13 +29,13 @@ def ray_factor(detection: SpatialDetection, keys: tuple[int, int], tail: float =
         robot, target = this.keys()
         pose, place = values.atPose3(robot), values.atPoint3(target)
         if jacobians is None:
-            return np.asarray(whiten @ polar(pose.transformTo(place) - origin, ray, basis)[1:])
+            return np.asarray(whiten @ deviation(pose.transformTo(place) - origin, ray, basis))
         by_robot, by_place = np.zeros((3, 6), order="F"), np.zeros((3, 3), order="F")
         seen = pose.transformTo(place, by_robot, by_place) - origin
-        off, by_seen = polar_and_slopes(seen, ray, basis)
-        slopes = whiten @ by_seen[1:]
+        off, by_seen = deviation_and_slopes(seen, ray, basis)
+        slopes = whiten @ by_seen
         jacobians[0] = np.asfortranarray(slopes @ by_robot)
         jacobians[1] = np.asfortranarray(slopes @ by_place)
-        return np.asarray(whiten @ off[1:])
+        return np.asarray(whiten @ off)
 
     return gtsam.CustomFactor(with_tail(unit_noise(2), tail), list(keys), error)

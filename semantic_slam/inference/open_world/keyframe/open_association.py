@@ -143,7 +143,7 @@ class OpenAssociation:
         near = prediction.near_ids.tolist()
         log_prior = self.registry.log_class_prior_of([*near, self.registry.first_new_id(step.index)])
         robot, objects = predicted.mean[0, 0, : spaces.storage.robot], predicted.mean[0, 1:, : spaces.storage.landmark]
-        around = relative_covariances(spaces, robot, objects, predicted.pair_covariances()[0])
+        around = relative_covariances(spaces, robot, objects, predicted.pair_covariances[0])
         ranges = log_ranges_of(spaces, prediction.detections, robot, objects, around)
         return replace(pairs, log_words=semantics.log_pairs(step, prediction.component.views, near, log_prior, *ranges))
 
@@ -153,8 +153,7 @@ class OpenAssociation:
             self.problem.spaces,
             self.problem.model,
             prediction.detections,
-            prediction.predicted.mean[0],
-            prediction.predicted.covariance[0],
+            prediction.predicted,
             prediction.errors,
             HeavyTail.of(self.problem.detection_errors, prediction.component.outliers),
         )

@@ -19,11 +19,15 @@ def looks(region: SpatialRegion, trail: Array, points: Array, hiding: Array) -> 
     right, down, ahead = _seen(cameras, points)
     squared = right * right + down * down + ahead * ahead
     near = (squared > region.min_range_m**2) & (squared < region.max_range_m**2)
-    numbers, times = np.nonzero(near & region.shows(right, down, ahead))
-    ranges = np.sqrt(squared[numbers, times])
+    inside = near & region.shows(right, down, ahead)
+    numbers, times = np.nonzero(inside)
+    ranges = np.sqrt(squared[inside])
     if region.occluder_radius_m > 0.0 and len(hiding):
-        rays = (points[numbers] - cameras[times, :3]) / ranges[:, None]
-        free = ~_hidden(region.occluder_radius_m, rays, ranges, cameras[:, :3], times, hiding)
+        origins = cameras[:, :3].take(times, 0)
+        rays = (points.take(numbers, 0) - origins) / ranges[:, None]
+        along = rays @ hiding.T
+        along -= np.vecdot(rays, origins)[:, None]
+        free = ~_hidden(region.occluder_radius_m, along, ranges, cameras[:, :3], times, hiding)
         numbers, times, ranges = numbers[free], times[free], ranges[free]
     return numbers, times, ranges
 
@@ -35,18 +39,16 @@ def _seen(cameras: Array, points: Array) -> Array:
     return np.asarray(points @ np.swapaxes(axes, 1, 2) - origins[:, None])
 
 
-def _hidden(radius_m: float, rays: Array, ranges: Array, cameras: Array, times: Index, hiding: Array) -> Flags:
-    """(L,) whether one of N balls about ``hiding`` (N, 3) occludes what is seen at ``times`` (L,).
+def _hidden(radius_m: float, along: Array, ranges: Array, cameras: Array, times: Index, hiding: Array) -> Flags:
+    """(L,) whether one of N balls about ``hiding`` (N, 3) occludes what is seen at ``times`` (L,), at ``ranges`` (L,).
 
-    From ``cameras`` (T, 3), at ``ranges`` (L,) along ``rays`` (L, 3). A ray passes through a ball if its component
-    towards the ball's centre is at least the length of the tangents from the camera.
+    From ``cameras`` (T, 3); ``along`` (L, N) are the components along the rays of what leads to the balls' centres. A
+    ray passes through a ball if its component is at least the length of the tangents from the camera.
     """
     squared = squared_norms(hiding - cameras[:, None])
     tangents = np.sqrt(np.maximum(squared - radius_m**2, 0.0))
-    along = rays @ hiding.T
-    along -= np.vecdot(rays, cameras[times])[:, None]
-    looks, balls = np.divmod(np.flatnonzero(along > tangents[times]), len(hiding))
+    looks, balls = np.divmod(np.flatnonzero(along > tangents.take(times, 0)), len(hiding))
     behind = ranges[looks] > np.sqrt(squared[times[looks], balls]) + 2.0 * radius_m
-    found = np.zeros(len(rays), dtype=bool)
+    found = np.zeros(len(times), dtype=bool)
     found[looks[behind]] = True
     return found

@@ -17,14 +17,11 @@ def log_ranges_of(
 
     ``covariances`` (M, 3, 3) are those of the objects' positions relative to the robot, along the axes of map.
     """
-    logs, variances = (np.zeros((len(detections), len(objects))) for _ in range(2))
-    for row, detection in enumerate(detections):
-        camera = spaces.robot.displacement(robot, detection.sensor, np.zeros(3))
-        away = spaces.landmark.position(objects) - camera
-        reach = distances(away)
-        along = np.einsum("ni,nij,nj->n", away, covariances, away)
-        logs[row], variances[row] = np.log(reach), along / np.maximum(squared_norms(away), 1e-12) / reach**2
-    return logs, variances
+    sensors = np.array([detection.sensor for detection in detections]).reshape(-1, 3)
+    away = spaces.landmark.position(objects) - spaces.robot.displacement(robot, sensors, np.zeros(3))[:, None]
+    reach = distances(away)
+    along = np.einsum("dni,nij,dnj->dn", away, covariances, away)
+    return np.log(reach), along / np.maximum(squared_norms(away), 1e-12) / reach**2
 
 
 def relative_covariances(spaces: Spaces, robot: Array, objects: Array, covariances: Array) -> Array:

@@ -39,7 +39,7 @@ class ParentPairs:
 
     def problem(self, spaces: Spaces, model: ObservationModel) -> "PairProblem":
         """The search problem of the pairs that are too nonlinear at the prediction."""
-        covariance, robot = self.predicted.pair_covariances()[0], self.predicted.mean[0, 0, : spaces.storage.robot]
+        covariance, robot = self.predicted.pair_covariances[0], self.predicted.mean[0, 0, : spaces.storage.robot]
         objects = self.predicted.mean[0, 1:, : spaces.storage.landmark]
         known = np.flatnonzero(np.isfinite(self.anchors).all(axis=1))
         of_object = covariance[known, spaces.layout.robot :, spaces.layout.robot :]

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 import gtsam
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, broadcast_copy
 
 
 class Positions:
@@ -101,4 +101,4 @@ class Positions:
 
     def _identity(self, like: Array) -> Array:
         size = self.tangent_size
-        return np.broadcast_to(np.eye(size), (*like.shape[:-1], size, size))
+        return broadcast_copy(np.eye(size), (*like.shape[:-1], size, size))
