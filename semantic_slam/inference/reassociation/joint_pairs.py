@@ -1,8 +1,8 @@
 """Joint compatibility of many object pairs: which are one object each, in closed form in the joint Gaussian of places.
 
 A single pair says little: after a long drive much is near. But one transform of a stretch of the drive makes many pairs
-coincide at once, or none. So some pairs are assumed in turn, and others are added greedily while they gain: the least
-ambiguous first, each conditioned on those before.
+coincide at once, or none. So pairs are assumed in turn, and to the most promising ones others are added greedily while
+they gain: the least ambiguous first, each conditioned on those before.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,9 @@ GATE = 16.0
 """Squared Mahalanobis distance between two objects beyond which they are not merged."""
 EXACT_M2 = 1e-6
 """Variance [m^2] of merged objects about each other: keeps joint Gaussians nonsingular."""
-MOST_STARTS, MOST_FOLLOWED = 12, 4
-"""Objects of the stretch whose pairs are assumed in turn, and how many of these pairs are followed up."""
+MOST_ASSUMED, MOST_FOLLOWED = 2000, 16
+"""Number of pairs, likeliest first, that are assumed in turn, and how many of these are followed up. A return shows in
+few of them: DLR's last loop in 45 of 1190, of which every fourth leads to all others."""
 MOST_RIVALS = 60
 """Number of pairs, likeliest first, that are compared for ambiguity."""
 
@@ -30,10 +31,11 @@ class JointPairs:
     pairs: Index  # (n, 2) older and younger
     log_new: float  # log intensity of new objects [1/m^2], one fewer per join
 
-    def best(self, starts: Index) -> tuple[float, Index]:
-        """Log evidence ratio of the best set of pairs (rows) to none; ``starts`` (s,): younger places to start from."""
+    def best(self) -> tuple[float, Index]:
+        """Log evidence ratio of the best set of pairs (rows) to none, and the set."""
         near, best = self._gains(), (0.0, np.zeros(0, dtype=int))
-        rows = np.flatnonzero(np.isin(self.pairs[:, 1], starts) & np.isfinite(near.gain))
+        rows = np.argsort(-near.gain, kind="stable")[:MOST_ASSUMED]
+        rows = rows[np.isfinite(near.gain[rows])]
         promise = np.array([near.gain[row] + self._promise(near, int(row)) for row in rows])
         for row in rows[np.argsort(-promise, kind="stable")[:MOST_FOLLOWED]].tolist():
             found = self._followed(row)

@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.reassociation.atoms import Born
-from semantic_slam.inference.reassociation.joint_pairs import MOST_STARTS, JointPairs
+from semantic_slam.inference.reassociation.joint_pairs import JointPairs
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.reassociation import Sighted
 from semantic_slam.inference.smoothing.smoother import Smoother
@@ -80,8 +80,7 @@ class Stretch:
         numbers = numbers.reshape(pairs.shape)
         keys = [object_key(int(number)) for number in self.ids[rows]]
         covariance = _in_map(smoother, keys)
-        joint = JointPairs(places[rows], covariance, numbers, log_new)
-        _, chosen = joint.best(self._starts(rows, np.unique(numbers[:, 1])))
+        _, chosen = JointPairs(places[rows], covariance, numbers, log_new).best()
         return np.asarray(self.ids[pairs[chosen]]).reshape(-1, 2)
 
     def joined(self, joins: Index) -> Index:
@@ -104,11 +103,6 @@ class Stretch:
         may &= self.last + ABSENT <= self.first[young][:, None]
         at, older = np.nonzero(may)
         return np.stack([older, young[at]], axis=1)
-
-    def _starts(self, rows: Index, younger: Index) -> Index:
-        """At most ``MOST_STARTS`` of the ``younger`` (s,) among ``rows``, evenly over the stretch."""
-        order = younger[np.argsort(self.first[rows[younger]], kind="stable")]
-        return np.asarray(order[np.unique(np.linspace(0, len(order) - 1, MOST_STARTS).astype(int))])
 
 
 def _in_map(smoother: Smoother, keys: list[int]) -> Array:

@@ -144,7 +144,23 @@ def test_pairs_that_are_ambiguous_alone_are_not_together() -> None:
     covariance = np.kron(together, np.eye(2))
     count = len(posts)
     pairs = np.array([(older, count + younger) for older in range(count) for younger in range(count)])
-    found, rows = JointPairs(places, covariance, pairs, log_new=-2.0).best(np.arange(count, 2 * count))
+    found, rows = JointPairs(places, covariance, pairs, log_new=-2.0).best()
     assert {tuple(pair) for pair in pairs[rows].tolist()} == {(n, count + n) for n in range(count)}
     one_by_one = -0.5 * shift @ shift / (1.0 + 2e-4) - np.log(2.0 * np.pi * (1.0 + 2e-4)) + 2.0
     assert found > one_by_one + 4 * (-np.log(2.0 * np.pi * 3e-4) + 2.0 - 0.1)
+
+
+def test_a_return_is_found_by_the_few_objects_of_a_long_stretch_that_it_shows() -> None:
+    """Eight posts of a hundred are old ones; new ones stand as near to old ones as these do, each with its own shift."""
+    random = np.random.default_rng(0)
+    old, shift = random.uniform(0.0, 30.0, size=(100, 2)), np.array([1.1, 0.2])
+    returned = 5 + 12 * np.arange(8)
+    young = old + random.normal(0.0, 1.0, size=old.shape)
+    young[returned] = old[returned] + shift
+    count = len(old)
+    second = np.repeat([0.0, 1.0], count)
+    covariance = np.kron(np.outer(second, second) + 1e-4 * np.eye(2 * count), np.eye(2))
+    pairs = np.stack([np.arange(count), count + np.arange(count)], axis=1)
+    _, rows = JointPairs(np.concatenate([old, young]), covariance, pairs, log_new=-2.0).best()
+    assert set(returned.tolist()) <= set(rows.tolist())
+    assert len(rows) <= len(returned) + 2  # beyond them those that their own shift puts there
