@@ -93,25 +93,19 @@ class JointCosts:
 
     def given_each(self) -> Array:
         """(P, D, M) log weight of each pair given each single pair, which stays; -inf: no pair, or excluded by it."""
-        count, size = self.residual.shape  # below, components come first: loops are long then
-        root, covariance = cholesky(self._alone), np.moveaxis(self.covariance, (2, 3), (0, 1))
-        cross = np.empty(covariance.shape)  # (c, c, P, P) of the first pair, whitened, with the second
-        for row in range(size):
-            cross[row] = covariance[row]
-            for before in range(row):
-                cross[row] -= root[:, row, before, None] * cross[before]
-            cross[row] /= root[:, row, row, None]
+        count, root = len(self.rows), cholesky(self._alone)
+        cross = forward(root[:, None], self.covariance)  # of the first pair, whitened, with the second
         white = forward(root, self.residual[..., None])
-        left = broadcast_copy(self.residual.T[:, None], cross.shape[1:])
-        spread = broadcast_copy(np.moveaxis(self._alone, 0, 2)[:, :, None], cross.shape)
-        for own, told in zip(cross, white.T[0], strict=True):
-            left -= own * told[:, None]
-            spread -= own[:, None] * own
+        left, spread = broadcast_copy(self.residual, cross.shape[:3]), broadcast_copy(self._alone, cross.shape)
+        for component in range(cross.shape[2]):
+            own = cross[:, :, component]
+            left -= own * white[:, None, component]
+            spread -= own[..., :, None] * own[..., None, :]
         possible = (self.rows[:, None] != self.rows) & (self.columns[:, None] != self.columns)
         second = np.nonzero(possible)[1]
         values = np.full((count, count), -np.inf)
         values[possible] = self.log_constant[second] + self._log_density(
-            second, left[:, possible].T, np.moveaxis(spread[:, :, possible], 2, 0), _log_gaussian_of_many
+            second, left[possible], spread[possible], _log_gaussian_of_many
         )
         np.fill_diagonal(values, 0.0)
         return self._table(values)
