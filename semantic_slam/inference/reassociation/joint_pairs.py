@@ -16,8 +16,8 @@ GATE = 16.0
 EXACT_M2 = 1e-6
 """Variance [m^2] of merged objects about each other: keeps joint Gaussians nonsingular."""
 MOST_ASSUMED, MOST_FOLLOWED = 2000, 16
-"""Number of pairs, likeliest first, that are assumed in turn, and how many of these are followed up. A return shows in
-few of them: DLR's last loop in 45 of 1190, of which every fourth leads to all others."""
+"""Number of pairs, likeliest alone first, that are assumed in turn, and how many of these, those with which the others
+gain most, are followed up: a return shows in few pairs, and not every one of them leads to the others."""
 MOST_RIVALS = 60
 """Number of pairs, likeliest first, that are compared for ambiguity."""
 
