@@ -10,6 +10,8 @@ from semantic_slam.inference.models.noise.noise_settings import DEPTH, DISTANCE
 from semantic_slam.inference.smoothing.horizon import check_horizon
 from semantic_slam.inference.world.departures import Departures
 
+SHORTEST_HALF_RANGE_M = 1e-3  # shorter ones would be of no sensor, and their squares underflow
+
 
 def check_settings(configuration: Configuration, association: type[AssociationStrategy]) -> None:
     """Raises InputError for the first setting that does not go with the others."""
@@ -87,8 +89,8 @@ def _check_rates(configuration: Configuration) -> None:
     world = configuration.open_world
     if not all(0.0 < own < 1.0 for own in world.detection_probabilities):
         raise InputError("open_world.detection_probabilities must lie between 0 and 1; correct them")
-    if min(world.detection_half_ranges_m, default=1.0) <= 0.0:
-        raise InputError("open_world.detection_half_ranges_m must be above 0; correct them")
+    if not min(world.detection_half_ranges_m, default=SHORTEST_HALF_RANGE_M) >= SHORTEST_HALF_RANGE_M:
+        raise InputError(f"open_world.detection_half_ranges_m must be at least {SHORTEST_HALF_RANGE_M} m; correct them")
     if len(world.detection_by_direction) == 1 or not all(0.0 < own <= 1.0 for own in world.detection_by_direction):
         raise InputError(
             "open_world.detection_by_direction must be two shares or more, above 0 and at most 1; correct it"

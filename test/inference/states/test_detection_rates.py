@@ -163,7 +163,7 @@ def test_a_lineage_is_rebuilt_with_its_settings(share: float) -> None:
 def test_a_range_that_is_none_is_named() -> None:
     room = {"association": "open", "semantic_model": {"kind": "none"}}
     with pytest.raises(InputError, match="detection_half_ranges_m"):
-        Engine(Configuration.of(**room, open_world={"detection_half_ranges_m": [0.0, 3.0]}))
+        Engine(Configuration.of(**room, open_world={"detection_half_ranges_m": [1e-300, 3.0]}))
 
 
 def test_a_crowd_at_the_start_does_not_settle_how_much_there_is_elsewhere() -> None:
