@@ -41,16 +41,16 @@ from semantic_slam.inference.world.problem import Problem
 class Backend:
     """Answers a keyframe with candidates (round one) and a commit with updated components (round two).
 
-    Every answer is a pure function of the keyframes and commits received. ``problem`` replaces the problem built from
-    the configuration that a run announces. Call :meth:`start` before anything else.
+    Every answer is a pure function of the keyframes and commits received. Call :meth:`start` before anything else.
     """
 
-    stores_checkpoints = False
-    """Whether checkpoints are files, too, from which a backend that is started again goes on."""
+    def __init__(self, backend_id: int, problem: Problem | None = None, *, stores_checkpoints: bool = False):
+        """``problem`` replaces the problem built from the configuration that a run announces.
 
-    def __init__(self, backend_id: int, problem: Problem | None = None):
+        ``stores_checkpoints``: checkpoints are files, too, from which a backend that is started again goes on.
+        """
         self.backend_id = backend_id
-        self._given_problem = problem
+        self._given_problem, self._stores_checkpoints = problem, stores_checkpoints
         self.trunks = Trunks()
         self.num_rebuilt = self.num_replayed = 0  # components rebuilt so far, and keyframes replayed for them
 
@@ -65,7 +65,7 @@ class Backend:
         self.steps = KeptSteps(horizon or None)
         self.trunks.close()
         self.trunks = trunks_of(
-            self.problem.history, run.run_id, lambda: self.association.root(0), stores=self.stores_checkpoints
+            self.problem.history, run.run_id, lambda: self.association.root(0), stores=self._stores_checkpoints
         )
         self._forgets = False
         self._stand_before(0)

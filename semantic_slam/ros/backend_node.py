@@ -33,7 +33,7 @@ class BackendNode(PipelineNode):
         given = declare_fixed(self, "backend_id", -1)
         refuse_undeclared(self)
         self.backend_id = given if given >= 0 else _id_in_name(self.get_name())
-        self._rounds = WorkOrder(lambda: _storing(backend_class(self.backend_id)))
+        self._rounds = WorkOrder(lambda: backend_class(self.backend_id, stores_checkpoints=True))
         self._sign = Sign(self, self.backend_id)
         self._outlets = {
             Candidates: self._outlet(topics.CANDIDATES),
@@ -74,12 +74,6 @@ class BackendNode(PipelineNode):
             outlet = self._outlets[type(answer)]
             outlet.wait_for_readers(1, MATCH_S)  # an answer sent before DDS has matched the manager would be lost
             outlet.send(encode(answer))
-
-
-def _storing(backend: Backend) -> Backend:
-    """The backend, with its checkpoints in files, too."""
-    backend.stores_checkpoints = True
-    return backend
 
 
 def _id_in_name(name: str) -> int:

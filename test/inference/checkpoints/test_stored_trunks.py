@@ -26,10 +26,6 @@ HORIZON, KEYFRAMES = 20, 28
 APART = HORIZON // 4
 
 
-class StoringBackend(Backend):
-    stores_checkpoints = True
-
-
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
@@ -43,7 +39,7 @@ def keyframes(count: int = KEYFRAMES) -> list[Keyframe]:
 def undisturbed(told: list[Keyframe]) -> tuple[Engine, Backend]:
     """A run of one backend that stores its checkpoints."""
     engine = Engine(robot("given", HORIZON))
-    backend = StoringBackend(0)
+    backend = Backend(0, stores_checkpoints=True)
     backend.start(engine.run)
     engine.pool._backends[:] = [backend]  # type: ignore[attr-defined]
     for keyframe in told:
@@ -60,7 +56,7 @@ def otherwise() -> list[Keyframe]:
 
 def informed(engine: Engine, told: list[Keyframe]) -> Backend:
     """A new backend of the run that knows these keyframes."""
-    backend = StoringBackend(0)
+    backend = Backend(0, stores_checkpoints=True)
     backend.start(engine.run)
     for keyframe in told:
         backend.learn(keyframe)
@@ -106,7 +102,7 @@ def test_a_backend_that_is_started_again_replays_what_came_after_the_newest_file
 
 def test_another_backend_of_the_host_takes_a_component_over_from_a_file(folder: Path) -> None:
     engine, first = undisturbed(keyframes())
-    other, last = StoringBackend(1), engine.hypotheses.num_keyframes - 1
+    other, last = Backend(1, stores_checkpoints=True), engine.hypotheses.num_keyframes - 1
     other.start(engine.run)
     for keyframe in keyframes():
         other.learn(keyframe)
