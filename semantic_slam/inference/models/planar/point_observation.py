@@ -21,6 +21,7 @@ from semantic_slam.inference.models.planar.gate import least_cost
 from semantic_slam.inference.models.planar.polar import polar, polar_jacobian
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.point_geometry import PointGeometry
+from semantic_slam.inference.models.repeated_rows import repeated_detections
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
@@ -47,7 +48,7 @@ class PointObservation(PointGeometry):
 
     def geometry(self, detections: PlanarDetections, x: Array, o: Array) -> Linearisation:
         """Residual of [range, bearing]; the range's is 0 for a bearing alone."""
-        detections = _repeated(detections, len(x))
+        detections = repeated_detections(detections, len(x))
         relative = self.spaces.relative_position(x, o)
         d = relative.point - detections.origin
         distance, _ = polar(d)
@@ -62,7 +63,7 @@ class PointObservation(PointGeometry):
 
     def log_likelihood(self, detections: PlanarDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its Jacobians."""
-        detections = _repeated(detections, len(x))
+        detections = repeated_detections(detections, len(x))
         residual = _residual(detections, self.spaces.relative_position(x, o).point - detections.origin)
         return np.asarray(detections.log_normaliser - 0.5 * squared_norms(residual))
 
@@ -72,7 +73,7 @@ class PointObservation(PointGeometry):
 
     def robot_start(self, detections: PlanarDetections, x: Array, o: Array) -> Array:
         """Keep the heading, and move to where the point is seen as measured."""
-        detections, start = _repeated(detections, len(x)), x.copy()
+        detections, start = repeated_detections(detections, len(x)), x.copy()
         ahead = self.spaces.robot.displacement(x, _measured(detections.range_m, detections.bearing_rad), x[:, :2])
         start[:, :2] = np.where(detections.has_range[:, None], o - ahead, x[:, :2])
         return start
@@ -111,9 +112,3 @@ def _residual(detections: PlanarDetections, d: Array) -> Array:
 def _measured(range_m: Array, bearing_rad: Array) -> Array:
     """(..., 2) measured points in the body frame [m], from range and bearing."""
     return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=-1)
-
-
-def _repeated(detections: PlanarDetections, count: int) -> PlanarDetections:
-    """(S,) detections tiled to ``count`` rows; row b is of detection b mod S."""
-    number = len(detections.range_m)
-    return detections if number == count else detections.take(np.arange(count) % max(number, 1))

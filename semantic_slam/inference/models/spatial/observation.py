@@ -20,6 +20,7 @@ from semantic_slam.inference.models.custom_factor import Sighting, custom_factor
 from semantic_slam.inference.models.observation import Classes, Linearisation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.point_geometry import PointGeometry
+from semantic_slam.inference.models.repeated_rows import repeated_detections
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
 from semantic_slam.inference.models.spatial.gate import least_cost
 from semantic_slam.inference.models.spatial.range_prior import RangePrior
@@ -53,7 +54,7 @@ class SpatialObservation(PointGeometry):
 
     def geometry(self, detections: SpatialDetections, x: Array, o: Array) -> Linearisation:
         """Residual of the range and of the ray."""
-        detections = _repeated(detections, len(x))
+        detections = repeated_detections(detections, len(x))
         relative = self.spaces.relative_position(x, o)
         point = relative.point - detections.origin
         off, slopes = polar_and_slopes(point, detections.ray, detections.basis)
@@ -67,7 +68,7 @@ class SpatialObservation(PointGeometry):
 
     def log_likelihood(self, detections: SpatialDetections, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its Jacobians."""
-        detections = _repeated(detections, len(x))
+        detections = repeated_detections(detections, len(x))
         point = self._seen(x, o) - detections.origin
         off = _residual(detections, polar(point, detections.ray, detections.basis))
         return np.asarray(detections.log_normaliser - 0.5 * squared_norms(off))
@@ -90,7 +91,7 @@ class SpatialObservation(PointGeometry):
 
     def robot_start(self, detections: SpatialDetections, x: Array, o: Array) -> Array:
         """Keep the attitude, and move to where the point is seen as measured; stay in place for a ray alone."""
-        detections, start = _repeated(detections, len(x)), x.copy()
+        detections, start = repeated_detections(detections, len(x)), x.copy()
         seen = detections.range_m[:, None] * detections.ray
         placed = self.spaces.landmark.position(o) - self.spaces.robot.displacement(x, seen, x[:, :3])
         start[:, :3] = np.where(detections.has_range[:, None], placed, x[:, :3])
@@ -155,9 +156,3 @@ def _residual(detections: SpatialDetections, off: Array) -> Array:
     residual = off.copy()
     residual[:, 0] -= detections.range_m
     return np.asarray((detections.whiten @ residual[..., None])[..., 0])
-
-
-def _repeated(detections: SpatialDetections, count: int) -> SpatialDetections:
-    """(S,) detections tiled to ``count`` rows; row b is of detection b mod S."""
-    number = len(detections.range_m)
-    return detections if number == count else detections.take(np.arange(count) % max(number, 1))
