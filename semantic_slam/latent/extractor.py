@@ -5,7 +5,7 @@ import torch
 from torch import nn
 
 from semantic_slam.geometry.arrays import Array, Bytes
-from semantic_slam.perception.networks.network import normalised
+from semantic_slam.perception.networks.network import centred, convolution
 
 BLOCK = 512
 """Batch size: number of crops per forward pass."""
@@ -19,10 +19,10 @@ class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followe
     def __init__(self, num_features: int) -> None:
         super().__init__()
         self.trunk = nn.Sequential(
-            *_block(3, 24, 5, stride=2),
-            *_block(24, 48, 3, stride=2),
-            *_block(48, 96, 3),
-            *_block(96, 96, 3, stride=2),
+            *convolution(3, 24, 5, stride=2),
+            *convolution(24, 48, 3, stride=2),
+            *convolution(48, 96, 3),
+            *convolution(96, 96, 3, stride=2),
             nn.Flatten(),
             nn.Linear(96 * 4 * 4, 256),
             nn.ReLU(),
@@ -36,7 +36,7 @@ class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followe
 
     def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, size, size, 3) RGB bytes to about zero mean and unit spread."""
-        return normalised(crops, (0.5, 0.5, 0.5), (0.25, 0.25, 0.25))
+        return centred(crops)
 
     def features(self, crops: Bytes) -> Array:
         """(N, F) of (N, size, size, 3) RGB bytes."""
@@ -57,7 +57,3 @@ class FeatureExtractor(nn.Module):  # type: ignore[misc]  # torch is not followe
         with torch.no_grad():
             self.head.weight.copy_(torch.from_numpy(matrix @ weight))
             self.head.bias.copy_(torch.from_numpy(matrix @ (bias - offset)))
-
-
-def _block(inputs: int, outputs: int, kernel: int, stride: int = 1) -> list[nn.Module]:
-    return [nn.Conv2d(inputs, outputs, kernel, stride=stride, padding=kernel // 2), nn.ReLU()]

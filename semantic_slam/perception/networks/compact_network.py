@@ -4,7 +4,7 @@ import torch
 from torch import nn
 
 from semantic_slam.geometry.arrays import Bytes
-from semantic_slam.perception.networks.network import normalised
+from semantic_slam.perception.networks.network import centred, convolution
 
 ARCHITECTURE = "compact"
 
@@ -17,12 +17,12 @@ class CompactNetwork(nn.Module):  # type: ignore[misc]  # torch is not followed 
     def __init__(self, num_classes: int, dropout: float = 0.5) -> None:
         super().__init__()
         self.features = nn.Sequential(
-            *_block(3, 32, 5, stride=2),
+            *convolution(3, 32, 5, stride=2),
             nn.MaxPool2d(2),
-            *_block(32, 64, 5),
+            *convolution(32, 64, 5),
             nn.MaxPool2d(2),
-            *_block(64, 96, 3),
-            *_block(96, 96, 3),
+            *convolution(64, 96, 3),
+            *convolution(96, 96, 3),
             nn.MaxPool2d(2),
         )
         self.classifier = nn.Sequential(
@@ -57,13 +57,9 @@ class CompactNetwork(nn.Module):  # type: ignore[misc]  # torch is not followed 
 
     def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, 64, 64, 3) RGB bytes to about zero mean and unit spread."""
-        return normalised(crops, (0.5, 0.5, 0.5), (0.25, 0.25, 0.25))
+        return centred(crops)
 
     def forward(self, images: torch.Tensor) -> torch.Tensor:
         """(N, 3, 64, 64) to (N, C) logits, as training needs it."""
         logits: torch.Tensor = self.classifier(self.trunk(images))
         return logits
-
-
-def _block(inputs: int, outputs: int, kernel: int, stride: int = 1) -> list[nn.Module]:
-    return [nn.Conv2d(inputs, outputs, kernel, stride=stride, padding=kernel // 2), nn.ReLU()]

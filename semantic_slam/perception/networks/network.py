@@ -54,3 +54,13 @@ def normalised(crops: Bytes, mean: tuple[float, ...], scale: tuple[float, ...]) 
     images = torch.from_numpy(np.ascontiguousarray(crops)).permute(0, 3, 1, 2).to(torch.float32) / 255.0
     shift = torch.tensor(mean).view(1, 3, 1, 1)
     return ((images - shift) / torch.tensor(scale).view(1, 3, 1, 1)).contiguous()
+
+
+def centred(crops: Bytes) -> torch.Tensor:
+    """(N, H, W, 3) bytes to (N, 3, H, W) float32 of about zero mean and unit spread, for networks trained here."""
+    return normalised(crops, (0.5, 0.5, 0.5), (0.25, 0.25, 0.25))
+
+
+def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1) -> list[nn.Module]:
+    """A convolution that keeps the size of maps, divided by ``stride``, and the ReLU after it."""
+    return [nn.Conv2d(inputs, outputs, kernel, stride=stride, padding=kernel // 2), nn.ReLU()]
