@@ -61,7 +61,6 @@ class DetectionRecord:
     frame_ids: Counter[str] = field(default_factory=Counter)  # of messages
     num_with_boxes: int = 0  # messages
     num_doubled: int = 0  # of them those with two boxes of one label that overlap by more than LARGEST_OVERLAP
-    has_track_ids: bool = False
     has_embeddings: bool = False
 
 

@@ -57,7 +57,6 @@ class _Rows:
         record.told_labels |= labels_of(told)
         record.num_with_boxes += bool(np.isfinite(told.boxes).any())
         record.num_doubled += _are_doubled(told)
-        record.has_track_ids |= any(told.track_ids)
         record.has_embeddings |= told.embeddings.shape[1] > 0
         self.boxes.append(told.boxes.reshape(-1, 4))
         self.scores.append(told.scores)

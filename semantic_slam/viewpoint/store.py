@@ -79,11 +79,6 @@ def read_appearance(path: Path) -> KnownAppearance | None:
         raise InputError(f"{path}: {' '.join(str(fault).split())}; fit it anew with fit_viewpoint_models") from None
 
 
-def read_provenance(path: Path) -> dict[str, Any]:
-    """Provenance stored in the file. Raises InputError."""
-    return dict(FORMAT.read(path)[1].get("provenance", {}))
-
-
 @dataclass(frozen=True)
 class _Tabulated:
     """Layout of the tabulated posterior in a file: its arrays and their shapes."""

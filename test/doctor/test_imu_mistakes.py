@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from semantic_slam_lab.simulation.detectors.inertial import Imu
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bags.bag_factory import Entry, of_topic, without
 from worlds.bags.mistakes import each, rotated
 from worlds.bags.table_bag import in_space, with_imu, write_table_bag
+from worlds.scenes.inertial import Imu
 
 from semantic_slam.doctor.bag_summary import summarise_bag
 from semantic_slam.doctor.examination import examine

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from semantic_slam_lab.simulation.detectors.inertial import Imu
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, TableTops, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bags.bag_factory import Entry, frame_stamp, input_entries, without, write_bag, write_configuration
 from worlds.bags.imported import read_bag
 from worlds.bags.table_bag import SLOW_S, in_space, with_imu, write_table_bag
 from worlds.processes.commands import call
+from worlds.scenes.inertial import Imu
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import load_configuration

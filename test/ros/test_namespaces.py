@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from semantic_slam_lab.simulation.detectors.inertial import Imu
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, table_tops
 from worlds import same_beliefs
 from worlds.bags.imported import read_bag
 from worlds.bags.table_bag import in_space, with_imu, write_table_bag
 from worlds.processes.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
+from worlds.scenes.inertial import Imu
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration, from_dict, to_dict

@@ -16,7 +16,7 @@ from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.training.classifier import TrainingConfiguration
 from semantic_slam.training.turntables import class_names_of, load_views, with_classes
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
-from semantic_slam.viewpoint.store import read_model, read_provenance
+from semantic_slam.viewpoint.store import FORMAT, read_model
 
 REPOSITORY = Path(__file__).parents[2]
 ANGLES = range(0, 360, 30)
@@ -98,7 +98,7 @@ def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
     report = json.loads(models.with_suffix(".json").read_text())
     assert set(report) == set(COLOURS)
     assert report["red_box"]["coverage"]["views"] == len(ANGLES)
-    assert read_provenance(models)["report"] == report
+    assert FORMAT.read(models)[1]["provenance"]["report"] == report
 
     front = Viewpoints(np.zeros(1), np.full(1, 0.2), np.full(1, 2.0))
     seen_red = model.predict(np.array([1]), front).mean[0]

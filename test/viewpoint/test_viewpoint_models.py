@@ -21,7 +21,7 @@ from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel, poste
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.novelty import KnownViews
 from semantic_slam.viewpoint.parametric import ParametricModel
-from semantic_slam.viewpoint.store import read_model, read_provenance, save_model
+from semantic_slam.viewpoint.store import FORMAT, read_model, save_model
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ class TestGaussianProcess(ViewpointModelContract):
         again = read_model(path)
         assert again.class_names == ("one", "two")
         assert again.feature_names == FEATURES
-        assert read_provenance(path) == {"seed": 3}
+        assert FORMAT.read(path)[1]["provenance"] == {"seed": 3}
         classes = self.classes(fitted)
         for name in ("mean", "covariance", "mean_jacobian"):
             first = getattr(fitted.predict(classes, looking_from(self.azimuths)), name)

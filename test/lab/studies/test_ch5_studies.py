@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from semantic_slam_lab.simulation.goods import goods_class, goods_names
 from semantic_slam_lab.studies.ch5 import grounding, latent_space, likelihood, sensitivity
-from semantic_slam_lab.studies.ch5.models import FORMULATIONS, NUM_GOODS, Shipped, descriptor_of, known, new, trained
+from semantic_slam_lab.studies.ch5.models import FORMULATIONS, NUM_GOODS, Shipped, known, new, trained
 from semantic_slam_lab.studies.ch5.rasters import raster_figure
 from semantic_slam_lab.studies.ch5.refinement import refinement_numbers
 from semantic_slam_lab.studies.ch5.tracks import SIGMA_STEP, Drive, Located, located
@@ -25,6 +25,12 @@ DIRECTIONS = 8
 @pytest.fixture(scope="module")
 def shipped() -> Shipped:
     return trained("map")
+
+
+def descriptor_of(shipped: Shipped, name: str) -> np.ndarray:
+    """(L,) as learned."""
+    instances = shipped.model.instances
+    return instances.descriptors[instances.names.index(name)]
 
 
 def predicted(shipped: Shipped, names: tuple[str, ...], noise: float) -> FeatureViews:

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from semantic_slam_lab.simulation.detectors.inertial import Imu, SmoothPath, imu_messages
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, TableTops
 from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bags.bag_factory import Entry, static_transform, write_bag
+from worlds.scenes.inertial import Imu, SmoothPath, imu_messages
 
 from semantic_slam.configuration import Configuration, from_dict, to_dict
 from semantic_slam.geometry import se3

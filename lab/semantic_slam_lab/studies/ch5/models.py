@@ -3,9 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.extractor_store import read_extractor
 from semantic_slam.latent.latent_model import LatentModel
@@ -73,8 +70,3 @@ def known(model: Shipped, names: Sequence[str]) -> tuple[str, ...]:
 def new(model: Shipped, names: Sequence[str]) -> tuple[str, ...]:
     """Names among ``names`` that the model's training held out."""
     return tuple(name for name in names if name in model.held_out)
-
-
-def descriptor_of(model: Shipped, name: str) -> Array:
-    """(L,) as learned; raises ValueError for an instance that was not trained on."""
-    return np.asarray(model.model.instances.descriptors[model.model.instances.names.index(name)])
