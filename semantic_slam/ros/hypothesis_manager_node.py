@@ -51,7 +51,7 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.assembly.frame_count import FrameCount
 from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.gravity.imu_use import unused_because
-from semantic_slam.pipeline.journal.journal import Record
+from semantic_slam.pipeline.journal.event_journal import CHANGE, END, PAUSE, SESSION, EventJournal
 from semantic_slam.pipeline.journal.journal_of_run import open_journal
 from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 from semantic_slam.pipeline.preamble import checked_initial_pose
@@ -80,12 +80,6 @@ from semantic_slam.ros.services.session_services import SessionServices
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name
 
-END = "end"
-"""Name of the journal record that marks the end of a replay; records after it belong to another session."""
-SESSION, PAUSE, CHANGE = "session", "pause", "change"
-"""Journal records of service calls: a run ended, with the map of the next one; a pause, b"1", or its end, b"0";
-parameters that were set, a JSON object."""
-
 
 class HypothesisManagerNode(PipelineNode):
     """ROS node that wraps the keyframe assembler and the hypothesis manager."""
@@ -108,14 +102,14 @@ class HypothesisManagerNode(PipelineNode):
         resume = declare_fixed(self, "resume", True)
         refuse_undeclared(self)
         self._source = _source(source_bag)
-        self._journal = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
-        self._pool_of_run = JournaledPool(self._pool, self._journal)
+        opened = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
+        self._journal = EventJournal(opened, self._handlers())
+        self._pool_of_run = JournaledPool(self._pool, opened)
         self._session = Session(self._configuration, self._map_prior, self._source, imu=self._imu)
         self._is_paused = False
         self._frames = FrameCount(is_gapless=self.lossless)
         self.repeated = self._pool.repeated
         self._repeats = Repeats(self.repeated)
-        self._adders: dict[str, Callable[[Any], None]] = {}  # by topic: what takes its decoded messages
         self._announced, self._belief_stamp_ns = -1, 0
         self._is_recovering = self._is_finished = False
         self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
@@ -170,18 +164,17 @@ class HypothesisManagerNode(PipelineNode):
 
     def _kept(self, topic: str, add: Callable[[Any], None]) -> Callable[[bytes], None]:
         """Handler that appends each message to the journal before using it; repeats in a replay are ignored."""
-        self._adders[topic] = add
+        self._journal.listen(topic, partial(self._use, topic, add))
 
         def handle(data: bytes) -> None:
             if not (self.lossless and not self._is_finished and self._repeats.is_known(topic, data)):
-                self._journal.append(topic, data)
-                self._use(topic, data)
+                self._journal.happen(topic, data)
 
         return handle
 
-    def _use(self, topic: str, data: bytes) -> None:
+    def _use(self, topic: str, add: Callable[[Any], None], data: bytes) -> None:
         self._go_on_after_end()
-        self._adders[topic](deserialize(data, topics.TYPES[topic]))
+        add(deserialize(data, topics.TYPES[topic]))
         self._infer()
         former = self._session
         if former.assembler.is_over:  # stamps restarted from an earlier time, e.g. a bag that is played again
@@ -230,24 +223,24 @@ class HypothesisManagerNode(PipelineNode):
 
     def load(self, map_prior: MapPrior | None) -> None:
         """End the run and start another one on this map; journaled."""
-        self._journal.append(SESSION, b"" if map_prior is None else map_prior.to_json().encode())
+        self._journal.record(SESSION, b"" if map_prior is None else map_prior.to_json().encode())
+        self._restart(map_prior)
+
+    def _restart(self, map_prior: MapPrior | None) -> None:
         self._begin(map_prior)
         self._infer()
 
     def pause(self, paused: bool) -> None:
         """Stop or resume making keyframes; journaled."""
-        self._journal.append(PAUSE, b"1" if paused else b"0")
-        self._set_paused(paused)
+        self._journal.happen(PAUSE, b"1" if paused else b"0")
 
     def _set_paused(self, paused: bool) -> None:
         self._is_paused = self._session.assembler.is_paused = paused
 
     def change(self, values: Values) -> None:
         """Use other values of parameters that may change during a run; journaled."""
-        configuration = self._changes.changed(values)
-        if configuration != self._session.configuration:
-            self._journal.append(CHANGE, json.dumps(values).encode())
-            self._session.change(configuration)
+        if self._changes.changed(values) != self._session.configuration:
+            self._journal.happen(CHANGE, json.dumps(values).encode())
 
     def close(self) -> None:
         """Cancel pending service requests, including a running explanation, and leave the folder of checkpoints."""
@@ -258,11 +251,10 @@ class HypothesisManagerNode(PipelineNode):
     def _recover(self, _: None) -> None:
         """Replay the journal up to where the last process stopped, then announce the progress."""
         self._is_recovering = True
-        while (record := self._journal.next) is not None:
-            self._journal.take()
+        for event in self._journal.past():
             if self.lossless:
-                self._repeats.is_known(record.name, record.data)
-            self.guarded(record.name, partial(self._happened, record))
+                self._repeats.is_known(event.name, event.data)
+            self.guarded(event.name, partial(self._journal.happen_again, event))
         if self._session.num_keyframes:
             self.get_logger().info(f"{self._session.num_keyframes} keyframes of the journal are there again")
         if self._belief is not None and not self.lossless:
@@ -272,22 +264,15 @@ class HypothesisManagerNode(PipelineNode):
             self._changes.state()
         self._announce(finished=self._is_finished)
 
-    def _happened(self, record: Record) -> None:
-        if record.name == END:
-            self._finish()
-        elif record.name == SESSION:
-            self._begin(parse_map_prior(record.data.decode(), "journal") if record.data else None)
-            self._infer()
-        elif record.name == PAUSE:
-            self._set_paused(record.data == b"1")
-        elif record.name == CHANGE:
-            self._session.change(self._changes.changed(json.loads(record.data)))
-        elif record.name == topics.CLASSIFIER_PROGRESS:
-            self._count_lost(decode(record.data, topics.TYPES[record.name]))
-        elif record.name in self._adders:
-            self._use(record.name, record.data)
-        else:
-            raise InputError(f"parameter journal: it goes on with {record.name} where no answer is due; remove it")
+    def _handlers(self) -> dict[str, Callable[[bytes], None]]:
+        """What handles the events of the journal, besides those that :meth:`_kept` adds."""
+        return {
+            SESSION: lambda data: self._restart(parse_map_prior(data.decode(), "journal") if data else None),
+            PAUSE: lambda data: self._set_paused(data == b"1"),
+            CHANGE: lambda data: self._session.change(self._changes.changed(json.loads(data))),
+            topics.CLASSIFIER_PROGRESS: self._count_lost,
+            END: lambda _: self._finish(),
+        }
 
     def _set_initial_pose(self, message: Any) -> None:
         self._session.set_initial_pose(checked_initial_pose(from_message(message), self._map_frame))
@@ -329,8 +314,7 @@ class HypothesisManagerNode(PipelineNode):
             raise MessageError(f"{topics.CLASSIFIER_PROGRESS}: an end before the newest measurements", "out of turn")
         if self._is_progress_repeated(progress, data):
             return
-        self._journal.append(topics.CLASSIFIER_PROGRESS, data)
-        self._count_lost(progress)
+        self._journal.happen(topics.CLASSIFIER_PROGRESS, data)
         self._announce(finished=False)
         if progress.finished:
             self.when_drained(self._end_of_replay, None)
@@ -342,14 +326,14 @@ class HypothesisManagerNode(PipelineNode):
         self.repeated[topics.CLASSIFIER_PROGRESS] += self._is_finished
         return self._is_finished
 
-    def _count_lost(self, progress: ReplayProgress) -> None:
+    def _count_lost(self, data: bytes) -> None:
+        progress: ReplayProgress = decode(data, topics.TYPES[topics.CLASSIFIER_PROGRESS])
         if not progress.finished:
             self._go_on_after_end()
         self._frames.lost(progress.frames)
 
     def _end_of_replay(self, _: None) -> None:
-        self._journal.append(END)
-        self._finish()
+        self._journal.happen(END)
         self._publisher.wait_for_acknowledgement()
         self.health.publish()  # the final counts, before the recorder stops listening
         self._announce(finished=True)
