@@ -4,9 +4,8 @@ The result depends on the messages' stamps alone. A frame is complete once the t
 depth image are nearest in time to its detections; images without detections are never decoded.
 """
 
-from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,11 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.images import check_unit, decode_depth, decode_image, size_of
-from semantic_slam.messages.sensor import TransformTree, camera_model, plain_frame
+from semantic_slam.messages.sensor import TransformTree, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
+from semantic_slam.pipeline.assembly.detections_input import DetectionsInput
 from semantic_slam.pipeline.odometry.moving_camera import MovingCamera
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
@@ -26,7 +25,7 @@ MAX_IMAGES_WAITING = 300
 """Images buffered while waiting for detections; a detector with a longer latency cannot be matched."""
 
 
-class FrameAssembler:
+class FrameAssembler(DetectionsInput):
     """Matches detections with the image and the depth image nearest in time.
 
     ``dropped`` counts, by reason, the messages that could not be used, except images without detections.
@@ -39,23 +38,16 @@ class FrameAssembler:
 
         ``fixed_transforms``: those of /tf_static, if /tf may contain the motion of a camera relative to the robot.
         """
-        self.dropped: Counter[str] = Counter()
-        self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
-        self._camera_is_of_another = False
+        super().__init__()
+        self.dropped = self._lost
         self._has_depth = has_depth
         self._base_frame = configuration.perception.base_frame
         self._moving: MovingCamera | None = None
         if fixed_transforms is not None and not configuration.perception.extrinsics:
             self._moving = MovingCamera(self._base_frame, fixed_transforms, self.dropped)
         self._tolerance_ns = round(configuration.perception.sync_tolerance_s * NANOSECONDS)
-        self._detections: StampedBuffer[Detections] = StampedBuffer(topics.DETECTIONS, self.dropped)
         self._images: StampedBuffer[Any] = StampedBuffer(topics.IMAGE, self.dropped, MAX_IMAGES_WAITING)
         self._depths: StampedBuffer[Any] = StampedBuffer(topics.DEPTH, self.dropped, MAX_IMAGES_WAITING)
-
-    def add_camera_info(self, message: Any) -> None:
-        """Take a sensor_msgs/CameraInfo; raises InputError if the camera is not calibrated."""
-        if self.camera is None or self._camera_is_of_another:
-            self.camera, self._camera_is_of_another = camera_model(message, topics.CAMERA_INFO), False
 
     def add_image(self, message: Any) -> None:
         """Take a colour image, a sensor_msgs/Image or CompressedImage."""
@@ -69,15 +61,6 @@ class FrameAssembler:
         """Take a tf2_msgs/TFMessage of /tf, with time-varying transforms."""
         if self._moving is not None:
             self._moving.add(message)
-
-    def add_detections(self, message: Any) -> None:
-        """Take a semantic_slam_msgs/DetectionArray."""
-        try:
-            detections = from_message(message)
-        except InputError:
-            self.dropped[f"{topics.DETECTIONS}: arrays of different lengths"] += 1
-            return
-        self._detections.add(detections.stamp_ns, detections)
 
     @property
     def num_waiting(self) -> int:
@@ -93,19 +76,11 @@ class FrameAssembler:
         """Whether the stamps of detections and images both went back, so that another session has started."""
         return self._detections.is_set_back and self._images.is_set_back
 
-    def keep_camera_of(self, former: "FrameAssembler") -> None:
-        """Use the camera of the previous session until a camera_info arrives."""
-        self.camera, self._camera_is_of_another = former.camera, former.camera is not None
-
-    def go_on_from(self, former: "FrameAssembler") -> None:
+    def go_on_from(self, former: Self) -> None:
         """Take the messages of this session that the assembler of the previous one has refused."""
-        self.keep_camera_of(former)
-        for ours, theirs in (
-            (self._detections, former._detections),
-            (self._images, former._images),
-            (self._depths, former._depths),
-        ):
-            ours.go_on_from(theirs)
+        super().go_on_from(former)
+        self._images.go_on_from(former._images)
+        self._depths.go_on_from(former._depths)
         if self._moving is not None and former._moving is not None:
             self._moving.go_on_from(former._moving)
 

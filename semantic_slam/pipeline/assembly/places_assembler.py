@@ -6,7 +6,7 @@ wait for the camera's intrinsics.
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import Self
 
 import numpy as np
 
@@ -14,27 +14,23 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import from_message
-from semantic_slam.messages.sensor import camera_model, plain_frame
-from semantic_slam.perception.frame import CameraModel, Detections
+from semantic_slam.messages.sensor import plain_frame
+from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places import PlaceReader
-from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
+from semantic_slam.pipeline.assembly.detections_input import DetectionsInput
 
 
-class PlacesAssembler:
+class PlacesAssembler(DetectionsInput):
     """Turns detections into measurements, in stamp order; ``dropped`` counts unused ones by reason."""
 
     def __init__(self, configuration: Configuration, camera_pose: Callable[[str], Array]) -> None:
         """``camera_pose`` returns (7,) T_base_camera of an optical frame, or raises InputError."""
-        self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
+        super().__init__()
         self._reader = PlaceReader(configuration.perception, in_space=configuration.is_spatial)
         self._in_space = configuration.is_spatial
         self._camera_pose = camera_pose
-        self._camera_is_of_another = False
         self._num_measured = 0
-        self._lost: Counter[str] = Counter()
-        self._detections: StampedBuffer[Detections] = StampedBuffer(topics.DETECTIONS, self._lost)
 
     @property
     def dropped(self) -> Counter[str]:
@@ -45,34 +41,15 @@ class PlacesAssembler:
         """Number of detections that wait for the camera, without any whose suspicious stamp is on hold."""
         return len(self._detections)
 
-    def add_camera_info(self, message: Any) -> None:
-        """Take a sensor_msgs/CameraInfo; raises InputError if the camera is not calibrated."""
-        if self.camera is None or self._camera_is_of_another:
-            self.camera, self._camera_is_of_another = camera_model(message, topics.CAMERA_INFO), False
-
-    def add_detections(self, message: Any) -> None:
-        """Take a semantic_slam_msgs/DetectionArray."""
-        try:
-            detections = from_message(message)
-        except InputError:
-            self._lost[f"{topics.DETECTIONS}: arrays of different lengths"] += 1
-            return
-        self._detections.add(detections.stamp_ns, detections)
-
     @property
     def is_over(self) -> bool:
         """Whether the stamps of detections went back, so that another session has started."""
         return self._detections.is_set_back
 
-    def keep_camera_of(self, former: "PlacesAssembler") -> None:
-        """Use the camera of the previous session until a camera_info arrives."""
-        self.camera, self._camera_is_of_another = former.camera, former.camera is not None
-
-    def go_on_from(self, former: "PlacesAssembler") -> None:
+    def go_on_from(self, former: Self) -> None:
         """Take the detections of this session that the assembler of the previous one has refused."""
-        self.keep_camera_of(former)
+        super().go_on_from(former)
         self._num_measured = former._num_measured  # sequence numbers continue
-        self._detections.go_on_from(former._detections)
 
     def take(self) -> list[SemanticMeasurements]:
         """Measurements that are complete, in stamp order."""
