@@ -80,6 +80,27 @@ def association_probabilities(weights: Array, columns: NDArray[np.int32], num_ob
     return probabilities
 
 
+def _probabilities_of_known(
+    weights: Array,
+    object_ids: NDArray[np.int64],
+    reported: ReportedObjects,
+    first_new_id: int | None,
+    passed_over: PassedOver | None,
+) -> Array:
+    """:func:`association_probabilities` of the objects known before the keyframe, from (H, D) ``object_ids``."""
+
+    def columns(ids: NDArray[np.int64]) -> NDArray[np.int32]:
+        rows = reported.rows(ids)
+        return rows if first_new_id is None else np.where(ids < first_new_id, rows, -1)
+
+    count = len(reported.ids)
+    probabilities = association_probabilities(weights, columns(object_ids), count)
+    if passed_over is not None and first_new_id is not None:
+        probabilities += association_probabilities(passed_over.weights, columns(passed_over.associations), count)
+        probabilities /= 1.0 + passed_over.weights.sum()
+    return probabilities
+
+
 def state_belief(
     step: Step,
     mixture: Mixture,
@@ -100,16 +121,9 @@ def state_belief(
     """
     weights = np.exp(mixture.log_weights)
     object_ids = mixture.associations()
-    associations = reported.rows(object_ids)
     clutter = np.full(len(step.names), np.nan)  # in an open world it may be a new object
     if first_new_id is None:
         clutter = weights @ (object_ids < 0)
-    known = associations if first_new_id is None else np.where(object_ids < first_new_id, associations, -1)
-    probabilities = association_probabilities(weights, known, len(reported.ids))
-    if passed_over is not None and first_new_id is not None:
-        others = np.where(passed_over.associations < first_new_id, reported.rows(passed_over.associations), -1)
-        probabilities += association_probabilities(passed_over.weights, others, len(reported.ids))
-        probabilities /= 1.0 + passed_over.weights.sum()
     return HybridBelief(
         stamp_ns=step.stamp_ns,
         keyframe=step.index,
@@ -123,7 +137,7 @@ def state_belief(
         poses=mixture.poses,
         pose_covariances=mixture.pose_covariances,
         detection_ids=step.detection_ids,
-        associations=associations,
+        associations=reported.rows(object_ids),
         object_ids=np.array(reported.ids, dtype=np.uint32),
         object_names=tuple(reported.names),
         hypothesis_class_probabilities=mixture.objects.class_probabilities,
@@ -131,7 +145,7 @@ def state_belief(
         component_entropy=component_entropy(weights),
         discarded_mass=discarded_mass,
         dropped=step.dropped,
-        association_probabilities=probabilities,
+        association_probabilities=_probabilities_of_known(weights, object_ids, reported, first_new_id, passed_over),
         outlier_probability=clutter,
         state_space=state_space,
         **_revisions(mixture.changes),
