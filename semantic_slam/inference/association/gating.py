@@ -91,6 +91,13 @@ def pair_densities(
                 root=np.linalg.cholesky(prior[bent]),
             )
             return _at_modes(pairs, bent, part, prior, shape)
+    return _at_prediction(part, jacobian, prior, shape, tail)
+
+
+def _at_prediction(
+    part: Linearisation, jacobian: Array, prior: Array, shape: tuple[int, int], tail: HeavyTail | None
+) -> PairDensities:
+    """Densities of all pairs, ``part`` (D M, ...); with a ``tail`` those of outliers are mixed in."""
     innovation = Innovation.of(part, jacobian, prior)
     table = _table(part, shape)
     log_density, distance = innovation.log_density.reshape(shape), innovation.distance.reshape(shape)
