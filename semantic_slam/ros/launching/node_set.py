@@ -73,12 +73,7 @@ def node_set(
     configuration = load_configuration(configuration_file)
     if configuration.open_world.time_budget_ms > 0:  # results depend on timing, so a run cannot be repeated
         journal, resume = "", False
-    with BagReader(bag) as reader:
-        found = find_topics(bag, reader.topics)
-        extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
-        imu = _imu_parameters(reader, found, configuration, has_tf2=has_tf2)
-        labels = _labels(reader, found, configuration, map_prior_path(bag))
-        is_without_body = not _places_body(reader, found, configuration.perception.base_frame)
+    source = _Source.of(bag, configuration, has_tf2=has_tf2)
     waiting: dict[str, Any] = {} if autostart else {"autostart": False}
     common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | waiting
     configured = common | changed_parameters(configuration)
@@ -88,24 +83,49 @@ def node_set(
         "source_bag": str(bag),
         "journal": journal,
         "resume": resume,
-        **({"broadcast_odom": True} if has_tf2 and is_without_body else {}),  # so that RViz can place the robot
-        **imu,
-        **labels,
+        **source.manager,
     }
     restarts = {"resume": True} if journal else None
     nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager, again=restarts)]
     nodes += [NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(backends)]
-    if not found.measurements:
-        parameters = configured | _classifier_parameters(found, extrinsics)
+    if not source.has_measurements:
+        parameters = configured | source.classifier
         # Messages in flight to a dead classifier are lost; a restarted player sends them again to the new one.
         followers = ("bag_player",) if rate == LOSSLESS else ()
         nodes.append(NodeSpec("classifier_node", "classifier", parameters, followers=followers))
     if record:
         recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
-        recorder |= {"has_imu": True} if imu else {}
+        recorder |= {"has_imu": True} if source.has_imu else {}
         nodes.append(NodeSpec("bag_recorder", "bag_recorder", recorder, again={"resume": True}))
     player = {"bag": str(bag), "rate": rate, "resume": resume} | waiting
     return [*nodes, NodeSpec("bag_player", "bag_player", player, again={"resume": True})]
+
+
+@dataclass(frozen=True)
+class _Source:
+    """What nodes must be told of the bag that is replayed."""
+
+    has_measurements: bool  # made by an earlier run, so that no classifier is needed
+    has_imu: bool  # of use
+    manager: dict[str, Any]  # parameters
+    classifier: dict[str, Any]  # parameters
+
+    @classmethod
+    def of(cls, bag: Path, configuration: Configuration, *, has_tf2: bool) -> "_Source":
+        """Raises InputError."""
+        with BagReader(bag) as reader:
+            found = find_topics(bag, reader.topics)
+            extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
+            imu = _imu_parameters(reader, found, configuration, has_tf2=has_tf2)
+            labels = _labels(reader, found, configuration, map_prior_path(bag))
+            is_without_body = not _places_body(reader, found, configuration.perception.base_frame)
+        odom = {"broadcast_odom": True} if has_tf2 and is_without_body else {}  # so that RViz can place the robot
+        return cls(
+            has_measurements=bool(found.measurements),
+            has_imu=bool(imu),
+            manager={**odom, **imu, **labels},
+            classifier=_classifier_parameters(found, extrinsics),
+        )
 
 
 def _labels(
