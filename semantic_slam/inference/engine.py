@@ -9,7 +9,6 @@ the unnormalised weights w psi are collected over all parents and normalised onc
 """
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Self
 
@@ -26,9 +25,8 @@ from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.evidence.explanation import Explanation, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.marginals import Mixture, PassedOver, state_belief
+from semantic_slam.inference.marginals import PassedOver, state_belief
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.object_table import ObjectTable, stack_rows
 from semantic_slam.inference.open_world.copies import Copies, Distinct
 from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
 from semantic_slam.inference.open_world.time_budget import TimeBudget
@@ -37,12 +35,11 @@ from semantic_slam.inference.protocol import BackendPool, Components, RunConfigu
 from semantic_slam.inference.pruning import Kinds, Pruned, affordable, prune, widened
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
-from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.revision.looking_back import Present
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.revision.revision import Revision, normalised, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
-from semantic_slam.inference.states.lineage import Lineage
+from semantic_slam.inference.statement import Statement
 from semantic_slam.inference.summarised_copies import SummarisedCopies
 from semantic_slam.inference.world.carried import is_carried_lately, new_grounds
 from semantic_slam.inference.world.map_prior import MapPrior
@@ -108,6 +105,7 @@ class Engine:
             self.problem.revision, Replay(self.problem, association, self.steps), self.registry
         )
         self.recovery = Recovery(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
+        self.statement = Statement(self.problem, self.registry, self.genuine, self.recovery, self.alternatives)
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept, in nats
         self._last_stamp_ns: int | None = None  # of the newest keyframe; None before the first one
@@ -263,7 +261,7 @@ class Engine:
         self.genuine.note(step)
         belief = state_belief(
             step,
-            self._mixture(components, reported),
+            self.statement.mixture(self.live, components, reported),
             reported,
             self.problem.class_names,
             self.problem.inferred_noise,
@@ -297,69 +295,4 @@ class Engine:
             log_evidence=log_evidence,
             innovation_nees=mean_of_known(candidates.innovation_nees[kept.kept], weights),
             unexplained=self.explanation.add(log_evidence, log_reference),
-        )
-
-    def _in_map(self, held: HeldComponent, lineage: Lineage, reported: ReportedObjects) -> HeldComponent:
-        """Express a component in map, adding the frame's uncertainty where its robot is not localised in the map.
-
-        A robot that is lost or was kidnapped maps in a local frame, whose pose in map is known only by its prior.
-        """
-        starts, grounds = self.problem.starts, new_grounds(lineage) if self.recovery.is_on else ()
-        if grounds:
-            frame, first = self.recovery.frame(grounds), self.registry.first_new_id(grounds[0])
-            held = in_map(held, frame, np.array([n < first for n in reported.ids], dtype=bool))
-        if starts is None or self.problem.is_placed(lineage):
-            return held
-        known = self.problem.map_ids
-        return in_map(held, starts, np.array([n in known for n in reported.ids], dtype=bool))
-
-    def _as_believed(self, components: dict[int, HeldComponent]) -> dict[int, Hypothesis]:
-        """The live hypotheses by descending weight, their weights averaged over resampled evidence (``Bagging``).
-
-        The resampling moderates the evidence between clusters of hypotheses whose robots are at different places;
-        without it (``weights.bagged_sets`` or ``pruning.place_m`` is 0) the hypotheses are returned unchanged.
-        """
-        every, limits = list(self.live.items()), self.problem.pruning
-        bagging = self.problem.bagging
-        if bagging.num_replicates == 0 or limits.place_m <= 0.0:
-            return self.live
-        places = Kinds(
-            positions=np.array([components[number].pose[:3] for number, _ in every]),
-            beginnings=np.zeros(len(every), dtype=int),
-        )
-        log_weights = bagging.log_weights(
-            np.array([own.log_weight for _, own in every]),
-            np.array([own.replicates for _, own in every]),
-            places.of(np.arange(len(every)), limits.place_m),
-        )
-        return {
-            every[row][0]: replace(every[row][1], log_weight=float(log_weights[row]))
-            for row in np.argsort(-log_weights, kind="stable").tolist()
-        }
-
-    def _as_scored(self, live: dict[int, Hypothesis], ids: Sequence[int], objects: ObjectTable) -> ObjectTable:
-        """(H, O) objects, their existence times the probability that they are genuine, by the detector's scores."""
-        gone = objects.missing if objects.missing.size else np.zeros(objects.existence.shape)
-        shares = self.genuine.shares(live, ids, np.minimum(objects.existence + np.nan_to_num(gone), 1.0))
-        if shares is None:
-            return objects
-        missing = objects.missing * shares if objects.missing.size else objects.missing
-        return replace(objects, existence=objects.existence * shares, missing=missing)
-
-    def _mixture(self, components: dict[int, HeldComponent], reported: ReportedObjects) -> Mixture:
-        """The mixture over the live hypotheses, in descending order of weight."""
-        live = self._as_believed(components)
-        rows = [self._in_map(components[n], own.lineage, reported) for n, own in live.items()]
-        objects = stack_rows([own.objects for own in rows])
-        objects = self._as_scored(live, reported.ids, objects)
-        return Mixture(
-            ids=list(live),
-            parent_ids=[own.told_parent_id for own in live.values()],
-            log_weights=np.array([own.log_weight for own in live.values()]),
-            lineages=[own.lineage for own in live.values()],
-            changes=self.alternatives.told({n: live[n] for n in self.live}),
-            poses=np.array([own.pose for own in rows]),
-            pose_covariances=np.array([own.covariance for own in rows]),
-            objects=objects,
-            noise=np.array([own.noise for own in rows]),
         )
