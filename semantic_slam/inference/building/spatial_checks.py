@@ -36,8 +36,8 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
         "set observation: range_bearing, or semantic_model.kind: none or detector",
     )
     yield (
-        configuration.observation == "range_bearing" and association.tracks_objects,
-        "set observation: points, or association: enumerated, or given with open_world.iterate_updates: true",
+        association.tracks_objects and configuration.semantic_model.kind not in ("none", "detector"),
+        "set semantic_model.kind: none or detector, or association: enumerated, or given",
     )
     yield Moving(configuration.moving).is_on, "set moving.share: 0 and moving.share_by_label: []"
     yield closed.unmapped_objects > 0, "set closed_world.unmapped_objects: 0"

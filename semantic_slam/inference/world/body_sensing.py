@@ -34,6 +34,7 @@ def range_bearing(settings: SensingSettings) -> Sensing:
             words=WordReader(settings.labels) if settings.labels else None,
             ranges=UnmeasuredRanges.of(configuration),
             features=FeatureReader(settings.num_features, settings.feature_names),
+            needs_ranges=settings.tracks_objects,
         ),
         robot_prior=pose_prior,
         object_prior=_body_prior(configuration.new_objects.sigma_tilt_rad),

@@ -22,7 +22,8 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.models.spatial.range_prior import RangePrior
-from semantic_slam.inference.open_world.spatial.births import births_in_space, shown_by
+from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
+from semantic_slam.inference.open_world.spatial.births import shown_by
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.pool import InProcessPool
@@ -183,7 +184,8 @@ def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
         ray_to(np.array([1.0, 0.2, -0.1]), (0.2, 0.0, 0.1)),
         se3.exp(np.array([0.0, 0.1, 0.4, 1.0, 2.0, 0.0])),
     )
-    (born,) = births_in_space(SpatialObservation(), [detection], robot, REGION)
+    geometry, model = geometry_of(SPACES), SpatialObservation()
+    (born,) = geometry.births(model, [detection], robot, REGION)
     assert born.log_area == pytest.approx(np.log((3.0**3 - 0.5**3) / 3.0))
     along = so3.rotated(robot[3:], detection.ray)
     known = detection.log_range
@@ -191,7 +193,7 @@ def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
     assert len(shown_by(REGION, [detection])[0]) == 0
     steps = 1e-6 * np.eye(6)
     places = [
-        births_in_space(SpatialObservation(), [detection], SPACES.robot.retract(robot, step), REGION)[0].prior.mean
+        geometry.births(model, [detection], SPACES.robot.retract(robot, step), REGION)[0].prior.mean
         for step in (*steps, *-steps)
     ]
     slopes = (np.array(places[:6]) - np.array(places[6:])).T / 2e-6

@@ -1,0 +1,112 @@
+"""Upright bodies without a map: range and ray say nothing of an attitude, so the world is that of points."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from worlds.scenes.open_flights import POOR, Errors, OpenFlight
+
+from semantic_slam import Detection, HybridBelief, Keyframe, MapPrior, ObjectPrior
+from semantic_slam.configuration import NewObjectConfiguration
+from semantic_slam.errors import InputError
+from semantic_slam.geometry import se3, so3
+from semantic_slam.inference.models.spatial.bodies import BodyObservation
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
+from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
+from semantic_slam.inference.open_world.spatial.births import births_in_space
+from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses
+from semantic_slam.inference.states.kinds.spatial_positions import SpatialPositions
+
+POSE = se3.exp(np.array([0.4, -0.3, 0.8, 1.0, 2.0, 3.0]))
+REGION = SpatialRegion(min_range_m=0.5, max_range_m=3.0, half_width_rad=0.7, half_height_rad=0.4)
+PLACE_SIGMA_M = 0.05
+
+
+def mapped(points: np.ndarray, attitude: np.ndarray) -> MapPrior:
+    """Half of the ``points``, not quite where they are, of a known attitude."""
+    objects = [
+        ObjectPrior(
+            object_id=n,
+            name="",
+            pose=np.append(points[n] + 0.02, attitude),
+            covariance=np.diag([*[PLACE_SIGMA_M**2] * 3, 0.0, 0.0, 1e-8]),
+            class_probabilities={},
+            existence=0.8,
+        )
+        for n in range(0, len(points), 2)
+    ]
+    return MapPrior(tuple(objects))
+
+
+def assert_same(own: HybridBelief, points: HybridBelief, tolerance: float) -> None:
+    """Of all but the attitudes of objects."""
+    every = "log_evidence log_weights poses pose_covariances existence class_probabilities innovation_nees unexplained"
+    for name in every.split():
+        np.testing.assert_allclose(getattr(own, name), getattr(points, name), atol=tolerance, err_msg=name)
+    np.testing.assert_allclose(own.object_poses[:, :3], points.object_poses[:, :3], atol=tolerance)
+    places = (own.object_covariances[:, :3, :3], points.object_covariances[:, :3, :3])
+    np.testing.assert_allclose(*places, atol=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("errors", "labels", "on_map", "values"),
+    [
+        (Errors(), (), False, {"revision": {"every_keyframes": 3, "horizon": 50}}),
+        (Errors(), (), True, {"odometry": {"sigma_level_rad": 0.02}, "new_objects": {"sigma_tilt_rad": 1e-4}}),
+        (POOR, (), False, {}),
+        (POOR, ("cup", "bottle", "book"), False, {}),
+    ],
+)
+def test_bodies_whose_attitude_is_not_measured_are_points(
+    monkeypatch: pytest.MonkeyPatch, errors: Errors, labels: tuple[str, ...], on_map: bool, values: dict[str, Any]
+) -> None:
+    """Of the same evidence, histories, existence and places, also where pairs and histories are searched for modes.
+
+    With all that moved relinearised: thresholds are along the axes of objects, which those of points are not.
+    """
+    for space in (SpatialPoses, SpatialPositions):
+        monkeypatch.setattr(space, "relinearize_threshold", np.full(space.tangent_size, 1e-9))
+    seed = 3
+    points = np.random.default_rng(seed).uniform([-2.0, -2.0, 0.0], [2.0, 2.0, 1.5], (12, 3))
+    objects = mapped(points, so3.exp(np.array([0.0, 0.0, 0.4]))) if on_map else None
+    flights = [
+        OpenFlight(seed, labels=labels, errors=errors, objects=objects, observation=observation, **values)
+        for observation in ("range_bearing", "points")
+    ]
+    most = 0
+    for own, of_points in zip(*(flight.beliefs(7, clutter=0.7) for flight in flights), strict=True):
+        assert_same(own, of_points, 1e-6)
+        most = max(most, len(own.log_weights))
+    assert most > 1 or errors is not POOR
+
+
+def test_what_is_born_stands_upright_wherever_the_robot_is() -> None:
+    """Its position follows the robot, its attitude is gravity's; of its yaw nothing is known."""
+    body, settings = np.array([0.5, -1.0, 1.5]), NewObjectConfiguration()
+    distance = float(np.linalg.norm(body))
+    detection = SpatialDetection(ray=body / distance, range_m=distance, covariance=np.diag([0.01, 1e-4, 4e-4]))
+    model = BodyObservation(new_objects=settings)
+    space = POSES_IN_SPACE.robot
+    (born,) = births_in_space(space, model, [detection], POSE, REGION)
+    np.testing.assert_allclose(so3.matrix(born.prior.mean[3:])[2], [0.0, 0.0, 1.0], atol=1e-12)
+    steps = 1e-6 * np.eye(6)
+    robots = [space.retract(POSE, step) for step in (*steps, *-steps)]
+    places = np.array([births_in_space(space, model, [detection], x, REGION)[0].prior.mean[:3] for x in robots])
+    slopes = space.position_slopes(born.prior.mean)
+    np.testing.assert_allclose(slopes @ born.gain, (places[:6] - places[6:]).T / 2e-6, atol=1e-8)
+    np.testing.assert_array_equal(born.gain[se3.ROTATION], 0.0)
+    tilt, heading = settings.sigma_tilt_rad**2, settings.sigma_heading_rad**2
+    np.testing.assert_allclose(born.noise[se3.ROTATION, se3.ROTATION], np.diag([tilt, tilt, heading]))
+    np.testing.assert_array_equal(born.noise[se3.ROTATION, se3.TRANSLATION], 0.0)
+    along = geometry_of(POSES_IN_SPACE).moving_along(POSE, born.prior.mean[None])[0]
+    np.testing.assert_allclose(along, born.gain, atol=1e-12)
+
+
+def test_a_ray_alone_is_refused() -> None:
+    """A body is not born along one yet."""
+    flight = OpenFlight(0, observation="range_bearing")
+    ray = Detection.along((0.1, 0.0, 1.0), ray_covariance=1e-4 * np.eye(3))
+    with pytest.raises(InputError, match="has no range"):
+        flight.engine.process(Keyframe.spatial(0, detections=[ray]))
