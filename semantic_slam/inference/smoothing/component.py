@@ -12,6 +12,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import transport
+from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.evidence.window import Window
 from semantic_slam.inference.models.joint_prior import joint_prior_factors
 from semantic_slam.inference.models.latent.observation import LatentObservation
@@ -205,11 +206,18 @@ class Component:
         return [(key, correction) for key, correction in every if correction is not None]
 
     def tracked_heading(self, object_id: int) -> tuple[float, float] | None:
-        """Mean [rad] and variance of an object's tracked heading; None for a new object, or if nothing is tracked."""
-        if self.tracked is None or object_id not in self.object_ids:
+        """Mean [rad] and variance of an object's tracked heading; None for a new object, or if nothing is tracked.
+
+        In space the heading is the yaw, and objects are upright.
+        """
+        space = self.spaces.landmark
+        if self.tracked is None or object_id not in self.object_ids or space.own_turn is None:
             return None
         row = int(self.objects.rows(np.array(object_id)))
-        return float(self.tracked.states[row, 2]), float(self.tracked.covariances[row, 2, 2])
+        state, variance = self.tracked.states[row], float(self.tracked.covariances[row, space.own_turn, space.own_turn])
+        if space.heading is not None:
+            return float(state[space.heading]), variance
+        return float(planar_from_pose_vector(space.poses(state))[2]), variance
 
     def sensed(self, detections: Sequence[Any]) -> Sequence[Any]:
         """The detections with the noise that this hypothesis assumes."""

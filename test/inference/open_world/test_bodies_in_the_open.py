@@ -4,12 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds.scenes.open_flights import POOR, Errors, OpenFlight
+from worlds.scenes.open_flights import FINE, POOR, Errors, LookingFlight, OpenFlight, from_around
 
 from semantic_slam import Detection, HybridBelief, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se3, so3
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
@@ -18,20 +19,24 @@ from semantic_slam.inference.open_world.spatial.births import births_in_space
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses
 from semantic_slam.inference.states.kinds.spatial_positions import SpatialPositions
+from semantic_slam.viewpoint.model import log_density
+from semantic_slam.viewpoint.parametric import ParametricModel
 
 POSE = se3.exp(np.array([0.4, -0.3, 0.8, 1.0, 2.0, 3.0]))
 REGION = SpatialRegion(min_range_m=0.5, max_range_m=3.0, half_width_rad=0.7, half_height_rad=0.4)
 PLACE_SIGMA_M = 0.05
 
 
-def mapped(points: np.ndarray, attitude: np.ndarray) -> MapPrior:
-    """Half of the ``points``, not quite where they are, of a known attitude."""
+def mapped(points: np.ndarray, yaws: np.ndarray, yaw_sigma_rad: float = 1e-4) -> MapPrior:
+    """Half of the ``points`` (12, 3), not quite where they are, and how they are turned."""
+    turns = np.zeros((len(points), 3))
+    turns[:, 2] = yaws
     objects = [
         ObjectPrior(
             object_id=n,
             name="",
-            pose=np.append(points[n] + 0.02, attitude),
-            covariance=np.diag([*[PLACE_SIGMA_M**2] * 3, 0.0, 0.0, 1e-8]),
+            pose=np.append(points[n] + 0.02, so3.exp(turns[n])),
+            covariance=np.diag([*[PLACE_SIGMA_M**2] * 3, 0.0, 0.0, yaw_sigma_rad**2]),
             class_probabilities={},
             existence=0.8,
         )
@@ -70,7 +75,7 @@ def test_bodies_whose_attitude_is_not_measured_are_points(
         monkeypatch.setattr(space, "relinearize_threshold", np.full(space.tangent_size, 1e-9))
     seed = 3
     points = np.random.default_rng(seed).uniform([-2.0, -2.0, 0.0], [2.0, 2.0, 1.5], (12, 3))
-    objects = mapped(points, so3.exp(np.array([0.0, 0.0, 0.4]))) if on_map else None
+    objects = mapped(points, np.full(12, 0.4)) if on_map else None
     flights = [
         OpenFlight(seed, labels=labels, errors=errors, objects=objects, observation=observation, **values)
         for observation in ("range_bearing", "points")
@@ -102,6 +107,54 @@ def test_what_is_born_stands_upright_wherever_the_robot_is() -> None:
     np.testing.assert_array_equal(born.noise[se3.ROTATION, se3.TRANSLATION], 0.0)
     along = geometry_of(POSES_IN_SPACE).moving_along(POSE, born.prior.mean[None])[0]
     np.testing.assert_allclose(along, born.gain, atol=1e-12)
+
+
+MODEL = ParametricModel(0.6, 3.0, ("cup", "bottle"))
+FROM_ABOVE = np.append([0.0, 0.0, 1.8], so3.exp(np.array([0.0, 0.6, 0.0])))
+YAWS = np.linspace(-np.pi, np.pi, 720, endpoint=False)
+
+
+YAW_SIGMA_RAD = 0.3
+"""Of those that are on the map."""
+
+
+def log_likelihoods(flight: LookingFlight, on_map: MapPrior | None) -> dict[int, np.ndarray]:
+    """(2, 720) log probability of each body's yaw and views, by class and yaw."""
+    known = set() if on_map is None else {entry.object_id for entry in on_map.objects}
+    found: dict[int, np.ndarray] = {}
+    for n, camera, scores in flight.views:
+        if n not in found:
+            away = wrap_angle(YAWS - flight.yaws[n]) / YAW_SIGMA_RAD
+            log_prior = -0.5 * away**2 if n in known else np.zeros(len(YAWS))
+            found[n] = np.tile(log_prior - np.logaddexp.reduce(log_prior), (2, 1))
+        for number in range(2):
+            told = MODEL.predict(np.full(len(YAWS), number), from_around(camera, YAWS))
+            found[n][number] += log_density(scores - told.mean, told.covariance)
+    return found
+
+
+@pytest.mark.parametrize("is_mapped", [False, True])
+def test_classes_are_those_of_all_yaws_together(is_mapped: bool) -> None:
+    """By integrals over the yaw, with every view from where it is: as near as cells of five degrees are.
+
+    The evidence of what is seen is that of where it is, and of the views of each body.
+    """
+    drawn = OpenFlight(4).points, LookingFlight(4, MODEL).yaws
+    on_map = mapped(*drawn, YAW_SIGMA_RAD) if is_mapped else None
+    kinds: tuple[dict[str, Any], ...] = {}, {"semantic_model": {"kind": "none"}}
+    given = {"errors": FINE, "start": FROM_ABOVE, "objects": on_map}
+    flights = [LookingFlight(4, MODEL, **given, **kind) for kind in kinds]
+    for looking, plain in zip(*(flight.beliefs(12) for flight in flights), strict=True):
+        np.testing.assert_allclose(looking.object_poses[:, :3], plain.object_poses[:, :3], atol=1e-9)
+    likelihoods, log_evidence = log_likelihoods(flights[0], on_map), 0.0
+    for item in looking.objects:
+        n = int(np.linalg.norm(flights[0].points - item.position, axis=1).argmin())
+        by_class = np.logaddexp.reduce(likelihoods.pop(n, np.zeros((2, 1))), axis=1) - np.log(2.0)
+        expected = np.exp(by_class - np.logaddexp.reduce(by_class))
+        np.testing.assert_allclose(list(item.class_probabilities.values()), expected, atol=0.01)
+        log_evidence += np.logaddexp.reduce(by_class)
+    assert not likelihoods
+    assert flights[0].engine.log_evidence - flights[1].engine.log_evidence == pytest.approx(log_evidence, abs=0.03)
 
 
 def test_a_ray_alone_is_refused() -> None:

@@ -1,7 +1,7 @@
 """A camera that flies without a map among points, or upright bodies, of which it measures range and ray."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,9 @@ from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyfra
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.states.spaces import viewpoints_of
+from semantic_slam.viewpoint.model import Viewpoints
+from semantic_slam.viewpoint.parametric import ParametricModel
 
 START = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 AHEAD = se3.exp(np.zeros(6))
@@ -25,6 +28,8 @@ class Errors:
     range_m: float = 0.03
 
 
+FINE = Errors((1e-4,) * 6, 1e-4, 1e-3)
+"""Errors with which it is known which view is of what, and from where."""
 POOR = Errors((0.03, 0.03, 0.06, 0.1, 0.1, 0.1), 0.06, 0.15)
 """Errors with which one linearisation at the prediction does not do, and several histories stay live."""
 
@@ -39,10 +44,11 @@ class OpenFlight:
         labels: Sequence[str] = (),
         errors: Errors = Errors(),
         objects: MapPrior | None = None,
+        start: np.ndarray = START,
         **values: Any,
     ) -> None:
         self.random, self.errors, self.labels = np.random.default_rng(seed), errors, labels
-        self.points, self.x = self.random.uniform([-2.0, -2.0, 0.0], [2.0, 2.0, 1.5], (12, 3)), START
+        self.points, self.x = self.random.uniform([-2.0, -2.0, 0.0], [2.0, 2.0, 1.5], (12, 3)), start
         self.seen = set[int]()  # which of the points were detected at all
         self.T_ahead_body, self.camera = T_ahead_body, Camera(se3.between(T_ahead_body, LOOKS_AHEAD))
         kind = {"kind": "detector" if labels else "none", "labels": list(labels)}
@@ -51,7 +57,7 @@ class OpenFlight:
         self.engine = Engine(
             Configuration.of(state_space="spatial", association="open", open_world=world, **given),
             objects,
-            initial_pose=se3.compose(START, T_ahead_body),
+            initial_pose=se3.compose(start, T_ahead_body),
             initial_covariance=1e-4 * np.eye(6),
         )
         self.region = SpatialRegion.of(self.engine.problem.open_world)
@@ -94,3 +100,32 @@ class OpenFlight:
             T_body_sensor=self.camera.T_body_camera,
             label=self.labels[n % len(self.labels)] if self.labels else "",
         )
+
+
+class LookingFlight(OpenFlight):
+    """A flight among bodies of two classes that look different from every side: a detection has scores of classes."""
+
+    def __init__(self, seed: int, model: ParametricModel, **values: Any) -> None:
+        self.model, self.looks = model, np.random.default_rng([seed, 1])
+        self.yaws, self.classes = self.looks.uniform(-np.pi, np.pi, 12), self.looks.integers(0, 2, 12)
+        self.views: list[
+            tuple[int, np.ndarray, np.ndarray]
+        ] = []  # of which body, the camera from it in map, and scores
+        kind = {"kind": "parametric", "alpha": model.alpha, "concentration": model.concentration}
+        named = {**kind, "class_names": list(model.class_names), "outlier_share": 0.0}
+        super().__init__(seed, **{"observation": "range_bearing", "semantic_model": named, **values})
+
+    def _detection(self, away: np.ndarray, n: int) -> Detection:
+        camera = self.x[:3] - self.points[n]
+        told = self.model.predict(self.classes[n : n + 1], from_around(camera, self.yaws[n : n + 1]))
+        scores = told.mean[0] + np.linalg.cholesky(told.covariance[0]) @ self.looks.normal(size=2)
+        self.views.append((n, camera, scores))
+        named = dict(zip(self.model.class_names, scores.tolist(), strict=True))
+        return replace(super()._detection(away, n), class_scores=named)
+
+
+def from_around(camera: np.ndarray, yaws: np.ndarray) -> Viewpoints:
+    """The viewpoints of a camera (3,), given from a body along the axes of map, if that is turned by ``yaws`` (B,)."""
+    turns = np.zeros((len(yaws), 3))
+    turns[:, 2] = -yaws
+    return viewpoints_of(so3.rotated(so3.exp(turns), camera))
