@@ -3,8 +3,8 @@
 The appearance of a view depends on the class and the side seen. Where no map gives an object's heading, both are
 unknown jointly, and multimodally, as sides look alike. Given the positions of camera and object the views of one object
 are independent of everything else, so p(class, heading | views) is a table, exact up to its grid, and its sum is the
-views' evidence for the association. Headings and classes do not inform positions. In space objects count as upright, and
-the elevation of the camera is known with the positions.
+views' evidence for the association. Headings and classes do not inform positions. In space objects count as upright,
+the elevation of the camera is known with the positions, and the yaw is reported.
 """
 
 from dataclasses import dataclass, field
@@ -21,6 +21,7 @@ from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvi
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior, coverage_of
 from semantic_slam.inference.states.spaces import Spaces, viewpoints_of
+from semantic_slam.inference.states.yaw import Yaw
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 from semantic_slam.viewpoint.outliers import OutlierScores
@@ -108,6 +109,7 @@ class ClassTables:
                 mutual_information=float(mutual_information(class_posterior(prior, draws))),
                 coverage=coverage_of(before).with_view(STEP_RAD * camera, is_recognised=inside, is_fitted=is_fitted),
                 recent=(after,),
+                yaw=None if component.spaces.landmark.attitude is None else _yaw(prior, after),
             )
             seen.known[key] = (evidence, record)
         return seen.known[key]
@@ -120,6 +122,12 @@ def _unseen(component: Component, object_id: int, num_classes: int) -> Array:
         away = wrap_angle(STEP_RAD * np.arange(HEADINGS, dtype=np.float64) - heading[0])
         log_heading = -0.5 * away**2 / max(heading[1], STEP_RAD**2)
     return np.tile(log_heading - finite_log_sum_exp(log_heading), (num_classes, 1))
+
+
+def _yaw(log_prior: Array, table: Array) -> Yaw:
+    """The yaw of an object, over its classes, from their log prior (C,) and a (C, HEADINGS) table."""
+    log_headings = finite_log_sum_exp((log_prior[:, None] + table).T)
+    return Yaw.of(np.exp(log_headings - finite_log_sum_exp(log_headings)))
 
 
 def _cells(spaces: Spaces, robots: Array, objects: Array, sensor: Array) -> Index:

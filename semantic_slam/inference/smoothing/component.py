@@ -174,8 +174,8 @@ class Component:
     def robot_and_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
         """(1 + n, s) states, the robot's first, and (1 + n, w, w) covariances of some of its objects.
 
-        Includes the moment corrections that their Gaussians and factors lack, and the uncertainty of the global scale.
-        Raises LostComponentError.
+        Includes the moment corrections and yaws that their Gaussians and factors lack, and the uncertainty of the
+        global scale. Raises LostComponentError.
         """
         keys = [robot_key(self.keyframe), *(object_key(n) for n in object_ids)]
         states, covariances = self._uncorrected(keys, object_ids)
@@ -188,6 +188,9 @@ class Component:
                     (row, slice(space.tangent_size), slice(space.tangent_size)),
                 )
                 states[at], covariances[block] = correction.applied(space, states[at], covariances[block])
+        for row, number in enumerate(object_ids, start=1):
+            if number in self.views and (yaw := self.views[number].yaw) is not None:
+                states[row], covariances[row] = yaw.applied(states[row], covariances[row])
         return states, covariances if self.metre is None else self.metre.widened(states, covariances)
 
     def _uncorrected(self, keys: Sequence[int], object_ids: Sequence[int]) -> tuple[Array, Array]:

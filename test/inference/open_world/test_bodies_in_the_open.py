@@ -10,7 +10,7 @@ from semantic_slam import Detection, HybridBelief, Keyframe, MapPrior, ObjectPri
 from semantic_slam.configuration import NewObjectConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se3, so3
-from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
@@ -134,10 +134,11 @@ def log_likelihoods(flight: LookingFlight, on_map: MapPrior | None) -> dict[int,
 
 
 @pytest.mark.parametrize("is_mapped", [False, True])
-def test_classes_are_those_of_all_yaws_together(is_mapped: bool) -> None:
+def test_classes_and_yaws_are_those_of_all_views_together(is_mapped: bool) -> None:
     """By integrals over the yaw, with every view from where it is: as near as cells of five degrees are.
 
-    The evidence of what is seen is that of where it is, and of the views of each body.
+    The evidence of what is seen is that of where it is, and of the views of each body. The yaw has the circular mean
+    and variance.
     """
     drawn = OpenFlight(4).points, LookingFlight(4, MODEL).yaws
     on_map = mapped(*drawn, YAW_SIGMA_RAD) if is_mapped else None
@@ -149,10 +150,18 @@ def test_classes_are_those_of_all_yaws_together(is_mapped: bool) -> None:
     likelihoods, log_evidence = log_likelihoods(flights[0], on_map), 0.0
     for item in looking.objects:
         n = int(np.linalg.norm(flights[0].points - item.position, axis=1).argmin())
-        by_class = np.logaddexp.reduce(likelihoods.pop(n, np.zeros((2, 1))), axis=1) - np.log(2.0)
+        if n not in likelihoods:  # on the map, and not seen
+            continue
+        log_joint = likelihoods.pop(n)
+        by_class = np.logaddexp.reduce(log_joint, axis=1) - np.log(2.0)
         expected = np.exp(by_class - np.logaddexp.reduce(by_class))
         np.testing.assert_allclose(list(item.class_probabilities.values()), expected, atol=0.01)
         log_evidence += np.logaddexp.reduce(by_class)
+        by_yaw = np.exp(np.logaddexp.reduce(log_joint, axis=0) - np.logaddexp.reduce(log_joint, axis=(0, 1)))
+        moment = by_yaw @ np.exp(1j * YAWS)
+        sigma = np.sqrt(-2.0 * np.log(abs(moment)))
+        assert np.sqrt(item.covariance[5, 5]) == pytest.approx(sigma, rel=0.02)
+        assert abs(wrap_angle(planar_from_pose_vector(item.pose)[2] - np.angle(moment))) < 0.1 * sigma
     assert not likelihoods
     assert flights[0].engine.log_evidence - flights[1].engine.log_evidence == pytest.approx(log_evidence, abs=0.03)
 
