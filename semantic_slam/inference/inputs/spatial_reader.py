@@ -25,8 +25,7 @@ class SpatialReader:
     """Reads motions in SE(3), and detections as range and ray, or as a ray alone.
 
     ``words`` reads the detector's labels, where these are evidence of classes, and ``features`` the features that class
-    models need; ``ranges`` is the prior of a range that was not measured. ``needs_ranges``: whether rays alone are
-    refused.
+    models need; ``ranges`` is the prior of a range that was not measured.
     """
 
     def __init__(
@@ -35,11 +34,9 @@ class SpatialReader:
         words: WordReader | None = None,
         ranges: UnmeasuredRanges | None = None,
         features: FeatureReader | None = None,
-        *,
-        needs_ranges: bool = False,
     ) -> None:
         self._noise, self._words, self._ranges = noise, words, ranges or UnmeasuredRanges()
-        self._features, self._needs_ranges = features or FeatureReader(), needs_ranges
+        self._features = features or FeatureReader()
 
     def step(self, keyframe: Keyframe) -> Step:
         """The step of a keyframe. Raises InputError for detections without a usable position or direction in space."""
@@ -114,11 +111,6 @@ class SpatialReader:
         """Raises InputError."""
         if not np.isfinite(ray).all():
             raise InputError(f"{_which(measurements, row)} has neither range nor bearing; leave it out")
-        if self._needs_ranges:
-            raise InputError(
-                f"{_which(measurements, row)} has no range: without a map, objects with an attitude need one; give it,"
-                " or set observation: points"
-            )
         covariance, told = self._noise.of_detection_in_space(0.0), measurements.place_covariances[row, 1:, 1:]
         covariance[0], covariance[:, 0] = np.nan, np.nan
         if np.isfinite(told).all():

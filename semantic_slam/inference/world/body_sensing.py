@@ -28,13 +28,18 @@ def range_bearing(settings: SensingSettings) -> Sensing:
     axis, visibility = optical_axis(configuration.perception.extrinsics), visibility_of(configuration)
     return Sensing(
         spaces=POSES_IN_SPACE,
-        model=BodyObservation(visibility, configuration.new_objects, axis, scores=_scores(settings)),
+        model=BodyObservation(
+            visibility,
+            configuration.new_objects,
+            axis,
+            configuration.detection_errors.ray_tail_sigmas,
+            scores=_scores(settings),
+        ),
         reader=SpatialReader(
             ConfiguredNoise(configuration.odometry, configuration.perception),
             words=WordReader(settings.labels) if settings.labels else None,
             ranges=UnmeasuredRanges.of(configuration),
             features=FeatureReader(settings.num_features, settings.feature_names),
-            needs_ranges=settings.tracks_objects,
         ),
         robot_prior=pose_prior,
         object_prior=_body_prior(configuration.new_objects.sigma_tilt_rad),

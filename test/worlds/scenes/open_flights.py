@@ -62,9 +62,12 @@ class OpenFlight:
         )
         self.region = SpatialRegion.of(self.engine.problem.open_world)
 
-    def beliefs(self, keyframes: int, clutter: float = 0.0) -> Iterator[HybridBelief]:
-        """The belief after each keyframe; with probability ``clutter`` something appears that is not there."""
-        drift = np.array(self.errors.drift)
+    def beliefs(self, keyframes: int, clutter: float = 0.0, rays: float = 0.0) -> Iterator[HybridBelief]:
+        """The belief after each keyframe; with probability ``clutter`` something appears that is not there.
+
+        ``rays``: share of the detections that have no range.
+        """
+        drift, self.rays = np.array(self.errors.drift), rays
         for k in range(keyframes):
             motion = se3.exp(np.array([0.0, 0.0, 0.3, 0.1, 0.0, 0.0]) + self.random.normal(scale=0.02, size=6))
             self.x = se3.retract(se3.compose(self.x, motion), self.random.normal(size=6) * drift)
@@ -92,10 +95,13 @@ class OpenFlight:
 
     def _detection(self, away: np.ndarray, n: int) -> Detection:
         distance = np.linalg.norm(away)
+        ray = away / distance + self.errors.ray * self.random.normal(size=3)
+        range_m = distance + self.errors.range_m * self.random.normal()
+        has_range = not self.rays or self.random.random() > self.rays
         return Detection.along(
-            away / distance + self.errors.ray * self.random.normal(size=3),
-            distance + self.errors.range_m * self.random.normal(),
-            sigma_range_m=self.errors.range_m,
+            ray,
+            range_m if has_range else None,
+            sigma_range_m=self.errors.range_m if has_range else None,
             ray_covariance=self.errors.ray**2 * np.eye(3),
             T_body_sensor=self.camera.T_body_camera,
             label=self.labels[n % len(self.labels)] if self.labels else "",
