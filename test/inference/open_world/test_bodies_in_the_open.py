@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from worlds.scenes.open_flights import FINE, POOR, Errors, LookingFlight, OpenFlight, from_around
 
 from semantic_slam import HybridBelief, MapPrior, ObjectPrior
@@ -116,7 +117,8 @@ def test_what_is_born_stands_upright_wherever_the_robot_is() -> None:
     np.testing.assert_allclose(along, born.gain, atol=1e-12)
 
 
-MODEL = ParametricModel(0.6, 3.0, ("cup", "bottle"))
+NAMES = ("cup", "bottle")
+MODEL = ParametricModel(0.6, 3.0, NAMES)
 FROM_ABOVE = np.append([0.0, 0.0, 1.8], so3.exp(np.array([0.0, 0.6, 0.0])))
 YAWS = np.linspace(-np.pi, np.pi, 720, endpoint=False)
 
@@ -171,3 +173,21 @@ def test_classes_and_yaws_are_those_of_all_views_together(is_mapped: bool) -> No
         assert abs(wrap_angle(planar_from_pose_vector(item.pose)[2] - np.angle(moment))) < 0.1 * sigma
     assert not likelihoods
     assert flights[0].engine.log_evidence - flights[1].engine.log_evidence == pytest.approx(log_evidence, abs=0.03)
+
+
+def test_a_flight_without_a_map_names_things_and_tells_how_they_are_turned() -> None:
+    """Once each; named rightly where sure, and as far off in yaw as stated, where that is known to a radian."""
+    flight = LookingFlight(0, ParametricModel(0.6, 6.0, NAMES))
+    *_, belief = flight.beliefs(25, clutter=0.2)
+    found = [item for item in belief.objects if item.existence > 0.5]
+    nearest = [int(np.linalg.norm(flight.points - item.position, axis=1).argmin()) for item in found]
+    assert sorted(nearest) == sorted(flight.seen)
+    sure = [(item, n) for item, n in zip(found, nearest, strict=True) if max(item.class_probabilities.values()) > 0.95]
+    assert len(sure) >= 3 and all(item.likeliest_class == NAMES[flight.classes[n]] for item, n in sure)
+    turned = [
+        wrap_angle(planar_from_pose_vector(item.pose)[2] - flight.yaws[n]) / np.sqrt(item.covariance[5, 5])
+        for item, n in zip(found, nearest, strict=True)
+        if item.covariance[5, 5] < 1.0
+    ]
+    low, high = chi2.interval(0.99, len(turned))
+    assert len(turned) >= 5 and low < np.square(turned).sum() < high
