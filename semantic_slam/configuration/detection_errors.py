@@ -46,8 +46,8 @@ class DetectionErrorsConfiguration:
     )
     ray_tail_sigmas: float = parameter(
         0.0,
-        "state_space: spatial, observation: points: standard deviations beyond which a detection without a range counts"
-        " the less in poses and places the farther it is off, as one of a Cauchy distribution does; associations are"
-        " weighed without that; 0: errors are Gaussian",
+        "state_space: spatial: standard deviations beyond which a detection without a range counts the less in poses"
+        " and places the farther it is off, as one of a Cauchy distribution does; associations are weighed without"
+        " that; 0: errors are Gaussian",
         minimum=0.0,
     )

@@ -54,6 +54,7 @@ class StateSpaceContract:
         assert space.relinearize_threshold.shape == space.far.shape == (space.tangent_size,)
         assert space.origin.shape == (space.storage_size,)
         assert space.heading is None or 0 <= space.heading < space.tangent_size
+        assert space.attitude is None or not space.position_slopes(x)[..., space.attitude].any()
         moving = space.position_slopes(x)[..., space.position_rows]
         np.testing.assert_allclose(
             moving @ np.swapaxes(moving, -1, -2), np.tile(np.eye(moving.shape[1]), (COUNT, 1, 1)), atol=1e-12

@@ -8,6 +8,7 @@ from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
+from semantic_slam.inference.building.views import views_are_factors
 from semantic_slam.inference.models.moving import Moving
 
 
@@ -36,8 +37,8 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
         "set observation: range_bearing, or semantic_model.kind: none or detector",
     )
     yield (
-        configuration.observation == "range_bearing" and association.tracks_objects,
-        "set observation: points, or association: enumerated, or given with open_world.iterate_updates: true",
+        association.tracks_objects and views_are_factors(configuration),
+        "set open_world.classes: carried, or association: enumerated, or given",
     )
     yield Moving(configuration.moving).is_on, "set moving.share: 0 and moving.share_by_label: []"
     yield closed.unmapped_objects > 0, "set closed_world.unmapped_objects: 0"

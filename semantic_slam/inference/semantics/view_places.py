@@ -6,6 +6,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.planar.frames import camera_bearing, camera_distance
 from semantic_slam.inference.models.spatial.ray import distances
 from semantic_slam.inference.semantics.interface import SemanticInput
+from semantic_slam.inference.states.spaces import viewpoints_of
 from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, STEP_RAD
 
 LEAST_RANGE_M = 0.05
@@ -29,7 +30,7 @@ def view_places(given: SemanticInput) -> Index:
     if spaces.name == "spatial":
         places = seen[:, : spaces.storage.landmark]  # rows of a stack are as wide as the wider kind
         cameras = np.array(told).reshape(-1, 3)[numbers]
-        from_here = spaces.viewpoints(robots, places, cameras)
+        from_here = viewpoints_of(spaces.robot.displacement(robots, cameras, spaces.landmark.position(places)))
         bearing, away = from_here.azimuth_rad, from_here.range_m
         sigma = np.sqrt(_range_variances(given, (rows, numbers), robots, places, cameras))
         wide = sigma / np.maximum(away, LEAST_RANGE_M)

@@ -12,6 +12,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import transport
+from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.evidence.window import Window
 from semantic_slam.inference.models.joint_prior import joint_prior_factors
 from semantic_slam.inference.models.latent.observation import LatentObservation
@@ -173,8 +174,8 @@ class Component:
     def robot_and_objects(self, object_ids: Sequence[int]) -> tuple[Array, Array]:
         """(1 + n, s) states, the robot's first, and (1 + n, w, w) covariances of some of its objects.
 
-        Includes the moment corrections that their Gaussians and factors lack, and the uncertainty of the global scale.
-        Raises LostComponentError.
+        Includes the moment corrections and yaws that their Gaussians and factors lack, and the uncertainty of the
+        global scale. Raises LostComponentError.
         """
         keys = [robot_key(self.keyframe), *(object_key(n) for n in object_ids)]
         states, covariances = self._uncorrected(keys, object_ids)
@@ -187,6 +188,9 @@ class Component:
                     (row, slice(space.tangent_size), slice(space.tangent_size)),
                 )
                 states[at], covariances[block] = correction.applied(space, states[at], covariances[block])
+        for row, number in enumerate(object_ids, start=1):
+            if number in self.views and (yaw := self.views[number].yaw) is not None:
+                states[row], covariances[row] = yaw.applied(states[row], covariances[row])
         return states, covariances if self.metre is None else self.metre.widened(states, covariances)
 
     def _uncorrected(self, keys: Sequence[int], object_ids: Sequence[int]) -> tuple[Array, Array]:
@@ -205,11 +209,18 @@ class Component:
         return [(key, correction) for key, correction in every if correction is not None]
 
     def tracked_heading(self, object_id: int) -> tuple[float, float] | None:
-        """Mean [rad] and variance of an object's tracked heading; None for a new object, or if nothing is tracked."""
-        if self.tracked is None or object_id not in self.object_ids:
+        """Mean [rad] and variance of an object's tracked heading; None for a new object, or if nothing is tracked.
+
+        In space the heading is the yaw, and objects are upright.
+        """
+        space = self.spaces.landmark
+        if self.tracked is None or object_id not in self.object_ids or space.own_turn is None:
             return None
         row = int(self.objects.rows(np.array(object_id)))
-        return float(self.tracked.states[row, 2]), float(self.tracked.covariances[row, 2, 2])
+        state, variance = self.tracked.states[row], float(self.tracked.covariances[row, space.own_turn, space.own_turn])
+        if space.heading is not None:
+            return float(state[space.heading]), variance
+        return float(planar_from_pose_vector(space.poses(state))[2]), variance
 
     def sensed(self, detections: Sequence[Any]) -> Sequence[Any]:
         """The detections with the noise that this hypothesis assumes."""

@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.view_coverage import NO_VIEWS, ViewCoverage
+from semantic_slam.inference.states.yaw import Yaw
 
 if TYPE_CHECKING:
     from semantic_slam.inference.states.heading_mixture import HeadingMixture
@@ -53,6 +54,7 @@ class ObjectViews:
     log_dropped: Array | None = None  # (C,) part of log_likelihood of views that are no longer in ``recent``
     dropped: int = 0  # number of those views
     correction: Correction | None = None  # of the object's pose
+    yaw: Yaw | None = None  # of an object in space, by its views; None: its Gaussian has it
     descriptor: DescriptorRecord | None = None  # with a learned latent space
     headings: HeadingRecord | None = None
     log_ratios: Array | None = None  # (C,) log ratio of its class prior at birth to that before the run; None: equal

@@ -28,7 +28,13 @@ def range_bearing(settings: SensingSettings) -> Sensing:
     axis, visibility = optical_axis(configuration.perception.extrinsics), visibility_of(configuration)
     return Sensing(
         spaces=POSES_IN_SPACE,
-        model=BodyObservation(visibility, configuration.new_objects, axis, scores=_scores(settings)),
+        model=BodyObservation(
+            visibility,
+            configuration.new_objects,
+            axis,
+            configuration.detection_errors.ray_tail_sigmas,
+            scores=_scores(settings),
+        ),
         reader=SpatialReader(
             ConfiguredNoise(configuration.odometry, configuration.perception),
             words=WordReader(settings.labels) if settings.labels else None,

@@ -7,7 +7,6 @@ from semantic_slam.geometry import so3
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
-from semantic_slam.inference.open_world.spatial.births import births_in_space
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
@@ -45,6 +44,6 @@ def test_a_ray_is_as_many_sigmas_away_as_the_robot_is_turned() -> None:
         robot_covariance=SPREAD,
         trail=ROBOT[None],
     )
-    births = births_in_space(model, detections, ROBOT, region)
+    births = geometry.births(model, detections, ROBOT, region)
     away = geometry.sigmas_away(tracked, ROBOT, SPREAD, births, detections)
     assert away[0, 0] == pytest.approx(SIGMAS, rel=0.05)

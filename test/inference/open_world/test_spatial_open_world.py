@@ -4,13 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from worlds.scenes.open_flights import AHEAD, OpenFlight
 
-from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe
+from semantic_slam import HybridBelief
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.association.gating import pair_densities
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
-from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD, Camera
+from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
@@ -19,6 +20,7 @@ from semantic_slam.inference.open_world.rings import rings
 from semantic_slam.inference.open_world.spatial.births import births_in_space
 from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.states.kinds.spatial_positions import SpatialPositions
 
 REGION = SpatialRegion(min_range_m=0.5, max_range_m=3.0, half_width_rad=0.7, half_height_rad=0.4, occluder_radius_m=0.1)
 POSE = se3.exp(np.array([0.4, -0.3, 0.8, 1.0, 2.0, 3.0]))
@@ -68,7 +70,7 @@ def test_objects_follow_a_robot_as_their_slopes_say() -> None:
     body = np.array([0.5, -1.0, 1.5])
     ray = body / np.linalg.norm(body)
     detection = SpatialDetection(ray=ray, range_m=float(np.linalg.norm(body)), covariance=np.diag([0.01, 1e-4, 4e-4]))
-    (born,) = births_in_space(SpatialObservation(), [detection], POSE, REGION)
+    (born,) = births_in_space(SpatialPositions(), SpatialObservation(), [detection], POSE, REGION)
     place = space.displacement(POSE, body, np.zeros(3))
     np.testing.assert_allclose(born.prior.mean, place, atol=1e-12)
     steps = 1e-6 * np.eye(6)
@@ -85,7 +87,7 @@ def test_the_noise_of_a_born_object_is_that_of_its_ray_and_range() -> None:
     rays = detection.ray + off[:, 1:] @ detection.basis.T
     points = (2.0 + off[:, :1]) * rays / np.linalg.norm(rays, axis=1, keepdims=True)
     sampled = np.cov(so3.matrix(POSE[3:]) @ points.T)
-    (born,) = births_in_space(SpatialObservation(), [detection], POSE, REGION)
+    (born,) = births_in_space(SpatialPositions(), SpatialObservation(), [detection], POSE, REGION)
     np.testing.assert_allclose(born.noise, sampled, atol=2e-4)
 
 
@@ -105,7 +107,7 @@ def test_where_an_object_is_born_is_the_same_to_the_last_bit_whatever_is_weighed
         mean=mean,
         covariance=covariance,
         pairs=pair_densities(spaces, model, detections, PredictedBelief(spaces.layout, mean[None], covariance[None])),
-        births=births_in_space(model, detections, POSE, REGION),
+        births=births_in_space(spaces.landmark, model, detections, POSE, REGION),
         turns=np.zeros(2),
     )
     columns = np.stack([np.arange(30), np.full(30, 31)], axis=1)
@@ -118,64 +120,18 @@ def test_where_an_object_is_born_is_the_same_to_the_last_bit_whatever_is_weighed
     np.testing.assert_array_equal(alone, places(columns))
 
 
-DRIFT = np.array([0.004, 0.004, 0.01, 0.02, 0.02, 0.02])
-RAY_SIGMA, RANGE_SIGMA = 0.01, 0.03
 LABELS = ("cup", "bottle", "book")
 
 
 def flown(seed: int, T_ahead_body: np.ndarray, labels: Sequence[str] = ()) -> tuple[HybridBelief, np.ndarray, set[int]]:
     """A belief after 25 keyframes among 12 points, those points, and which of them were in the image at all."""
-    random = np.random.default_rng(seed)
-    points, seen_once = random.uniform([-2.0, -2.0, 0.0], [2.0, 2.0, 1.5], (12, 3)), set[int]()
-    start = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
-    camera = Camera(se3.between(T_ahead_body, LOOKS_AHEAD))
-    engine = Engine(
-        Configuration.of(
-            state_space="spatial",
-            observation="points",
-            association="open",
-            semantic_model={"kind": "detector" if labels else "none", "labels": list(labels)},
-            open_world={"birth_density": 0.3, "occluder_radius_m": 0.05, "least_undetected_share": 0.001},
-            pruning={"max_hypotheses": 20},
-        ),
-        initial_pose=se3.compose(start, T_ahead_body),
-        initial_covariance=1e-4 * np.eye(6),
-    )
-    x = start
-    for k in range(25):
-        motion = se3.exp(np.array([0.0, 0.0, 0.3, 0.1, 0.0, 0.0]) + random.normal(scale=0.02, size=6))
-        x = se3.retract(se3.compose(x, motion), random.normal(size=6) * DRIFT)
-        away = Camera().seen(so3.rotated(so3.inverse(x[3:]), points - x[:3]))
-        region = SpatialRegion.of(engine.problem.open_world)
-        detections = []
-        for n in np.flatnonzero(region.holds(away)).tolist():
-            if random.random() > 0.9:
-                continue
-            seen_once.add(n)
-            distance = np.linalg.norm(away[n])
-            detections.append(
-                Detection.along(
-                    away[n] / distance + RAY_SIGMA * random.normal(size=3),
-                    distance + RANGE_SIGMA * random.normal(),
-                    sigma_range_m=RANGE_SIGMA,
-                    ray_covariance=RAY_SIGMA**2 * np.eye(3),
-                    T_body_sensor=camera.T_body_camera,
-                    label=labels[n % len(labels)] if labels else "",
-                )
-            )
-        keyframe = Keyframe.spatial(
-            k,
-            motion=se3.between(T_ahead_body, se3.compose(motion, T_ahead_body)),
-            motion_covariance=se3.covariance_along_parent(se3.inverse(T_ahead_body), np.diag(DRIFT**2)),
-            detections=detections,
-            T_body_camera=camera.T_body_camera,
-        )
-        belief = engine.process(keyframe)
-    return belief, points, seen_once
+    flight = OpenFlight(seed, T_ahead_body, labels)
+    *_, belief = flight.beliefs(25)
+    return belief, flight.points, flight.seen
 
 
 def test_a_flight_without_a_map_finds_what_is_there() -> None:
-    belief, points, seen = flown(1, se3.exp(np.zeros(6)), LABELS)
+    belief, points, seen = flown(1, AHEAD, LABELS)
     found = [item for item in belief.objects if item.existence > 0.5]
     nearest = [int(np.linalg.norm(points - item.position, axis=1).argmin()) for item in found]
     assert sorted(nearest) == sorted(seen) and len(seen) >= 8
@@ -185,7 +141,7 @@ def test_a_flight_without_a_map_finds_what_is_there() -> None:
 
 
 def test_a_flight_is_the_same_whichever_axes_the_body_has() -> None:
-    ahead, optical = (flown(2, body)[0] for body in (se3.exp(np.zeros(6)), OPTICAL_BODY))
+    ahead, optical = (flown(2, body)[0] for body in (AHEAD, OPTICAL_BODY))
     np.testing.assert_allclose(optical.object_poses, ahead.object_poses, atol=1e-6)
     np.testing.assert_allclose(optical.existence, ahead.existence, atol=1e-6)
     np.testing.assert_allclose(optical.log_weights, ahead.log_weights, atol=1e-5)

@@ -18,11 +18,15 @@ from semantic_slam.inference.association.gating import pair_densities
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building.announcement import make_run_configuration
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
+from semantic_slam.inference.models.spatial.bodies import BodyObservation
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
-from semantic_slam.inference.models.spatial.range_prior import RangePrior
-from semantic_slam.inference.open_world.spatial.births import births_in_space, shown_by
+from semantic_slam.inference.models.spatial.range_prior import BodyRangePrior, RangePrior
+from semantic_slam.inference.models.spatial.ray_factor import ray_factor
+from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
+from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
+from semantic_slam.inference.open_world.spatial.births import shown_by
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.pool import InProcessPool
@@ -57,6 +61,34 @@ def test_the_prior_s_factor_by_differences() -> None:
     np.testing.assert_allclose(jacobian, differences(lambda step: error(point + step), 3), atol=1e-6)
     moved_on = prior.at(point, se3.compose(robot, se3.exp(np.array([0.0, 0.0, 0.1, 0.5, 0.0, 0.0]))))
     assert np.linalg.norm(moved_on.anchor - prior.anchor) == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_body_s_factors_by_differences() -> None:
+    """Of the prior of its range and attitude, and of a ray from a camera beside the robot's origin."""
+    space, robot = POSES_IN_SPACE.landmark, se3.exp(np.array([0.3, -0.2, 0.9, 1.0, 2.0, 0.5]))
+    upright, tilt = so3.exp(np.array([0.0, 0.0, 2.0])), np.diag([0.02, 0.03, 3.0]) ** 2
+    place = RangePrior.of(ANYWHERE, np.array([0.6, 0.0, 0.8]), np.array([0.1, 0.2, 0.0]), robot)
+    prior = BodyRangePrior.of_body(place, upright, tilt)
+    body = space.retract(prior.mean, np.array([0.03, -0.02, 2.5, 0.4, -0.3, 0.2]))
+    seen = ray_to(np.array([1.0, 0.2, -0.1]), (0.2, 0.0, 0.1))
+
+    def of_prior(at: np.ndarray) -> np.ndarray:
+        turned = so3.log(so3.product(so3.inverse(upright), at[3:])) / np.sqrt(np.diagonal(tilt))
+        return np.append((np.log(np.linalg.norm(at[:3] - prior.anchor)) - ANYWHERE.mean) / ANYWHERE.sigma, turned)
+
+    def of_ray(at: np.ndarray) -> np.ndarray:
+        model = BodyObservation()
+        return model.geometry(model.collect([seen]), robot[None], at[None]).residual[0, 1:]
+
+    values = gtsam.Values()
+    space.insert(values, 5, body)
+    space.insert(values, 6, robot)
+    factors = prior.factor(space, 5), ray_factor(seen, (6, 5), has_attitude=True)
+    for factor, error in zip(factors, (of_prior, of_ray), strict=True):
+        assert factor.error(values) == pytest.approx(0.5 * (error(body) ** 2).sum())
+        jacobian, _ = factor.linearize(values).jacobian()
+        expected = differences(lambda step, error=error: error(space.retract(body, step)), 6)
+        np.testing.assert_allclose(jacobian[:, -6:], expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("baseline", [0.0, 0.05, 0.2, 0.6])
@@ -183,7 +215,8 @@ def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
         ray_to(np.array([1.0, 0.2, -0.1]), (0.2, 0.0, 0.1)),
         se3.exp(np.array([0.0, 0.1, 0.4, 1.0, 2.0, 0.0])),
     )
-    (born,) = births_in_space(SpatialObservation(), [detection], robot, REGION)
+    geometry, model = geometry_of(SPACES), SpatialObservation()
+    (born,) = geometry.births(model, [detection], robot, REGION)
     assert born.log_area == pytest.approx(np.log((3.0**3 - 0.5**3) / 3.0))
     along = so3.rotated(robot[3:], detection.ray)
     known = detection.log_range
@@ -191,7 +224,7 @@ def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
     assert len(shown_by(REGION, [detection])[0]) == 0
     steps = 1e-6 * np.eye(6)
     places = [
-        births_in_space(SpatialObservation(), [detection], SPACES.robot.retract(robot, step), REGION)[0].prior.mean
+        geometry.births(model, [detection], SPACES.robot.retract(robot, step), REGION)[0].prior.mean
         for step in (*steps, *-steps)
     ]
     slopes = (np.array(places[:6]) - np.array(places[6:])).T / 2e-6

@@ -15,6 +15,8 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.log_range import LogRange
 from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges
 
+ENUMERATED = {"classes": "enumerated"}
+BODIES = {"association": "open", "observation": "range_bearing"}
 KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
 
 
@@ -29,7 +31,7 @@ KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
         ({"association": "open", "perception": {"sigma_range_scale": 0.03}}, "sigma_range_scale: 0"),
         ({"semantic_model": {"kind": "parametric"}}, "observation: range_bearing"),
         ({"semantic_model": {"kind": "latent"}, "observation": "range_bearing"}, "one of viewpoints"),
-        ({"association": "open", "observation": "range_bearing"}, "observation: points"),
+        ({**BODIES, "semantic_model": {"kind": "parametric"}, "open_world": ENUMERATED}, "classes: carried"),
         ({"moving": {"share": 0.1}}, "moving.share: 0"),
         ({"closed_world": {"unmapped_objects": 1}}, "unmapped_objects: 0"),
         ({"association": "enumerated", "revision": {"carried_probability": 1e-3}}, "carried_probability: 0"),

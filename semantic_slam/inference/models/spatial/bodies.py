@@ -16,6 +16,8 @@ from semantic_slam.inference.models.observation import Classes
 from semantic_slam.inference.models.scored_views import ScoredViews
 from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
 from semantic_slam.inference.models.spatial.observation import SpatialObservation
+from semantic_slam.inference.models.spatial.range_prior import BodyRangePrior, RangePrior
+from semantic_slam.inference.models.spatial.ray_factor import ray_factor
 from semantic_slam.inference.models.spatial.scored_detection import ScoredDetections
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
 from semantic_slam.inference.models.view_scores import ViewScores
@@ -50,21 +52,22 @@ class BodyObservation(ScoredViews, SpatialObservation):
         return super().turned_start(detections, x, position(first), position(second))
 
     def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
-        """Prior at the measured position, upright, heading as the robot's; without a range, as wide as it is far."""
-        new = self.new_objects
-        distance, sigma_m = detection.range_m, new.sigma_position_m
-        if not detection.has_range:
-            distance, sigma_m = new.range_m, min(new.range_m, new.sigma_position_m)
-        place = self.spaces.robot.displacement(x, detection.origin + distance * detection.ray, np.zeros(3))
-        sigmas = [new.sigma_tilt_rad, new.sigma_tilt_rad, new.sigma_heading_rad, *[sigma_m] * 3]
-        return GaussianPrior(np.concatenate([place, _upright(x[3:])]), np.diag(sigmas) ** 2)
+        """As of a point, upright, heading as the robot's."""
+        place, new, attitude = super().object_prior(detection, x), self.new_objects, _upright(x[3:])
+        turns = [new.sigma_tilt_rad, new.sigma_tilt_rad, new.sigma_heading_rad]
+        if isinstance(place, RangePrior):
+            return BodyRangePrior.of_body(place, attitude, np.diag(turns) ** 2)
+        sigmas = [*turns, *[new.sigma_position_m] * 3]
+        return GaussianPrior(np.concatenate([place.mean, attitude]), np.diag(sigmas) ** 2)
 
     def geometry_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         """GTSAM's own factor where a range was measured and the ray's error is isotropic, as with points.
 
         Otherwise a custom factor.
         """
-        if detection.is_round and detection.has_range:
+        if not detection.has_range:
+            return ray_factor(detection, keys, self.ray_tail, has_attitude=True)
+        if detection.is_round:
             return gtsam.BearingRangeFactorPose3(*keys, detection.direction, detection.range_m, detection.noise)
         return self._custom_factor(detection, keys)
 

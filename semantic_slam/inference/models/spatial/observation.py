@@ -134,11 +134,8 @@ class SpatialObservation(PointGeometry):
 
     def _custom_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         collected = self.collect([detection])
-        rows = slice(0, 3) if detection.has_range else slice(1, 3)
-        size = rows.stop - rows.start
-        return custom_factor(
-            self.spaces, lambda x, o: self.geometry(collected, x, o), Sighting(detection, keys), rows, size
-        )
+        linearise, rows = (lambda x, o: self.geometry(collected, x, o)), slice(0, 3)
+        return custom_factor(self.spaces, linearise, Sighting(detection, keys), rows, 3)
 
     def least_cost(
         self, detections: SpatialDetections, x: Array, covariance: Array, o: Array, sigmas: Array

@@ -6,13 +6,13 @@ object is not where it was guessed.
 """
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import gtsam
 import numpy as np
 
-from semantic_slam.geometry import so3
+from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
@@ -39,20 +39,54 @@ class RangePrior(GaussianPrior):
         spread = (log_range.sigma * log_range.range_m) ** 2 * np.eye(3)
         return cls(place, spread, anchor, sensor, log_range)
 
-    def at(self, mean: Array, robot: Array) -> "RangePrior":
-        """With the camera position of another ``robot`` (7,); the object starts at ``mean`` (3,)."""
-        anchor = robot[:3] + so3.rotated(robot[3:], self.sensor)
-        return RangePrior(mean, self.covariance, anchor, self.sensor, self.log_range)
+    def at(self, mean: Array, robot: Array) -> Self:
+        """With the camera position of another ``robot`` (7,); the object starts at ``mean`` (s,)."""
+        return replace(self, mean=mean, anchor=robot[:3] + so3.rotated(robot[3:], self.sensor))
 
     def factor(self, space: StateSpace, key: int) -> Any:
         """GTSAM factor: deviation of the log distance from the anchor, in standard deviations."""
-        known, anchor = self.log_range, np.asarray(self.anchor)
 
         def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-            away = space.position(space.state(values, this.keys()[0])) - anchor
-            distance = max(math.sqrt(away.dot(away)), LEAST_DISTANCE_M)
+            residual, slopes = self.off(space.position(space.state(values, this.keys()[0])))
             if jacobians is not None:
-                jacobians[0] = np.asfortranarray(away[None] / (known.sigma * distance**2))
-            return np.array([(np.log(distance) - known.mean) / known.sigma])
+                jacobians[0] = np.asfortranarray(slopes)
+            return residual
 
         return gtsam.CustomFactor(unit_noise(1), [key], error)
+
+    def off(self, place: Array) -> tuple[Array, Array]:
+        """(1,) deviation of the log distance of a ``place`` (3,), and its (1, 3) Jacobian."""
+        known, away = self.log_range, place - np.asarray(self.anchor)
+        distance = max(math.sqrt(away.dot(away)), LEAST_DISTANCE_M)
+        return np.array([(np.log(distance) - known.mean) / known.sigma]), away[None] / (known.sigma * distance**2)
+
+
+@dataclass(frozen=True)
+class BodyRangePrior(RangePrior):
+    """Range prior of an object with an attitude, which has a Gaussian prior of its own."""
+
+    @classmethod
+    def of_body(cls, place: RangePrior, attitude: Array, covariance: Array) -> "BodyRangePrior":
+        """From the prior of its ``place``, and an attitude (4,) with its covariance (3, 3) in the tangent space."""
+        spread = np.zeros((6, 6))
+        spread[se3.ROTATION, se3.ROTATION], spread[se3.TRANSLATION, se3.TRANSLATION] = covariance, place.covariance
+        return cls(np.concatenate([place.mean, attitude]), spread, place.anchor, place.sensor, place.log_range)
+
+    def factor(self, space: StateSpace, key: int) -> Any:
+        """GTSAM factor: deviation of the log distance from the anchor, then of the attitude, in standard deviations."""
+        whiten = np.linalg.inv(np.linalg.cholesky(self.covariance[se3.ROTATION, se3.ROTATION]))
+        qx, qy, qz, qw = self.mean[3:].tolist()
+        upright = gtsam.Rot3.Quaternion(qw, qx, qy, qz)
+
+        def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+            pose = values.atPose3(this.keys()[0])
+            along, slopes = self.off(pose.translation())
+            turned = gtsam.Rot3.Logmap(upright.between(pose.rotation()))
+            if jacobians is not None:
+                jacobian = np.zeros((4, 6), order="F")
+                jacobian[:1, se3.TRANSLATION] = slopes @ pose.rotation().matrix()
+                jacobian[1:, se3.ROTATION] = whiten @ gtsam.Rot3.LogmapDerivative(turned)
+                jacobians[0] = jacobian
+            return np.concatenate([along, whiten @ turned])
+
+        return gtsam.CustomFactor(unit_noise(4), [key], error)

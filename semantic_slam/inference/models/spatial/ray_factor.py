@@ -21,13 +21,19 @@ def with_tail(noise: Any, sigmas: float) -> Any:
     return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(sigmas), noise)
 
 
-def ray_factor(detection: SpatialDetection, keys: tuple[int, int], tail: float = 0.0) -> Any:
-    """Factor on a robot, a Pose3, and a point: whitened deviation of the point from the ray in both directions."""
+def ray_factor(
+    detection: SpatialDetection, keys: tuple[int, int], tail: float = 0.0, *, has_attitude: bool = False
+) -> Any:
+    """Factor on a robot, a Pose3, and a point: whitened deviation of the point from the ray in both directions.
+
+    ``has_attitude``: whether the second is a Pose3, too, of which only the position is seen.
+    """
     whiten, origin, ray, basis = detection.whiten[1:, 1:], detection.origin, detection.ray, detection.basis
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         robot, target = this.keys()
-        pose, place = values.atPose3(robot), values.atPoint3(target)
+        pose, own = values.atPose3(robot), values.atPose3(target) if has_attitude else None
+        place = values.atPoint3(target) if own is None else own.translation()
         if jacobians is None:
             return np.asarray(whiten @ deviation(pose.transformTo(place) - origin, ray, basis))
         by_robot, by_place = np.zeros((3, 6), order="F"), np.zeros((3, 3), order="F")
@@ -35,7 +41,10 @@ def ray_factor(detection: SpatialDetection, keys: tuple[int, int], tail: float =
         off, by_seen = deviation_and_slopes(seen, ray, basis)
         slopes = whiten @ by_seen
         jacobians[0] = np.asfortranarray(slopes @ by_robot)
-        jacobians[1] = np.asfortranarray(slopes @ by_place)
+        by_target = slopes @ by_place
+        if own is not None:
+            by_target = np.hstack([np.zeros((2, 3)), by_target @ own.rotation().matrix()])
+        jacobians[1] = np.asfortranarray(by_target)
         return np.asarray(whiten @ off)
 
     return gtsam.CustomFactor(with_tail(unit_noise(2), tail), list(keys), error)

@@ -308,9 +308,11 @@ class LinearisedEvidence:
         if self._anchors is None or own.shape[1] < 2:
             return states
         anchors = self._anchors[own[:, 1:] - 1]
-        far, size = np.isfinite(anchors).all(axis=-1), self.layout.landmark
-        before = self.mean[own[:, 1:]][far][:, :size]
-        states[:, 1:, :size][far] = moved(anchors[far], before, shift[:, 1:, :size][far])
+        far, space = np.isfinite(anchors).all(axis=-1), self.spaces.landmark
+        before = self.mean[own[:, 1:]][far][:, : space.storage_size]
+        along = space.position_slopes(before) @ shift[:, 1:, : space.tangent_size][far][..., None]
+        places = moved(anchors[far], space.position(before), along[..., 0])
+        states[:, 1:, : places.shape[1]][far] = places
         return states
 
 

@@ -12,10 +12,11 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.states.kinds.state_space import StateSpace
 from semantic_slam.inference.states.layout import Layout
 from semantic_slam.inference.world.problem import Problem
 
-FIXED_HEADING_VARIANCE = 1e-8
+FIXED_ATTITUDE_VARIANCE = 1e-8
 
 
 def open_keyframe_problem(
@@ -28,7 +29,7 @@ def open_keyframe_problem(
     num_births = len(detections)
     predicted = _padded(problem.spaces.storage, predictions, object_ids[: len(object_ids) - num_births], num_births)
     if problem.model.num_classes == 0:
-        predicted = _without_headings(predicted, problem.spaces.landmark.heading)
+        predicted = _without_attitudes(predicted, problem.spaces.landmark)
     candidates = Assignments(parents=rows.parents, objects=rows.objects)
     collected = problem.model.collect(detections)
     return KeyframeProblem.of(problem.spaces, problem.model, predicted, collected, candidates)
@@ -64,15 +65,14 @@ def _with_births(storage: Layout, prediction: Prediction) -> tuple[Array, Array]
     return storage.stacked(predicted.mean[0], np.array([birth.prior.mean for birth in births])), spread
 
 
-def _without_headings(predicted: PredictedBelief, heading: int | None) -> PredictedBelief:
-    """Objects with fixed headings: no measurement depends on them, and a wide angle makes positions nonlinear.
-
-    ``heading`` is the coordinate that is the heading; None: states have none.
-    """
-    if heading is None:
+def _without_attitudes(predicted: PredictedBelief, landmark: StateSpace) -> PredictedBelief:
+    """Objects with fixed headings, or attitudes: no measurement depends on them, and wide angles bend positions."""
+    turns = np.delete(np.arange(landmark.tangent_size), landmark.position_rows)
+    if not len(turns):
         return predicted
-    headings = predicted.layout.starts(np.arange(1, predicted.mean.shape[1])) + heading
+    starts = predicted.layout.starts(np.arange(1, predicted.mean.shape[1]))
+    attitudes = (starts[:, None] + turns).ravel()
     covariance = predicted.covariance.copy()
-    covariance[:, headings], covariance[:, :, headings] = 0.0, 0.0
-    covariance[:, headings, headings] = FIXED_HEADING_VARIANCE
+    covariance[:, attitudes], covariance[:, :, attitudes] = 0.0, 0.0
+    covariance[:, attitudes, attitudes] = FIXED_ATTITUDE_VARIANCE
     return PredictedBelief(predicted.layout, predicted.mean, covariance)

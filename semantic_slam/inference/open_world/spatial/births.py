@@ -23,36 +23,77 @@ from semantic_slam.inference.open_world.spatial.looks import looks
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.kinds.state_space import StateSpace
 
 AROUND = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])
 """(6, 3) sigma points of equal weight, with the mean and covariance of a standard normal."""
 
 
 def births_in_space(
-    model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion
+    landmark: StateSpace,
+    model: ObservationModel,
+    detections: Sequence[SpatialDetection],
+    robot: Array,
+    region: SpatialRegion,
 ) -> list[Birth]:
     """The objects that ``detections`` start, seen from the predicted ``robot`` (7,)."""
     turn = so3.matrix(robot[3:])
-    along = iter(_births_along_rays(model, [own for own in detections if not own.has_range], robot, turn, region))
-    return [_birth_at_range(model, own, robot, turn) if own.has_range else next(along) for own in detections]
+    rays = [own for own in detections if not own.has_range]
+    along = iter(_births_along_rays(landmark, model, rays, robot, turn, region))
+    return [_birth_at_range(landmark, model, own, robot, turn) if own.has_range else next(along) for own in detections]
 
 
-def _birth_at_range(model: ObservationModel, detection: SpatialDetection, robot: Array, turn: Array) -> Birth:
+def _birth_at_range(
+    landmark: StateSpace, model: ObservationModel, detection: SpatialDetection, robot: Array, turn: Array
+) -> Birth:
     polar = turn @ np.column_stack([detection.ray, detection.range_m * detection.basis])
     noise = polar @ detection.covariance @ polar.T
-    return Birth(
-        prior=model.object_prior(detection, robot),
+    return _birth(
+        landmark,
+        model.object_prior(detection, robot),
         gain=np.hstack([-turn @ so3.hat(detection.range_m * detection.ray), turn]),
         spread=WIDTH**2 * noise,
         noise=noise,
-        by_error=np.zeros((3, 0)),
         log_area=2.0 * float(np.log(detection.range_m)),
         log_stand_in=float(detection.log_normaliser - 1.5 * np.log1p(WIDTH**2)),
     )
 
 
+def _birth(
+    landmark: StateSpace,
+    prior: GaussianPrior,
+    *,
+    gain: Array,
+    spread: Array,
+    noise: Array,
+    log_area: float,
+    log_stand_in: float,
+) -> Birth:
+    """The birth of an object whose position in map has the ``gain`` (3, 6), ``spread`` and ``noise`` (3, 3).
+
+    Its attitude, if it has one, is that of the prior: gravity and not the robot holds it.
+    """
+    to_object, attitude = landmark.position_slopes(prior.mean).T, prior.covariance.copy()
+    attitude[landmark.position_rows, landmark.position_rows] = 0.0
+    return Birth(
+        prior=prior,
+        gain=to_object @ gain,
+        spread=to_object @ spread @ to_object.T + attitude,
+        noise=to_object @ noise @ to_object.T + attitude,
+        by_error=np.zeros((len(attitude), 0)),
+        log_area=log_area,
+        log_stand_in=log_stand_in,
+    )
+
+
 def _births_along_rays(
-    model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, turn: Array, region: SpatialRegion
+    landmark: StateSpace,
+    model: ObservationModel,
+    detections: Sequence[SpatialDetection],
+    robot: Array,
+    turn: Array,
+    region: SpatialRegion,
 ) -> list[Birth]:
     """Births of rays alone, at the range prior; the stand-in priors are wide across the rays only."""
     seen, count = SpatialDetections.of(detections), len(detections)
@@ -67,12 +108,12 @@ def _births_along_rays(
     gains = np.concatenate([-turn @ so3.hat(seen.origin + shown[..., 0]), np.tile(turn, (count, 1, 1))], axis=2)
     log_volume = float(np.log((region.max_range_m**3 - region.min_range_m**3) / 3.0))
     return [
-        Birth(
-            prior=model.object_prior(own, robot),
+        _birth(
+            landmark,
+            model.object_prior(own, robot),
             gain=gain,
             spread=spread,
             noise=noise,
-            by_error=np.zeros((3, 0)),
             log_area=log_volume,
             log_stand_in=float(own.log_normaliser - np.log1p(WIDTH**2)),
         )
@@ -100,7 +141,7 @@ def expected_births_in_space(
     shells, along, which = _shells(region, rates)
     everywhere, shares = region.all_over(shells)
     at = region.camera.on(robot)
-    born = _born_at(births, detections, robot, along.ranges_m)
+    born = _born_at(component.spaces.landmark, births, detections, robot, along.ranges_m)
     places = np.concatenate([at[:3] + so3.rotated(at[3:], everywhere), born])
     fall_off = rates.fall_off(np.sqrt(squared_norms(born - at[:3]))).reshape(len(births), len(AROUND), len(rates))
     fall_off[_are_rays(detections)] = len(AROUND) * along.shares[:, None] * along.fall_off[:, which]
@@ -108,7 +149,7 @@ def expected_births_in_space(
     at_detections = rates.birth_density * rates.probability * fall_off.reshape(-1, len(rates))
     found = np.concatenate([_first_detections_at(shells, which, count, rates), at_detections])
     if settings.least_undetected_share < 1.0 and len(tracked.trail):
-        hiding = tracked.states[component.objects.existence > HIDES]
+        hiding = component.spaces.landmark.position(tracked.states[component.objects.existence > HIDES])
         left = undetected_share_in_space(region, rates, tracked.trail, places, hiding)
         found = found * np.maximum(left, settings.least_undetected_share)
     expected = region.volume_m3 * (shares @ found[:count])
@@ -179,7 +220,9 @@ def _are_rays(detections: Sequence[SpatialDetection]) -> Flags:
     return np.array([not own.has_range for own in detections], dtype=bool)
 
 
-def _born_at(births: list[Birth], detections: Sequence[SpatialDetection], robot: Array, ranges_m: Array) -> Array:
+def _born_at(
+    landmark: StateSpace, births: list[Birth], detections: Sequence[SpatialDetection], robot: Array, ranges_m: Array
+) -> Array:
     """(6 D, 3) sample points in map of where the objects of detections may be, given the robot.
 
     For a ray alone they are at ``ranges_m`` (6,) along it.
@@ -190,5 +233,8 @@ def _born_at(births: list[Birth], detections: Sequence[SpatialDetection], robot:
     reached = rays.origin[:, None] + ranges_m[:, None] * rays.ray[:, None]
     places[is_ray] = robot[:3] + so3.rotated(robot[3:], reached)
     for number in np.flatnonzero(~is_ray).tolist():
-        places[number] = births[number].prior.mean + AROUND @ np.linalg.cholesky(births[number].noise).T
+        own = births[number]
+        slopes = landmark.position_slopes(own.prior.mean)
+        root = np.linalg.cholesky(slopes @ own.noise @ slopes.T)
+        places[number] = landmark.position(own.prior.mean) + AROUND @ root.T
     return places.reshape(-1, 3)

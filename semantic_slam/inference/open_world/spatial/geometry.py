@@ -1,4 +1,4 @@
-"""Open-world geometry in space: SE(3) for the robot, R^3 for objects."""
+"""Open-world geometry in space: SE(3) for the robot, R^3 or SE(3) for objects, whose attitude gravity holds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ from semantic_slam.inference.states.views import Looks, Overlap
 
 @dataclass(frozen=True)
 class SpatialGeometry:
-    """An :class:`OpenGeometry` whose robots are (7,) poses and whose objects are (3,) points."""
+    """An :class:`OpenGeometry` whose robots are (7,) poses and whose objects are (3,) points or (7,) poses."""
 
     spaces: Spaces
 
@@ -39,7 +39,7 @@ class SpatialGeometry:
     def births(
         self, model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion
     ) -> list[Birth]:
-        return births_in_space(model, detections, robot, region)
+        return births_in_space(self.spaces.landmark, model, detections, robot, region)
 
     def expected_births(
         self,
@@ -75,15 +75,18 @@ class SpatialGeometry:
         return seen._replace(points=points, slopes=slopes).looks(places, objects.views, rates.runs, in_view, chance)
 
     def distances(self, states: Array, robot: Array) -> Array:
-        return np.asarray(np.sqrt(squared_norms(states - robot[:3])))
+        return np.asarray(np.sqrt(squared_norms(self.spaces.landmark.position(states) - robot[:3])))
 
     def ahead(self, region: SpatialRegion, states: Array, robot: Array, reach: Index) -> Index:
         """Empty: nothing is read ahead where updates are iterated."""
         return reach[:0]
 
     def moving_along(self, robot: Array, states: Array) -> Array:
-        relative = self.spaces.relative_position(broadcast_copy(robot, (len(states), len(robot))), states)
-        return np.asarray(-np.linalg.solve(relative.by_landmark, relative.by_robot), dtype=np.float64)
+        """Positions move along, attitudes stay."""
+        landmark, robots = self.spaces.landmark, broadcast_copy(robot, (len(states), len(robot)))
+        _, by_robot, by_point = self.spaces.robot.in_frame(robots, landmark.position(states))
+        displaced = -np.linalg.solve(by_point, by_robot)
+        return np.asarray(np.swapaxes(landmark.position_slopes(states), 1, 2) @ displaced, dtype=np.float64)
 
     def sigmas_away(
         self,
@@ -95,11 +98,12 @@ class SpatialGeometry:
     ) -> Array:
         """Standard deviations of the direction alone where a detection has no range."""
         (turn, place), known = _sigmas(spread), tracked.sigmas**2
-        body = self.spaces.robot.turned_back(robot, tracked.states - robot[:3])
+        landmark = self.spaces.landmark
+        body = self.spaces.robot.turned_back(robot, landmark.position(tracked.states) - robot[:3])
         found = np.empty((len(detections), len(known)))
         for own, born, detection in zip(found, births, detections, strict=True):
             if detection.has_range:
-                noise = float(largest_sigmas(born.noise[None])[0])
+                noise = float(largest_sigmas(born.noise[None, landmark.position_rows, landmark.position_rows])[0])
                 errors = np.sqrt(place**2 + (turn * detection.range_m) ** 2 + known + noise**2)
                 own[:] = self.distances(tracked.states, born.prior.mean) / errors
             else:
@@ -113,7 +117,7 @@ class SpatialGeometry:
     def _places(self, region: SpatialRegion, objects: PredictedObjects, robot: Array, covariance: Array) -> Places:
         """Objects in the optical frame at modes ``robot`` (K, 7) with (K, 6, 6); covariances to first order."""
         shift = self.spaces.robot.local(objects.robot, robot)
-        moved = objects.objects + np.einsum("nij,kj->kni", objects.gain, shift)
+        moved = self.spaces.landmark.retract(objects.objects, np.einsum("nij,kj->kni", objects.gain, shift))
         robots = broadcast_copy(robot[:, None], (*moved.shape[:-1], robot.shape[-1]))
         relative = self.spaces.relative_position(robots, moved)
         together = relative.by_robot + relative.by_landmark @ objects.gain

@@ -42,8 +42,10 @@ class ParentPairs:
         covariance, robot = self.predicted.pair_covariances[0], self.predicted.mean[0, 0, : spaces.storage.robot]
         objects = self.predicted.mean[0, 1:, : spaces.storage.landmark]
         known = np.flatnonzero(np.isfinite(self.anchors).all(axis=1))
-        of_object = covariance[known, spaces.layout.robot :, spaces.layout.robot :]
-        wide = known[relative_sigmas(self.anchors[known], objects[known], of_object) > LEAST_SIGMA]
+        slopes = spaces.landmark.position_slopes(objects[known])
+        of_place = slopes @ covariance[known, spaces.layout.robot :, spaces.layout.robot :] @ np.swapaxes(slopes, 1, 2)
+        places = spaces.landmark.position(objects[known])
+        wide = known[relative_sigmas(self.anchors[known], places, of_place) > LEAST_SIGMA]
         looked_at = np.zeros(self.pairs.distance.shape, dtype=bool)
         looked_at[:, wide] = True if self.asked is None else self.asked[:, wide]
         numbers, columns = np.nonzero(looked_at)
@@ -125,7 +127,7 @@ class PairProblem(PairSearch):
     columns: Index  # (B,) objects of their parents
     detections: Any  # B
     robots: Array  # (B, s)
-    objects: Array  # (B, 3)
+    objects: Array  # (B, s)
     anchors: Array  # (B, 3)
     covariance: Array  # (B, r + l, r + l) of robot and object
     root: Array  # (B, r + l, r + l) its Cholesky factor
@@ -157,7 +159,7 @@ class PairProblem(PairSearch):
         seen, space = self.detections, self.spaces.robot
         camera = space.displacement(self.robots, seen.origin, np.zeros(3))
         look = space.displacement(self.robots, seen.ray, self.robots[:, :3])
-        away = self.objects - self.anchors
+        away = self.spaces.landmark.position(self.objects) - self.anchors
         distance = np.maximum(np.sqrt(squared_norms(away)), LEAST_DISTANCE_M)
         unit, apart = away / distance[:, None], camera - self.anchors
         cosine, along = np.vecdot(unit, look), np.vecdot(unit, apart)
@@ -165,7 +167,7 @@ class PairProblem(PairSearch):
         depth = np.where(seen.has_range, seen.range_m, (cosine * along - np.vecdot(look, apart)) / squared_sine)
         reach = along + cosine * depth
         row = np.zeros(self.root.shape[::2])
-        row[:, self.spaces.layout.robot :] = unit
+        row[:, self.spaces.layout.robot :] = (unit[:, None] @ self._slopes)[:, 0]
         whitened = (row[:, None] @ self.root)[:, 0]
         sigma = np.sqrt(squared_norms(whitened))
         ratio = np.log(np.where((reach > 0.0) & (depth > 0.0), reach, distance) / distance)
@@ -175,9 +177,19 @@ class PairProblem(PairSearch):
     def part(self, tangent: Array) -> Linearisation:
         size, space = self.spaces.layout.robot, self.spaces.robot
         step, chart = space.exp_and_jacobian(tangent[:, :size])
-        objects, slopes = moved_and_slopes(self.anchors, self.objects, tangent[:, size:])
+        along, objects = (self._slopes @ tangent[:, size:, None])[..., 0], self.objects.copy()
+        places, slopes = moved_and_slopes(self.anchors, self.spaces.landmark.position(self.objects), along)
+        objects[:, : places.shape[1]] = places
         part = self.model.geometry(self.detections, space.compose(self.robots, step), objects)
-        return replace(part, jacobian_robot=part.jacobian_robot @ chart, jacobian_object=part.jacobian_object @ slopes)
+        by_place = part.jacobian_object @ np.swapaxes(self._slopes, 1, 2)
+        return replace(
+            part, jacobian_robot=part.jacobian_robot @ chart, jacobian_object=by_place @ slopes @ self._slopes
+        )
+
+    @property
+    def _slopes(self) -> Array:
+        """(B, 3, l) Jacobians of the objects' positions, as attitudes stay."""
+        return self.spaces.landmark.position_slopes(self.objects)
 
 
 _ROWS = ("numbers", "columns", "detections", "robots", "objects", "anchors", "covariance", "root")

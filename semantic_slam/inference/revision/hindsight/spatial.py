@@ -29,7 +29,8 @@ class SpatialHindsight(Hindsight):
     @cached_property
     def in_view(self) -> Flags:
         found = np.zeros((len(self.ids), len(self.steps)), dtype=bool)
-        numbers, times, _ = looks(self._region, self.path, self.places, self.places)
+        points = self.problem.spaces.landmark.position(self.places)
+        numbers, times, _ = looks(self._region, self.path, points, points)
         found[numbers, times] = True
         return found
 
@@ -42,7 +43,9 @@ class SpatialHindsight(Hindsight):
         return np.full(len(step.detections), self._log_of_none)
 
     def log_ranges(self, step: Step, robot: Array) -> tuple[Array, Array]:
-        return log_ranges_of(self.problem.spaces, step.detections, robot, self.places, self.spreads)
+        slopes = self.problem.spaces.landmark.position_slopes(self.places)
+        spreads = slopes @ self.spreads @ np.swapaxes(slopes, 1, 2)
+        return log_ranges_of(self.problem.spaces, step.detections, robot, self.places, spreads)
 
     @cached_property
     def _region(self) -> SpatialRegion:

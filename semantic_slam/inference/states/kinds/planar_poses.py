@@ -20,6 +20,7 @@ class PlanarPoses:
     frame_size = 5
     heading: ClassVar[int | None] = 2
     own_turn: ClassVar[int | None] = 2
+    attitude: ClassVar[slice | None] = None
     position_rows = slice(0, 2)
     origin = np.full(3, 0.7)
     relinearize_threshold = np.array([0.1, 0.1, 0.05])

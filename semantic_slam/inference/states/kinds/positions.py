@@ -16,6 +16,7 @@ class Positions:
     frame_size: int
     heading: ClassVar[int | None] = None
     own_turn: ClassVar[int | None] = None
+    attitude: ClassVar[slice | None] = None
     prior: ClassVar[Any]  # GTSAM's factors
     between_points: ClassVar[Any]
 

@@ -19,6 +19,7 @@ class SpatialPoses:
     frame_size = 16
     heading: ClassVar[int | None] = None
     own_turn: ClassVar[int | None] = 2
+    attitude: ClassVar[slice | None] = se3.ROTATION
     position_rows = se3.TRANSLATION
     origin = se3.exp(np.full(6, 0.7))
     relinearize_threshold = np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1])

@@ -40,6 +40,7 @@ class StateSpace(StateArithmetic, Protocol):
     frame_size: int  # f
     heading: ClassVar[int | None]  # tangent coordinate that turns a state in the plane; None: no single one does
     own_turn: ClassVar[int | None]  # tangent coordinate that turns a state about its own z; None: it does not turn
+    attitude: ClassVar[slice | None]  # tangent coordinates of an attitude in space; None: it has none
     position_rows: slice  # p tangent coordinates that move a state, along its own axes
     origin: Array  # (s,) a rotated state; linearisation points are given as tangent steps from it
     relinearize_threshold: Array  # (d,) change of a state above which its factors are relinearised
