@@ -14,7 +14,7 @@ import numpy as np
 
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.models.callback_factor import callback_factor
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.kinds.state_space import StateSpace
@@ -55,4 +55,17 @@ class RangePrior(GaussianPrior):
                 jacobians[0] = np.asfortranarray(away[None] / (known.sigma * distance**2))
             return np.array([(np.log(distance) - known.mean) / known.sigma])
 
-        return gtsam.CustomFactor(unit_noise(1), [key], error)
+        return callback_factor(StartedByRay(self, key), [key], 1, error)
+
+
+@dataclass(frozen=True)
+class StartedByRay:
+    """A range prior, and the GTSAM key of its object."""
+
+    prior: RangePrior
+    key: int
+
+    @property
+    def anchor(self) -> Array:
+        """(3,) origin of the ray, in map."""
+        return np.asarray(self.prior.anchor)
