@@ -43,7 +43,6 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
     yield Moving(configuration.moving).is_on, "set moving.share: 0 and moving.share_by_label: []"
     yield closed.unmapped_objects > 0, "set closed_world.unmapped_objects: 0"
     yield closed.displaced_share > 0.0, "set closed_world.displaced_share: 0"
-    yield configuration.history.is_on, "set history.horizon_keyframes: 0"
     yield revision.carried_probability > 0.0, "set revision.carried_probability: 0"
     yield configuration.odometry.slip_share > 0.0, "set odometry.slip_share: 0"
     if not association.tracks_objects:

@@ -13,6 +13,7 @@ from semantic_slam.inference.checkpoints.records import packed, unpacked
 from semantic_slam.inference.models.callback_factor import source_of
 from semantic_slam.inference.models.custom_factor import Sighting
 from semantic_slam.inference.models.odometry_bias import BiasedMotion, biased_factor
+from semantic_slam.inference.models.spatial.range_prior import StartedByRay
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.factor_table import FactorTable
 from semantic_slam.inference.smoothing.smoother import Smoother
@@ -92,4 +93,6 @@ def _made_again(source: Any, root: Component) -> Any:
         return biased_factor(source.keys, source.control, source.covariance, source.by_bias)
     if isinstance(source, Sighting):
         return root.model.geometry_factor(source.detection, source.keys)
+    if isinstance(source, StartedByRay):
+        return source.prior.factor(root.spaces.landmark, source.key)
     raise TypeError(f"{type(source).__name__} is no source of a factor")

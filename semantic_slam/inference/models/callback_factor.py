@@ -20,15 +20,18 @@ class _Source(Exception):  # noqa: N818  # no error
         self.source = source
 
 
-def callback_factor(source: Any, keys: Sequence[int], size: int, error: Error) -> Any:
-    """A factor of ``size`` whitened residuals; :func:`source_of` returns its ``source``, to make an equal one from."""
+def callback_factor(source: Any, keys: Sequence[int], size: int, error: Error, noise: Any = None) -> Any:
+    """A factor of ``size`` whitened residuals; :func:`source_of` returns its ``source``, to make an equal one from.
+
+    ``noise``: GTSAM's noise model of the whitened residuals, with a loss if it has one; None: unit noise.
+    """
 
     def evaluated(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         if values.empty():
             raise _Source(source)
         return error(this, values, jacobians)
 
-    return gtsam.CustomFactor(unit_noise(size), list(keys), evaluated)
+    return gtsam.CustomFactor(unit_noise(size) if noise is None else noise, list(keys), evaluated)
 
 
 def source_of(factor: Any) -> Any:

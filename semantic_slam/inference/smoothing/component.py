@@ -26,7 +26,7 @@ from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.smoothing.past import without_past
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.smoothing.tracking import tracked_after
+from semantic_slam.inference.smoothing.tracking import tracked_after, tracked_again
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior, JointPrior
 from semantic_slam.inference.states.keys import number_of, object_key, robot_key
@@ -135,12 +135,11 @@ class Component:
         """
         keys = [robot_key(keyframe) for keyframe in range(self.oldest, oldest)]
         frozen = self.states(keys)[:, : self.spaces.storage.robot]
-        return replace(
-            self,
-            smoother=without_past(self.smoother, oldest, self.every_id),
-            past=(*self.past, frozen),
-            tracked=None if self.tracked is None else self.tracked.with_thinned_trail(self.keyframe + 1 - oldest),
-        )
+        smoother, tracked = without_past(self.smoother, oldest, self.every_id), self.tracked
+        if tracked is not None:
+            tracked = tracked_again(smoother, self.keyframe, tracked, self.objects.ids)
+            tracked = tracked.with_thinned_trail(self.keyframe + 1 - oldest)
+        return replace(self, smoother=smoother, past=(*self.past, frozen), tracked=tracked)
 
     def states(self, keys: Sequence[int]) -> Array:
         """(n, s) estimates, padded to the wider of robot and object states."""

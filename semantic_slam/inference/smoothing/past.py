@@ -7,8 +7,12 @@ from typing import Any
 import gtsam
 import numpy as np
 
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.callback_factor import source_of
+from semantic_slam.inference.models.spatial.range_prior import StartedByRay
 from semantic_slam.inference.smoothing.errors import lost_where_indeterminate
 from semantic_slam.inference.smoothing.factor_table import FactorTable
+from semantic_slam.inference.smoothing.reoptimisation import reoptimised
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.summary import summary_of
 from semantic_slam.inference.states.keys import bias_key, is_bias, is_object, is_robot, number_of, robot_key
@@ -20,7 +24,22 @@ def without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) -
     Objects other than ``object_ids`` that nothing observed since are marginalised too. Raises LostComponentError.
     """
     with lost_where_indeterminate("a summary of the past"):
-        return _without_past(smoother, oldest, object_ids)
+        return _without_past(_settled(smoother), oldest, object_ids)
+
+
+def _settled(smoother: Smoother) -> Smoother:
+    """The smoother to marginalise: in space at the optimum of its graph, as what is linear now remains so for ever.
+
+    iSAM2 leaves objects that are seen by rays alone by most of a standard deviation off it.
+    """
+    if not _is_in_space(smoother):
+        return smoother
+    start = smoother.isam.calculateEstimate()
+    return reoptimised(smoother, smoother.kept(), smoother.factor_table.measurements, [start])
+
+
+def _is_in_space(smoother: Smoother) -> bool:
+    return smoother.spaces.name == "spatial"
 
 
 def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) -> Smoother:
@@ -31,7 +50,8 @@ def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) 
     touched = {slot for slot in slots if not gone.isdisjoint(keys[slot])}
     gone |= _forgotten(keys, touched, object_ids)
     touched = {slot for slot in slots if not gone.isdisjoint(keys[slot])}
-    summary = summary_of(smoother.spaces, [held.at(slot) for slot in sorted(touched)], values, gone)
+    anchors = _anchors(held, keys) if _is_in_space(smoother) else {}
+    summary = summary_of(smoother.spaces, [held.at(slot) for slot in sorted(touched)], values, gone, anchors)
     semantic = set(smoother.factor_table.indices)
     kept = gtsam.NonlinearFactorGraph()
     for slot in slots:
@@ -43,6 +63,13 @@ def _without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) 
     left = [key for key in values.keys() if key not in gone]  # noqa: SIM118
     restarted = smoother.restarted(kept, values.extract(left), factors, _taken(smoother.factor_table, rows))
     return replace(restarted, is_summarised=True)
+
+
+def _anchors(held: gtsam.NonlinearFactorGraph, keys: dict[int, list[int]]) -> dict[int, Array]:
+    """Origins (3,) in map of the rays alone that started objects, by their keys."""
+    unary = [held.at(slot) for slot, own in keys.items() if len(own) == 1]
+    sources = [source_of(factor) for factor in unary if isinstance(factor, gtsam.CustomFactor)]
+    return {source.key: source.anchor for source in sources if isinstance(source, StartedByRay)}
 
 
 def _is_past(key: int, oldest: int) -> bool:

@@ -10,8 +10,9 @@ every loop closure causes to some degree, then brings no linearisation error. Wh
 relative motion of the map.
 """
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import gtsam
@@ -20,8 +21,11 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.callback_factor import callback_factor
-from semantic_slam.inference.states.keys import is_robot, is_vector
+from semantic_slam.inference.smoothing import summary_in_plane, summary_in_space
 from semantic_slam.inference.states.spaces import Spaces
+
+NOWHERE: Mapping[int, Array] = MappingProxyType({})
+"""No ray origins."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +35,8 @@ class Summary:
     keys: tuple[int, ...]  # n, ascending; a single robot pose among them
     root: Array  # (m, m) R
     right: Array  # (m,) e
-    coordinates: Array  # (m,) y'
+    coordinates: Array  # (m,) y'; in space (q,) states relative to the robot, from which y are deviations
+    anchors: dict[int, Array] = field(default_factory=dict)  # object key -> (3,) origin of its first ray, seen likewise
 
     def factor(self, spaces: Spaces) -> Any:
         """GTSAM factor; a callback, as GTSAM keeps the Jacobian of a linear factor in tangent frames that rotate."""
@@ -47,7 +52,9 @@ class Summary:
 
     def _apart(self, spaces: Spaces, values: gtsam.Values) -> tuple[Array, Array]:
         """(m,) difference of the coordinates at some values from y', and their (m, m) Jacobian."""
-        now, slopes, turns = _coordinates(spaces, self.keys, values)
+        if spaces.name == "spatial":
+            return summary_in_space.deviations(spaces, self.keys, values, self.coordinates, self.anchors)
+        now, slopes, turns = summary_in_plane.coordinates(spaces, self.keys, values)
         apart = now - self.coordinates
         apart[turns] = wrap_angle(apart[turns])
         return apart, slopes
@@ -59,10 +66,17 @@ class Summary:
         return [np.asfortranarray(block) for block in np.split(columns, ends, axis=1)]
 
 
-def summary_of(spaces: Spaces, factors: Sequence[Any], values: gtsam.Values, gone: Collection[int]) -> Summary:
+def summary_of(
+    spaces: Spaces,
+    factors: Sequence[Any],
+    values: gtsam.Values,
+    gone: Collection[int],
+    anchors: Mapping[int, Array] = NOWHERE,
+) -> Summary:
     """The marginal of nonlinear ``factors``, linearised at ``values``, without the variables that are ``gone``.
 
-    Every factor must involve a variable that goes.
+    Every factor must involve a variable that goes. ``anchors`` (3,) in map, by the keys of points in space that were
+    first seen by rays alone.
     """
     touched = gtsam.NonlinearFactorGraph()
     for factor in factors:
@@ -73,59 +87,34 @@ def summary_of(spaces: Spaces, factors: Sequence[Any], values: gtsam.Values, gon
     ordering = gtsam.Ordering()
     for key in (*(key for key in every if key in gone), *kept):
         ordering.push_back(key)
-    coordinates, slopes, _ = _coordinates(spaces, kept, values)
-    rows, size = _triangle(graph.augmentedJacobian(ordering)), len(coordinates)
+    anchors = {key: anchors[key] for key in kept if key in anchors}
+    coordinates, slopes, seen = _here(spaces, kept, values, anchors)
+    rows, size = _triangle(graph.augmentedJacobian(ordering)), len(slopes)
     first = rows.shape[1] - 1 - size
     left, rest = rows[first : first + size, first:], np.zeros((size, size + 1))
     rest[: len(left)] = left
     root = np.linalg.solve(slopes.T, rest[:, :-1].T).T
-    return Summary(keys=kept, root=np.asarray(root, dtype=float), right=rest[:, -1].copy(), coordinates=coordinates)
+    return Summary(
+        keys=kept,
+        root=np.asarray(root, dtype=float),
+        right=rest[:, -1].copy(),
+        coordinates=coordinates,
+        anchors=seen,
+    )
+
+
+def _here(
+    spaces: Spaces, keys: Sequence[int], values: gtsam.Values, anchors: Mapping[int, Array]
+) -> tuple[Array, Array, dict[int, Array]]:
+    """Coordinates of variables at ``values``, their Jacobian by tangent vectors, and anchors in the robot's frame."""
+    if spaces.name != "spatial":
+        coordinates, slopes, _ = summary_in_plane.coordinates(spaces, keys, values)
+        return coordinates, slopes, {}
+    seen = summary_in_space.seen_anchors(spaces, spaces.robot.state(values, keys[-1]), anchors)
+    coordinates = summary_in_space.relative_states(spaces, keys, values)
+    return coordinates, summary_in_space.deviations(spaces, keys, values, coordinates, seen)[1], seen
 
 
 def _triangle(rows: Array) -> Array:
     """The upper triangle R of rows = Q R."""
     return np.asarray(np.linalg.qr(rows, mode="r"), dtype=float)
-
-
-def _coordinates(spaces: Spaces, keys: Sequence[int], values: gtsam.Values) -> tuple[Array, Array, list[int]]:
-    """(m,) coordinates of variables, their (m, m) Jacobian by tangent vectors at ``values``, and which are angles.
-
-    A planar robot pose keeps its own coordinates; objects are expressed in its frame.
-    """
-    sizes = values.extract(list(keys)).dims()
-    ends = np.cumsum([sizes[key] for key in keys]).tolist()
-    parts = {key: slice(end - sizes[key], end) for key, end in zip(keys, ends, strict=True)}
-    found, slopes = np.zeros(ends[-1]), np.eye(ends[-1])
-    for key, part in parts.items():
-        state = values.atVector(key) if is_vector(key) else spaces.of(key).state(values, key)
-        found[part] = state
-        if _turns(spaces, key):
-            slopes[part, part][:2, :2] = _rotation(state[2])
-    robot = next((key for key in keys if is_robot(key) and _turns(spaces, key)), None)
-    if robot is not None:
-        for key, part in parts.items():
-            if not is_vector(key) and key != robot:
-                _see(found, slopes, parts[robot], part)
-    turns = [part.start + 2 for key, part in parts.items() if _turns(spaces, key)]
-    return found, slopes, turns
-
-
-def _turns(spaces: Spaces, key: int) -> bool:
-    """Whether a variable is a pose (has a heading)."""
-    return not is_vector(key) and spaces.of(key).heading is not None
-
-
-def _see(found: Array, slopes: Array, robot: slice, part: slice) -> None:
-    """Transform an object's map coordinates, and their Jacobian, into the robot's frame, in place."""
-    back = _rotation(found[robot][2]).T
-    found[part.start : part.start + 2] = seen = back @ (found[part][:2] - found[robot][:2])
-    slopes[part, part][:2] = back @ slopes[part, part][:2]
-    slopes[part, robot][:2] = [[-1.0, 0.0, seen[1]], [0.0, -1.0, -seen[0]]]
-    if part.stop - part.start > 2:
-        found[part.start + 2] -= found[robot][2]
-        slopes[part, robot][2, 2] = -1.0
-
-
-def _rotation(angle_rad: float) -> Array:
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[cos, -sin], [sin, cos]])

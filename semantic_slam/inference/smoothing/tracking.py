@@ -1,5 +1,7 @@
 """Tracked states: robot and objects after an update, kept where reading every marginal from iSAM2 costs too much."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
@@ -67,6 +69,15 @@ def tracked_after(
         carried_covariance=together if len(before.bias) or errors is not None else None,
     )
     return tracked, local
+
+
+def tracked_again(smoother: Smoother, keyframe: int, before: TrackedStates, ids: Index) -> TrackedStates:
+    """Tracked states where a smoother in space was optimised again, over the objects ``ids`` (O,); else as before."""
+    if smoother.spaces.name != "spatial":
+        return before
+    storage = smoother.spaces.storage
+    states = smoother.states([*(object_key(int(n)) for n in ids), robot_key(keyframe)])
+    return replace(before, states=states[:-1, : storage.landmark], robot=states[-1, : storage.robot])
 
 
 def _anchors_after(before: TrackedStates, update: ComponentUpdate) -> Array | None:

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
@@ -12,8 +13,10 @@ from semantic_slam.inference.states.views import Views
 
 BEYOND = 1e6
 """Metres to a position that the sensor never sees."""
-TRAIL_CELL, LOOKS_FROM_A_PLACE = np.array([0.5, 0.5, 0.5]), 4
-"""Cell size [m, m, rad] in which old poses of the trail count as one place, and how many are kept of each place."""
+TRAIL_CELL, LOOKS_FROM_A_PLACE = 0.5, 4
+"""Cell size [m or rad] in which old poses of the trail count as one place, and how many are kept of each place."""
+PLANAR = 3
+"""Numbers of a pose in the plane; in space there are 7."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +116,7 @@ class TrackedStates:
 
     def with_thinned_trail(self, num_newest: int) -> "TrackedStates":
         """The states with a thinned trail: its ``num_newest`` poses, and of the older ones the newest few per place."""
-        places = np.floor(self.trail[:, :3] / TRAIL_CELL).astype(int)
+        places = np.floor(_places_and_turns(self.trail) / TRAIL_CELL).astype(int)
         _, cells = np.unique(places, axis=0, return_inverse=True)
         order = np.argsort(cells, kind="stable")[::-1]  # cell by cell, the newest first
         begins = np.flatnonzero(np.diff(cells[order], prepend=-1))
@@ -189,3 +192,10 @@ class ExistenceUpdate:
             rates=objects.rates,
             changes_nothing=not len(new),
         )
+
+
+def _places_and_turns(poses: Array) -> Array:
+    """(T, k) metres and radians of poses (T, s): x, y, yaw in the plane; in space positions and rotation vectors."""
+    if poses.shape[1] == PLANAR:
+        return poses
+    return np.concatenate([poses[:, :3], so3.log(poses[:, 3:])], axis=1)

@@ -5,10 +5,12 @@ from typing import Any
 import gtsam
 import numpy as np
 import pytest
+from worlds.scenes.rounds import START_SIGMAS, Rounds
 
+from semantic_slam import Configuration, Engine
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.checkpoints.records import packed, unpacked
-from semantic_slam.inference.checkpoints.stored_component import _made_again
+from semantic_slam.inference.checkpoints.stored_component import _made_again, restored, stored
 from semantic_slam.inference.models.callback_factor import source_of
 from semantic_slam.inference.models.odometry_bias import biased_factor
 from semantic_slam.inference.models.planar.detection import PlanarDetection
@@ -53,6 +55,41 @@ def of_the_past() -> Any:
     root = np.asfortranarray(RANDOM.normal(size=(6, 6)))
     keys = tuple(sorted(POSES))
     return Summary(keys=keys, root=root, right=RANDOM.normal(size=6), coordinates=RANDOM.normal(size=6)).factor(SPACES)
+
+
+def flown(association: str) -> tuple[Component, Component]:
+    """A component of a camera that sees points by rays alone, right after a marginalisation, and its root."""
+    settings = {
+        "observation": "points",
+        "semantic_model": {"kind": "none"},
+        "open_world": {"field_of_view_rad": 1.4, "vertical_field_of_view_rad": 1.4},
+        "detection_errors": {"ray_tail_sigmas": 1.0},
+        "history": {"horizon_keyframes": 20},
+    }
+    configuration = Configuration.of(state_space="spatial", association=association, **settings)
+    flight, spread = Rounds(2, 4, has_depth=False, are_named=association == "given"), np.diag(START_SIGMAS**2)
+    engine = Engine(configuration, initial_pose=Rounds.pose(0), initial_covariance=spread)
+    for keyframe in flight.keyframes(25):
+        engine.process(keyframe)
+    (backend,) = engine.pool._backends  # type: ignore[attr-defined]
+    return engine.pool.component(next(iter(engine.live))), backend.association.root(0)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("association", ["given", "open"])
+def test_a_component_in_space_comes_back_to_the_bit(association: str) -> None:
+    """With rays from a camera beside the body, ranges known by their logarithms, gravity, and a summary of the past."""
+    component, root = flown(association)
+    data = stored(component)
+    again = restored(data, root)
+    ours, theirs = component.smoother.isam, again.smoother.isam
+    assert np.array_equal(ours.getDelta().vector(), theirs.getDelta().vector())
+    assert ours.getLinearizationPoint().serialize() == theirs.getLinearizationPoint().serialize()
+    kinds = [type(source).__name__ for source in unpacked(data)[1].sources.values()]
+    assert set(kinds) == {"Sighting", "StartedByRay", "Summary"}
+    at = ours.getLinearizationPoint()
+    for one, other in zip(*(own.getFactorsUnsafe().linearize(at).jacobian() for own in (ours, theirs)), strict=True):
+        assert np.array_equal(one, other)
+    assert stored(again) == data
 
 
 @pytest.mark.parametrize("make", [with_bearing_alone, with_biases, of_the_past])

@@ -37,7 +37,6 @@ KNOWN = MapPrior((ObjectPrior.point(0, (1.0, 1.0, 0.0), sigma_m=0.1),))
         ({"association": "enumerated", "revision": {"carried_probability": 1e-3}}, "carried_probability: 0"),
         ({"association": "open", "odometry": {"slip_share": 0.01}}, "slip_share: 0"),
         ({"closed_world": {"displaced_share": 0.1}}, "displaced_share: 0"),
-        ({"history": {"horizon_keyframes": 50}}, "horizon_keyframes: 0"),
         ({"initial_pose": {"mean": [0.0] * 3}}, "x, y, z, roll, pitch and yaw"),
     ],
 )

@@ -14,7 +14,7 @@ import numpy as np
 
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.linear_factors import unit_noise
+from semantic_slam.inference.models.callback_factor import callback_factor
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.kinds.state_space import StateSpace
@@ -52,7 +52,7 @@ class RangePrior(GaussianPrior):
                 jacobians[0] = np.asfortranarray(slopes)
             return residual
 
-        return gtsam.CustomFactor(unit_noise(1), [key], error)
+        return callback_factor(StartedByRay(self, key), [key], 1, error)
 
     def off(self, place: Array) -> tuple[Array, Array]:
         """(1,) deviation of the log distance of a ``place`` (3,), and its (1, 3) Jacobian."""
@@ -89,4 +89,17 @@ class BodyRangePrior(RangePrior):
                 jacobians[0] = jacobian
             return np.concatenate([along, whiten @ turned])
 
-        return gtsam.CustomFactor(unit_noise(4), [key], error)
+        return callback_factor(StartedByRay(self, key), [key], 4, error)
+
+
+@dataclass(frozen=True)
+class StartedByRay:
+    """A range prior, and the GTSAM key of its object."""
+
+    prior: RangePrior
+    key: int
+
+    @property
+    def anchor(self) -> Array:
+        """(3,) origin of the ray, in map."""
+        return np.asarray(self.prior.anchor)

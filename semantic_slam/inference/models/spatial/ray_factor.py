@@ -9,6 +9,8 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.callback_factor import callback_factor
+from semantic_slam.inference.models.custom_factor import Sighting
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.ray import deviation, deviation_and_slopes
@@ -47,4 +49,4 @@ def ray_factor(
         jacobians[1] = np.asfortranarray(by_target)
         return np.asarray(whiten @ off)
 
-    return gtsam.CustomFactor(with_tail(unit_noise(2), tail), list(keys), error)
+    return callback_factor(Sighting(detection, keys), keys, 2, error, with_tail(unit_noise(2), tail))
