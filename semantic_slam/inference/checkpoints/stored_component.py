@@ -31,6 +31,7 @@ class StoredSmoother:
     sources: dict[int, Any]  # place among all factors -> source of one with a callback
     values: str  # GTSAM's text of the linearisation point
     table: FactorTable
+    along_rays: bool
 
 
 def stored(component: Component) -> bytes:
@@ -65,6 +66,7 @@ def _stored_smoother(smoother: Smoother) -> StoredSmoother:
         sources=sources,
         values=smoother.isam.getLinearizationPoint().serialize(),
         table=smoother.factor_table,
+        along_rays=smoother.along_rays,
     )
 
 
@@ -82,7 +84,8 @@ def _restored_smoother(told: StoredSmoother, root: Component) -> Smoother:
     for factor in factors[: size - len(told.table)]:
         kept.add(factor)
     semantic = factors[size - len(told.table) :]
-    return replace(root.smoother.restarted(kept, values, semantic, told.table), is_summarised=True)
+    empty = replace(root.smoother, along_rays=told.along_rays)
+    return replace(empty.restarted(kept, values, semantic, told.table), is_summarised=True)
 
 
 def _made_again(source: Any, root: Component) -> Any:

@@ -1,7 +1,7 @@
 """Batched iSAM2 updates: what Python has to evaluate for several smoothers is evaluated for all of them at once."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import gtsam
@@ -25,8 +25,9 @@ class Extension:
     """What a keyframe adds to a smoother: factors, new variables, and semantic measurements.
 
     ``start`` maps keys of the variables of the semantic measurements to states (s,): their linearisation point.
-    ``jumped``: these states may be far from the smoother's estimate, so that an incremental update will not do. With
-    descriptors, ``other_start`` holds states from which an optimisation may end in a better optimum.
+    ``jumped``: these states may be far from the smoother's estimate, or one is the first object seen by a ray alone, so
+    that an incremental update will not do. With descriptors, ``other_start`` holds states from which an optimisation
+    may end in a better optimum. ``bounds``: key of an object seen by a ray alone -> largest distance from that point.
     """
 
     graph: gtsam.NonlinearFactorGraph
@@ -35,7 +36,9 @@ class Extension:
     start: Mapping[int, Array]
     jumped: bool = False
     other_start: Mapping[int, Array] = field(default_factory=dict)
-    bounds: Mapping[int, float] = field(default_factory=dict)  # key -> largest distance from its linearisation point
+    bounds: Mapping[int, float] = field(
+        default_factory=dict
+    )  # object seen by a ray -> largest distance from that point
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +110,7 @@ def _jumped(smoother: Smoother, extension: Extension, remains: _Remains | None) 
     origin.insert_or_assign(extension.values)
     kept.push_back(extension.graph)
     return reoptimised(
-        smoother,
+        replace(smoother, along_rays=smoother.along_rays or bool(extension.bounds)),
         kept,
         [*smoother.factor_table.measurements, *extension.measurements],
         _starts(smoother, origin, extension),

@@ -42,6 +42,7 @@ def extension(component: Component, shared: KeyframeFactors, update: ComponentUp
     start = linearisation_start(component, update)
     if component.smoother.semantics.latent is None:
         bounds = _bounds(component, update)
+        jumped = jumped or (bool(bounds) and not component.smoother.along_rays)
         return Extension(graph=graph, values=values, measurements=classed, start=start, jumped=jumped, bounds=bounds)
     entering = descriptor_measurements(update.views)
     start |= _with_descriptors(component, graph, values, update.views, entering, start)

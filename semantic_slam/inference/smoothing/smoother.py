@@ -32,7 +32,7 @@ from semantic_slam.inference.smoothing.factor_table import (
     FactorTable,
     RelinearisedFactors,
 )
-from semantic_slam.inference.smoothing.isam import STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
+from semantic_slam.inference.smoothing.isam import ALONG_RAYS, STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
 from semantic_slam.inference.smoothing.linear.charts import Charts
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, in_charts, new_measurements
 from semantic_slam.inference.smoothing.linear.located import Located
@@ -68,6 +68,7 @@ class Smoother:
     in_charts: LinearFactors | None = None  # measurements, where iSAM2 holds them linear in fixed charts
     steps: int = 0  # updates since ``with_single_steps``
     single_steps: bool = False  # one update per keyframe, not iterated until convergence
+    along_rays: bool = False  # some object was seen by a ray alone: states are relinearised earlier
     is_summarised: bool = False  # the past is marginalised into one factor over all objects
     last: tuple[int, ...] = ()  # keys eliminated last, whose joint covariance is read most; empty if too many
     _here: list[Located] = field(default_factory=list, compare=False, repr=False)  # ``_located``, cached
@@ -287,6 +288,7 @@ class Smoother:
             factor_table=made,
             num_descriptors=descriptors,
             single_steps=self.single_steps,
+            along_rays=self.along_rays,
             is_summarised=self.is_summarised,
             last=last,
         )
@@ -326,6 +328,7 @@ class Smoother:
             factor_table=made,
             num_descriptors=descriptors,
             single_steps=self.single_steps,
+            along_rays=self.along_rays,
             is_summarised=self.is_summarised,
             last=last,
         )
@@ -334,7 +337,12 @@ class Smoother:
         """An empty iSAM2 with the parameters of this smoother."""
         if self.single_steps:
             return single_step_isam(self.spaces, errors_repeat=False, factorization=factorization)
-        return new_isam(self.spaces, self.semantics.descriptor_threshold, factorization)
+        return new_isam(self.spaces, self.semantics.descriptor_threshold, factorization, fineness=self._fineness)
+
+    @property
+    def _fineness(self) -> float:
+        """Share of the usual relinearisation thresholds."""
+        return ALONG_RAYS if self.along_rays else 1.0
 
     def converged(self) -> bool:
         """Whether every variable is within about one threshold of its linearisation point.
@@ -345,7 +353,7 @@ class Smoother:
         deltas = np.abs(self.isam.getDelta().vector()) / CONVERGED
         limit = self.semantics.descriptor_threshold
         split = self.num_descriptors * len(limit)
-        if not self.spaces.are_within(deltas[split:], self.num_variables - self.num_descriptors):
+        if not self.spaces.are_within(deltas[split:] / self._fineness, self.num_variables - self.num_descriptors):
             return False
         return not self.factor_table.exact.any() or bool((deltas[:split].reshape(-1, len(limit)) < limit).all())
 

@@ -231,6 +231,39 @@ def test_a_ray_may_start_an_object_anywhere_along_it() -> None:
     np.testing.assert_allclose(born.gain, slopes, atol=1e-8)
 
 
+def test_what_is_estimated_along_rays_alone_is_the_optimum_of_all_factors() -> None:
+    """To 0.02 nats: with variables relinearised at a tenth of a metre it was 0.16, and 4 in a walk of 35 keyframes."""
+    random, sigma = np.random.default_rng(4), 0.02
+    points = np.column_stack([random.uniform(low, high, 8) for low, high in ((0.6, 3.5), (-1.0, 1.0), (-0.4, 0.4))])
+    configuration = Configuration.of(
+        state_space="spatial", observation="points", association="given", semantic_model={"kind": "none"}
+    )
+    engine = Engine(configuration, initial_pose=ORIGIN, initial_covariance=1e-6 * np.eye(6))
+    errors = np.array([0.003] * 3 + [0.01] * 3)
+    x, motion = ORIGIN, se3.exp(np.array([0.0, 0.0, -0.06, 0.02, 0.1, 0.01]))
+    for k in range(10):
+        x = se3.compose(x, se3.compose(motion, se3.exp(errors * random.normal(size=6))))
+        seen = [number for number in range(len(points)) if random.random() < 0.6]
+        away = so3.rotated(so3.inverse(x[3:]), points[seen] - x[:3])
+        rays = away / np.linalg.norm(away, axis=1)[:, None] + sigma * random.normal(size=away.shape)
+        detections = [
+            Detection.along(ray, ray_covariance=sigma**2 * np.eye(3), track_id=str(number))
+            for ray, number in zip(rays, seen, strict=True)
+        ]
+        engine.process(Keyframe.spatial(k, motion=motion, motion_covariance=np.diag(errors**2), detections=detections))
+        assert misfit_left(engine) < 0.02
+
+
+def misfit_left(engine: Engine) -> float:
+    """By how much [nats] an optimisation of the graph of the only hypothesis improves on its estimate."""
+    assert isinstance(engine.pool, InProcessPool)
+    ((held,),) = (backend.held.values() for backend in engine.pool._backends)
+    isam = held.component.smoother.isam
+    graph, estimate = gtsam.NonlinearFactorGraph(isam.getFactorsUnsafe()), isam.calculateEstimate()
+    optimum = gtsam.LevenbergMarquardtOptimizer(graph, estimate).optimize()
+    return float(graph.error(estimate) - graph.error(optimum))
+
+
 def looking_along_rays(pool: InProcessPool) -> tuple[Engine, list[HybridBelief]]:
     """Beliefs about points seen by rays alone, two of them next to each other, and a false alarm now and then."""
     random, points = np.random.default_rng(3), np.array([[1.8, 0.4, 0.2], [1.9, 0.3, 0.2], [1.5, -0.4, -0.1]])
