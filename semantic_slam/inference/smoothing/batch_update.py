@@ -27,7 +27,7 @@ class Extension:
     ``start`` maps keys of the variables of the semantic measurements to states (s,): their linearisation point.
     ``jumped``: these states may be far from the smoother's estimate, or one is the first object seen by a ray alone, so
     that an incremental update will not do. With descriptors, ``other_start`` holds states from which an optimisation
-    may end in a better optimum. ``bounds``: key of an object seen by a ray alone -> largest distance from that point.
+    may end in a better optimum.
     """
 
     graph: gtsam.NonlinearFactorGraph
@@ -36,9 +36,7 @@ class Extension:
     start: Mapping[int, Array]
     jumped: bool = False
     other_start: Mapping[int, Array] = field(default_factory=dict)
-    bounds: Mapping[int, float] = field(
-        default_factory=dict
-    )  # object seen by a ray -> largest distance from that point
+    along_rays: bool = False  # some object was seen by a ray alone, now or before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +108,7 @@ def _jumped(smoother: Smoother, extension: Extension, remains: _Remains | None) 
     origin.insert_or_assign(extension.values)
     kept.push_back(extension.graph)
     return reoptimised(
-        replace(smoother, along_rays=smoother.along_rays or bool(extension.bounds)),
+        replace(smoother, along_rays=extension.along_rays),
         kept,
         [*smoother.factor_table.measurements, *extension.measurements],
         _starts(smoother, origin, extension),
@@ -159,7 +157,7 @@ def _iterated(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outc
     for number in range(MAX_UPDATES + 1):
         rows = {row: [*stale, *pending[row].exact] for row, stale in _to_renew(pending).items()}
         done = [row for row, fork in pending.items() if fork.converged and not rows[row]]
-        outcomes |= {row: _settled(pending.pop(row)) for row in done}
+        outcomes |= {row: pending.pop(row).smoother for row in done}
         if not pending or number == MAX_UPDATES:
             break
         renewed = dict(zip(pending, _renewed(list(pending.values()), [rows[row] for row in pending]), strict=True))
@@ -167,18 +165,8 @@ def _iterated(forks: Mapping[int, _Fork | LostComponentError]) -> dict[int, Outc
         pending = {row: fork for row, fork in renewed.items() if isinstance(fork, _Fork)}
     # Poses have settled and only descriptors still move: the next keyframe continues.
     return outcomes | {
-        row: _settled(fork) if fork.converged else _attempt(_whole, fork) for row, fork in pending.items()
+        row: fork.smoother if fork.converged else _attempt(_whole, fork) for row, fork in pending.items()
     }
-
-
-def _settled(fork: _Fork) -> Outcome:
-    """A converged fork; optimised as a whole where a variable is beyond its bound from its linearisation point."""
-    bounds = fork.extension.bounds
-    if bounds:
-        changes = fork.smoother.isam.getDelta()
-        if any(np.linalg.norm(changes.at(key)) > bound for key, bound in bounds.items()):
-            return _attempt(_whole, fork)
-    return fork.smoother
 
 
 def _whole(fork: _Fork) -> Smoother:

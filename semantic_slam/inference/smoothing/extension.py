@@ -26,8 +26,6 @@ from semantic_slam.inference.states.object_views import ObjectViews
 
 JUMP = 0.5
 """Change of the robot's predicted state [m or rad] from which on the whole graph is reoptimised."""
-RANGE_SHARE = 0.1
-"""Largest distance of an object known along rays alone from its linearisation point, as a share of its range."""
 TURN_RAD = 0.3
 """Change of an object's heading [rad] from which on the whole graph is reoptimised."""
 
@@ -41,9 +39,15 @@ def extension(component: Component, shared: KeyframeFactors, update: ComponentUp
     classed, jumped = classed_measurements(component, update), _jumped(component, update, moved)
     start = linearisation_start(component, update)
     if component.smoother.semantics.latent is None:
-        bounds = _bounds(component, update)
-        jumped = jumped or (bool(bounds) and not component.smoother.along_rays)
-        return Extension(graph=graph, values=values, measurements=classed, start=start, jumped=jumped, bounds=bounds)
+        along_rays = component.smoother.along_rays or _along_rays(component, update)
+        return Extension(
+            graph=graph,
+            values=values,
+            measurements=classed,
+            start=start,
+            jumped=jumped or along_rays != component.smoother.along_rays,
+            along_rays=along_rays,
+        )
     entering = descriptor_measurements(update.views)
     start |= _with_descriptors(component, graph, values, update.views, entering, start)
     other_start = {robot_key(component.keyframe + 1): update.predicted} | _turned_only(component, update.views)
@@ -194,25 +198,9 @@ def _turn(component: Component, object_id: int, heading_rad: float) -> float:
     return float(np.abs(wrap_angle(component.states([key])[0, -1] - heading_rad)))
 
 
-def _bounds(component: Component, update: ComponentUpdate) -> dict[int, float]:
-    """Largest distance from the linearisation point of objects seen along rays alone: a share of their range.
-
-    The nearer an object, the less linear are the measurements that determine its range; a threshold in metres would not
-    show that.
-    """
-    if component.spaces.name != "spatial":
-        return {}
-    place = component.spaces.robot.position(update.robot)
-    rays = [
-        (item, state)
-        for item, state in zip(update.observed, update.objects, strict=True)
-        if not item.detection.has_range
-    ]
-    return {
-        object_key(item.object_id): RANGE_SHARE
-        * float(np.linalg.norm(component.spaces.landmark.position(state) - place))
-        for item, state in rays
-    }
+def _along_rays(component: Component, update: ComponentUpdate) -> bool:
+    """Whether an object in space is seen by a ray alone."""
+    return component.spaces.name == "spatial" and any(not item.detection.has_range for item in update.observed)
 
 
 def _jumped(component: Component, update: ComponentUpdate, moved: bool) -> bool:
