@@ -179,7 +179,7 @@ def test_classes_and_yaws_are_those_of_all_views_together(is_mapped: bool) -> No
 def test_a_flight_without_a_map_names_things_and_tells_how_they_are_turned() -> None:
     """Once each; named rightly where sure, and as far off in yaw as stated, where that is known to a radian."""
     flight = LookingFlight(0, ParametricModel(0.6, 6.0, NAMES))
-    *_, belief = flight.beliefs(25, clutter=0.2)
+    *_, belief = flight.beliefs(20, clutter=0.2)
     found = [item for item in belief.objects if item.existence > 0.5]
     nearest = [int(np.linalg.norm(flight.points - item.position, axis=1).argmin()) for item in found]
     assert sorted(nearest) == sorted(flight.seen)
@@ -191,7 +191,7 @@ def test_a_flight_without_a_map_names_things_and_tells_how_they_are_turned() -> 
         if item.covariance[5, 5] < 1.0
     ]
     low, high = chi2.interval(0.99, len(turned))
-    assert len(turned) >= 5 and low < np.square(turned).sum() < high
+    assert len(turned) >= 4 and low < np.square(turned).sum() < high
 
 
 def test_bodies_in_flat_space_are_those_of_the_plane() -> None:
