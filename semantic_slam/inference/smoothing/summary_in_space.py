@@ -51,7 +51,7 @@ def deviations(
     moved = spaces.robot.local(told_robot, robot)
     own, size = found.size, spaces.layout.landmark
     slopes = np.zeros((own + len(moved), own + len(moved)))
-    slopes[:own, own:] = by_robot.reshape(own, -1)
+    slopes[:own, own:] = by_robot.reshape(own, len(moved))
     slopes[own:, own:] = np.linalg.inv(spaces.robot.exp_and_jacobian(moved)[1])
     for number, block in enumerate(by_object):
         part = slice(number * size, (number + 1) * size)

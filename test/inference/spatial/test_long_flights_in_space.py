@@ -164,3 +164,17 @@ def test_a_given_map_is_flown_through_for_long() -> None:
     shift, ratio = compared(*found)
     assert shift < 0.1
     assert min(ratio) > 0.96 and max(ratio) < 1.04
+
+
+@pytest.mark.parametrize("observation", ["points", "range_bearing"])
+def test_a_flight_that_sees_nothing_is_told_from_its_start(observation: str) -> None:
+    engine = engine_of(HORIZON, association="given", observation=observation)
+    flight = Rounds(5, 0, has_depth=True, are_named=True)
+    flown(flight, engine, HORIZON + 6)
+    assert heaviest(engine).oldest == 5
+    assert heaviest(engine).smoother.num_variables == HORIZON + 1
+    motions = [keyframe.odometry for keyframe in Rounds(5, 0, has_depth=True, are_named=True).keyframes(HORIZON + 6)]
+    expected = Rounds.pose(0)
+    for found, motion in zip(heaviest(engine).path(), motions, strict=True):
+        expected = se3.compose(expected, motion)
+        np.testing.assert_allclose(se3.log(se3.between(expected, found)), 0.0, atol=1e-6)
