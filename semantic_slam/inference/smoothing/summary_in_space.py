@@ -2,10 +2,10 @@
 
 The robot's own deviation is the exponential coordinate about where it was: a turn about the vertical, which neither
 odometry nor gravity measures, then leaves roll and pitch as they were, and errors that odometry has added up are
-Gaussian (Long et al., The Banana Distribution is Gaussian, 2012). Objects are seen from the robot: as points, or as
-poses in exponential coordinates. A point that was first seen by a ray alone has direction and inverse range from where
-that ray began, in which rays are nearly linear, however little is known of the range (Civera et al., Inverse Depth
-Parametrization for Monocular SLAM, 2008).
+Gaussian (Long et al., The Banana Distribution is Gaussian, 2012). Objects are points seen from the robot, with rotation
+vectors where they have an attitude. A point that was first seen by a ray alone has direction and inverse range from
+where that ray began, in which rays are nearly linear, however little is known of the range (Civera et al., Inverse
+Depth Parametrization for Monocular SLAM, 2008).
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import gtsam
 import numpy as np
 
+from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces
 
@@ -50,7 +51,7 @@ def deviations(
     moved = spaces.robot.local(told_robot, robot)
     own, size = found.size, spaces.layout.landmark
     slopes = np.zeros((own + len(moved), own + len(moved)))
-    slopes[:own, own:] = by_robot.reshape(own, -1)
+    slopes[:own, own:] = by_robot.reshape(own, len(moved))
     slopes[own:, own:] = np.linalg.inv(spaces.robot.exp_and_jacobian(moved)[1])
     for number, block in enumerate(by_object):
         part = slice(number * size, (number + 1) * size)
@@ -64,18 +65,23 @@ def _states(spaces: Spaces, keys: Sequence[int], values: gtsam.Values) -> tuple[
     return spaces.robot.state(values, keys[-1]), np.array(objects).reshape(-1, spaces.storage.landmark)
 
 
-def _of_poses(spaces: Spaces, robot: Array, objects: Array, before: Array) -> tuple[Array, Array, Array]:
-    """(n, l) deviations of poses seen, with their Jacobians (n, l, r) by the robot and (n, l, l) by the objects."""
-    space, seen = spaces.landmark, spaces.landmark.between(robot, objects)
-    found = space.local(before, seen)
-    by_object = np.asarray(np.linalg.inv(space.exp_and_jacobian(found)[1]), dtype=float)
-    return found, -by_object @ space.propagation(seen), by_object
-
-
 def _of_points(spaces: Spaces, robot: Array, objects: Array, before: Array) -> tuple[Array, Array, Array]:
-    """:func:`_of_poses` for points."""
+    """(n, 3) deviations of points seen, with their Jacobians (n, 3, r) by the robot and (n, 3, l) by the objects."""
     seen = spaces.relative_position(robot, objects)
     return seen.point - before, seen.by_robot, seen.by_landmark
+
+
+def _of_poses(spaces: Spaces, robot: Array, objects: Array, before: Array) -> tuple[Array, Array, Array]:
+    """:func:`_of_points` for poses: rotation vectors, then points, as an attitude may be known much worse."""
+    places, place_by_robot, place_by_object = _of_points(spaces, robot, objects, before[:, :3])
+    seen = spaces.landmark.between(robot, objects)[:, 3:]
+    turns = so3.log(so3.product(so3.inverse(before[:, 3:]), seen))
+    by_robot, by_object = np.zeros((2, *places.shape[:1], 6, 6))
+    turned = np.linalg.inv(so3.right_jacobian(turns))
+    by_object[:, se3.ROTATION, se3.ROTATION] = turned
+    by_robot[:, se3.ROTATION, se3.ROTATION] = -turned @ np.swapaxes(so3.matrix(seen), 1, 2)
+    by_robot[:, se3.TRANSLATION], by_object[:, se3.TRANSLATION] = place_by_robot, place_by_object
+    return np.concatenate([turns, places], axis=1), by_robot, by_object
 
 
 def _along_rays(
