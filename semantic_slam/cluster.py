@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -20,7 +20,7 @@ def connected(address: str) -> "Client":
     try:
         return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as fault:
-        reason = " ".join(str(fault).split())
+        reason = one_line(fault)
         raise InputError(
             f"--scheduler {address}: no Dask scheduler ({reason}); start one with: dask scheduler"
         ) from None

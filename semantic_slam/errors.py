@@ -15,3 +15,8 @@ class MessageError(InputError):
     def __init__(self, text: str, kind: str = "message cannot be used") -> None:
         super().__init__(text)
         self.kind = kind
+
+
+def one_line(fault: object, limit: int | None = None) -> str:
+    """The text of an exception, often another library's, in a single line of at most ``limit`` characters."""
+    return " ".join(str(fault).split())[:limit]

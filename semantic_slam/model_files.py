@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 
 METADATA_KEY = "semantic_slam"
 
@@ -39,7 +39,7 @@ class ModelFormat:
                 arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
                 text = (file.metadata() or {}).get(METADATA_KEY, "")
         except (OSError, SafetensorError) as fault:
-            reason = " ".join(str(fault).split())
+            reason = one_line(fault)
             raise InputError(f"{path}: not readable as safetensors ({reason}); {self.remedy}") from None
         try:
             description = dict(json.loads(text))

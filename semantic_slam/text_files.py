@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 
 LONGEST = 64 << 20
 """Size limit in bytes, far above any configuration, label file or map written here."""
@@ -31,7 +31,7 @@ def parse_yaml(text: str, origin: str, remedy: str) -> Any:
             raise InputError(f"{origin}: YAML aliases (*name) are not read; write the values out")
         return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as fault:
-        reason = " ".join(str(fault).split())[:200]
+        reason = one_line(fault, 200)
         raise InputError(f"{origin}: not a readable YAML file ({reason}); {remedy}") from None
 
 

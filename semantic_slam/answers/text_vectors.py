@@ -7,7 +7,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.geometry.arrays import Array
 
 REMEDY = "write name -> vector as .npz (numpy.savez), .safetensors or .json"
@@ -25,7 +25,7 @@ def read_text_vectors(path: Path) -> dict[str, Array]:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; {REMEDY}") from None
     except (OSError, ValueError, TypeError, AttributeError, BadZipFile, EOFError) as fault:
-        raise InputError(f"{path}: no named vectors ({' '.join(str(fault).split())[:200]}); {REMEDY}") from None
+        raise InputError(f"{path}: no named vectors ({one_line(fault, 200)}); {REMEDY}") from None
     for name, vector in found.items():
         if vector.ndim != 1 or not len(vector) or not np.isfinite(vector).all():
             raise InputError(f"{path}: '{name}' is no vector of finite numbers; {REMEDY}")
@@ -40,7 +40,7 @@ def read_vector(path: Path) -> Array:
         try:
             return np.asarray(np.load(path, allow_pickle=False), dtype=np.float64).squeeze()
         except (OSError, ValueError, TypeError, EOFError) as fault:
-            raise InputError(f"{path}: no vector ({' '.join(str(fault).split())[:200]}); write one as .npy") from None
+            raise InputError(f"{path}: no vector ({one_line(fault, 200)}); write one as .npy") from None
     if path.suffix == ".json" and path.is_file():
         value = _parsed(path)
         if isinstance(value, list):

@@ -6,7 +6,7 @@ from typing import Any
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.messages.typestore import PACKAGE, typestore
 
 IDL_MARK = "=" * 80 + "\nIDL: "
@@ -76,5 +76,5 @@ def _parsed(type_name: str, text: str) -> dict[str, Any]:
     try:
         return dict(get_types_from_idl(text) if text.startswith(IDL_MARK) else get_types_from_msg(text, type_name))
     except Exception as fault:  # the parser's exceptions have no common base class
-        name, reason = (" ".join(str(told).split())[:200] for told in (type_name, fault))
+        name, reason = (one_line(told, 200) for told in (type_name, fault))
         raise InputError(f"{name}: its embedded definition is not readable ({reason}); record it anew") from None

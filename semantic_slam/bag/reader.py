@@ -21,7 +21,7 @@ from semantic_slam.bag.installed_definitions import register_installed
 from semantic_slam.bag.mcap_stream import McapStream, RawMessage, breaks_off_cleanly
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.older_messages import current_bytes
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.messages.typestore import typestore
 
 REMEDY = "give a rosbag2 folder, a .mcap or a .db3"
@@ -84,7 +84,7 @@ class BagReader:
         try:
             self._sources = [self._indexed(self.path)]
         except Exception as fault:  # the readers' exceptions have no common base class
-            self._open_parts(_one_line(fault))
+            self._open_parts(_reason(fault))
         return self
 
     def __exit__(
@@ -125,7 +125,7 @@ class BagReader:
                 try:
                     message = next(iterator, None)
                 except Exception as fault:  # damage not visible in the index
-                    raise self._truncated(_one_line(fault), given) from None
+                    raise self._truncated(_reason(fault), given) from None
                 if message is None:
                     break
                 given += 1
@@ -151,7 +151,7 @@ class BagReader:
             return store.deserialize_cdr(cdr, type_name)
         except Exception as fault:  # any decoder error means that the bytes are invalid
             raise InputError(
-                f"{self.path}: a message of type {type_name} does not decode ({_one_line(fault)}); record the bag again"
+                f"{self.path}: a message of type {type_name} does not decode ({_reason(fault)}); record the bag again"
             ) from None
 
     def sha256(self) -> str:
@@ -203,7 +203,7 @@ class BagReader:
                 if path.suffix == ".mcap" and not was_closed and breaks_off_cleanly(path):
                     is_unfinished = True
                 else:
-                    self.damage = _one_line(fault)
+                    self.damage = _reason(fault)
         if not self._sources:
             raise InputError(f"{self.path}: not a readable bag ({reason}); {REMEDY}")
         if is_unfinished:
@@ -242,5 +242,5 @@ def _compression(folder: Path) -> str:
     return "" if mode == "none" else mode
 
 
-def _one_line(fault: BaseException) -> str:
-    return " ".join(str(fault).split())[:200].rstrip(".") or type(fault).__name__
+def _reason(fault: BaseException) -> str:
+    return one_line(fault, 200).rstrip(".") or type(fault).__name__

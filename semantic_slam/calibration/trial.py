@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.configuration import Configuration
-from semantic_slam.errors import SemanticSlamError
+from semantic_slam.errors import SemanticSlamError, one_line
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record
 from semantic_slam.inference.world.map_prior import MapPrior
@@ -53,7 +53,7 @@ def weigh(drive: Drive, configuration: Configuration, belief_bag: Path) -> Weigh
             summary = run_bag(drive.bag, belief_bag, configuration, drive.map_prior, drive.max_keyframes)
             record = read_record(belief_bag)
     except SemanticSlamError as fault:
-        return Weighed(-np.inf, belief_bag, fault=" ".join(str(fault).split()))
+        return Weighed(-np.inf, belief_bag, fault=one_line(fault))
     return weighed(record, belief_bag, str(summary.fault or ""))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Error numbers of a full disk, an exceeded quota or a file-size limit."""
@@ -36,7 +36,7 @@ def exit_code(command: Callable[[], None]) -> int:
     try:
         command()
     except InputError as error:
-        print(" ".join(str(error).split()), file=sys.stderr)
+        print(one_line(error), file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 
 
 class Severity(IntEnum):
@@ -49,5 +49,5 @@ def warning(check: str, what: str, remedy: str) -> Finding:
 
 def of_fault(check: str, fault: InputError) -> Finding:
     """What an error of ours says: fault and remedy stand on either side of its last semicolon but for lists."""
-    what, _, remedy = " ".join(str(fault).split()).partition("; ")
+    what, _, remedy = one_line(fault).partition("; ")
     return error(check, what, remedy or "correct it")

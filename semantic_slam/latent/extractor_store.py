@@ -4,7 +4,7 @@ from pathlib import Path
 
 import torch
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.latent.extractor import FeatureExtractor
 from semantic_slam.latent.store import FORMAT, REMEDY
 
@@ -25,7 +25,7 @@ def read_extractor(path: Path) -> FeatureExtractor:
         extractor = FeatureExtractor(len(state["head.bias"]))
         extractor.load_state_dict(state, strict=True)
     except (KeyError, RuntimeError, TypeError) as fault:
-        reason = " ".join(str(fault).split())[:300]
+        reason = one_line(fault, 300)
         raise InputError(f"{path}: the extractor's weights do not fit ({reason}); {REMEDY}") from None
     extractor.eval()
     extractor.requires_grad_(False)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.change_model import ChangeModel
 from semantic_slam.latent.grounding import Grounding
@@ -69,7 +69,7 @@ def read_latent_model(path: Path) -> LatentModel:
             space=space_of(arrays),
         )
     except (KeyError, TypeError, ValueError) as fault:
-        raise InputError(f"{path}: incomplete latent model ({_one_line(fault)}); {REMEDY}") from None
+        raise InputError(f"{path}: incomplete latent model ({one_line(fault)}); {REMEDY}") from None
 
 
 def space_of(arrays: Arrays) -> str:
@@ -110,7 +110,3 @@ def _array(arrays: Arrays, name: str, dimensions: int) -> Array:
     if value.ndim != dimensions or not np.all(np.isfinite(value)):
         raise ValueError(f"'{name}' has a wrong shape or is not finite")
     return value
-
-
-def _one_line(fault: BaseException) -> str:
-    return " ".join(str(fault).split())

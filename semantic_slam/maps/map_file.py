@@ -15,7 +15,7 @@ import numpy as np
 from safetensors import SafetensorError
 
 from semantic_slam.configuration.configuration import STATE_SPACES
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.inference.world import map_prior
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
@@ -48,7 +48,7 @@ def write_map(path: Path, saved: SavedMap) -> SavedMap:
         FORMAT.write(beside, *packed(known))
         os.replace(beside, path)
     except SafetensorError as fault:
-        raise InputError(f"{path}: cannot be written ({' '.join(str(fault).split())}); name another place") from None
+        raise InputError(f"{path}: cannot be written ({one_line(fault)}); name another place") from None
     finally:
         beside.unlink(missing_ok=True)
     return known
@@ -96,7 +96,7 @@ def read_map(path: str | Path) -> SavedMap:
         found = _saved(_migrated(arrays, description), description)
         check_map(found)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as fault:
-        reason = " ".join(str(fault).split())[:200]
+        reason = one_line(fault, 200)
         raise InputError(f"{path}: no whole map ({reason}); {REMEDY}") from None
     if with_id(found).map_id != description.get("map_id"):
         raise InputError(f"{path}: its content is not what its id says, it was damaged or changed; {REMEDY}")

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.geometry.arrays import Array, Bytes, Index
 from semantic_slam.perception.frame import Detections
 from semantic_slam.text_files import read_text
@@ -54,7 +54,7 @@ class OnnxDetector:
             self._network = cv2.dnn.readNetFromONNX(str(path))
         except cv2.error as fault:
             raise InputError(
-                f"{path}: no ONNX network that OpenCV reads ({_first_line(fault)}); export it anew"
+                f"{path}: no ONNX network that OpenCV reads ({one_line(fault, 200)}); export it anew"
             ) from None
 
     def __call__(self, image: Bytes, *, stamp_ns: int, frame_id: str) -> Detections:
@@ -90,7 +90,8 @@ class OnnxDetector:
         except cv2.error as fault:
             size = self.settings.input_size
             raise InputError(
-                f"{self._path}: does not run on {size} x {size} pixels ({_first_line(fault)}); give its own input size"
+                f"{self._path}: does not run on {size} x {size} pixels ({one_line(fault, 200)}); give its own input"
+                " size"
             ) from None
         return [np.asarray(output, dtype=np.float64) for output in outputs]
 
@@ -170,7 +171,3 @@ def _mean_bins(logits: Array) -> Array:
     """(N, 4) expected bin numbers under the softmax of (N, 4, B) logits."""
     weights = np.exp(logits - logits.max(axis=-1, keepdims=True))
     return np.asarray(weights @ np.arange(logits.shape[-1]) / weights.sum(axis=-1))
-
-
-def _first_line(fault: BaseException) -> str:
-    return " ".join(str(fault).split())[:200]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.model_files import ModelFormat
 from semantic_slam.viewpoint.appearance import APPEARANCE_FIELDS, PICTURES, KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GRID, ClassFit, GaussianProcessModel, PosteriorTable
@@ -76,7 +76,7 @@ def read_appearance(path: Path) -> KnownAppearance | None:
         told: dict[str, Any] = {name: np.asarray(value, dtype=kinds[name]) for name, value in values.items()}
         return KnownAppearance(**told)
     except (TypeError, ValueError, AttributeError, IndexError) as fault:
-        raise InputError(f"{path}: {' '.join(str(fault).split())}; fit it anew with fit_viewpoint_models") from None
+        raise InputError(f"{path}: {one_line(fault)}; fit it anew with fit_viewpoint_models") from None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 
 MOST_BYTES = 200_000_000
 """Bytes that the variables of a file may have; a real scene of a thousand pictures has a megabyte."""
@@ -39,7 +39,7 @@ def _read_apart(path: Path) -> dict[str, Any]:
 
 def unreadable(path: Path, fault: BaseException | str) -> InputError:
     """What to say of a file that is not what it should be."""
-    reason = " ".join(str(fault).split()) or type(fault).__name__
+    reason = one_line(fault) or type(fault).__name__
     return InputError(f"{path}: not a readable {path.name} ({reason}); restore it from the data set")
 
 

@@ -8,7 +8,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from torch import nn
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 
 Tensors = dict[str, torch.Tensor]
 
@@ -30,7 +30,7 @@ def read_safetensors(path: Path) -> tuple[Tensors, dict[str, str]]:
             return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
     except (OSError, SafetensorError) as fault:
         raise InputError(
-            f"{path}: not a readable safetensors file ({_one_line(fault)}); check perception.network"
+            f"{path}: not a readable safetensors file ({one_line(fault)}); check perception.network"
         ) from None
 
 
@@ -39,7 +39,7 @@ def load_strictly(network: nn.Module, tensors: Tensors, path: Path) -> None:
     try:
         network.load_state_dict(tensors, strict=True)
     except RuntimeError as fault:
-        reason = _one_line(fault)[:300]
+        reason = one_line(fault, 300)
         raise InputError(
             f"{path}: the weights do not fit the network ({reason}); check perception.architecture"
         ) from None
@@ -51,12 +51,8 @@ def _read_state_dict(path: Path) -> Tensors:
     try:
         tensors = torch.load(path, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as fault:
-        reason = _one_line(fault).split(". ")[0]
+        reason = one_line(fault).split(". ")[0]
         raise InputError(f"{path}: not a state dict of plain tensors ({reason}); save one with torch.save") from None
     if not isinstance(tensors, dict) or not all(isinstance(value, torch.Tensor) for value in tensors.values()):
         raise InputError(f"{path}: holds no state dict; save model.state_dict() with torch.save")
     return tensors
-
-
-def _one_line(fault: BaseException) -> str:
-    return " ".join(str(fault).split())

@@ -11,7 +11,7 @@ from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 
 from semantic_slam.configuration import Configuration, choices_of, from_dict, to_dict
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 
 T = TypeVar("T")
 SETTINGS_OF_ROS = frozenset({"use_sim_time", "start_type_description_service"})
@@ -137,7 +137,7 @@ def _declared(node: Node, name: str, start: Any, told: ParameterDescriptor) -> A
     try:
         value = node.declare_parameter(name, list(start) if is_list else start, told).value
     except InvalidParameterValueException as fault:
-        raise InputError(f"parameters of {node.get_name()}: {' '.join(str(fault).split())}") from None
+        raise InputError(f"parameters of {node.get_name()}: {one_line(fault)}") from None
     return list(value) if is_list and value is not None else value
 
 

@@ -22,7 +22,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from semantic_slam.cli.exit_codes import CommandParser, exit_code
-from semantic_slam.errors import InputError, MessageError
+from semantic_slam.errors import InputError, MessageError, one_line
 from semantic_slam.messages import topics
 from semantic_slam.ros.node.backlog import Backlog
 from semantic_slam.ros.node.diagnostics import Diagnostics
@@ -272,7 +272,7 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
     except ExternalShutdownException:
         pass
     except ParameterException as fault:
-        raise InputError(f"{' '.join(str(fault).split())}; see config/default.yaml") from None
+        raise InputError(f"{one_line(fault)}; see config/default.yaml") from None
     except Exception:
         if rclpy.ok():  # after SIGTERM creating entities and publishing fail, which is no fault
             raise
@@ -311,4 +311,4 @@ def _with_ros_arguments(function: Callable[..., Any], *arguments: Any) -> Any:
     try:
         return function(*arguments)
     except RuntimeError as fault:  # command line or parameter file
-        raise InputError(f"{' '.join(str(fault).split())[:300]}; see config/default.yaml") from None
+        raise InputError(f"{one_line(fault, 300)}; see config/default.yaml") from None

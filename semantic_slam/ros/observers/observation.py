@@ -19,7 +19,7 @@ from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.doctor.graph import Endpoint, Graph, Said
 from semantic_slam.doctor.summarise import ENCODING, LITTLE, serialised_stamp_ns
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, one_line
 from semantic_slam.messages import topics
 from semantic_slam.messages.node_status import is_ours
 from semantic_slam.messages.typestore import deserialize
@@ -158,7 +158,7 @@ def observer(ros_arguments: Sequence[str]) -> Iterator[Observer]:
         rclpy.init(args=list(ros_arguments), context=context)
         node = rclpy.create_node(NAME, context=context)
     except RuntimeError as fault:
-        raise InputError(f"{' '.join(str(fault).split())[:300]}; see docs/ros.md") from None
+        raise InputError(f"{one_line(fault, 300)}; see docs/ros.md") from None
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:

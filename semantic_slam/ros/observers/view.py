@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from semantic_slam.errors import InputError, MessageError, SemanticSlamError
+from semantic_slam.errors import InputError, MessageError, SemanticSlamError, one_line
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import deserialize
@@ -149,4 +149,4 @@ def _node(belief: str, words: list[str]) -> ViewNode:
     try:
         return ViewNode(belief, words)
     except (RuntimeError, ValueError) as fault:  # names of topics and ROS arguments
-        raise InputError(f"view: {' '.join(str(fault).split())[:300]}; see --belief and ROS arguments") from None
+        raise InputError(f"view: {one_line(fault, 300)}; see --belief and ROS arguments") from None

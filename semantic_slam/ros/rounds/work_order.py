@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
-from semantic_slam.errors import InputError, MessageError
+from semantic_slam.errors import InputError, MessageError, one_line
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import Candidates, Commit, Components, MissedKeyframes, RunConfiguration
@@ -165,7 +165,7 @@ class WorkOrder:
         try:
             backend.start(run)
         except (InputError, ValueError, RecursionError) as fault:
-            text = " ".join(str(fault).split())[:200]
+            text = one_line(fault, 200)
             raise MessageError(
                 f"run configuration: no run can be made of it ({text})", "no run can be made of it"
             ) from None

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 
-from semantic_slam.errors import InputError, SemanticSlamError
+from semantic_slam.errors import InputError, SemanticSlamError, one_line
 from semantic_slam.messages.topics import GLOBAL, TYPES
 
 PATIENCE_S = 60.0
@@ -146,7 +146,7 @@ def _named_overrides(node: Node) -> Iterator[None]:
     try:
         yield
     except (InvalidQosOverridesError, InvalidParameterTypeException, InvalidParameterValueException, RuntimeError) as f:
-        text = " ".join(str(f).split())
+        text = one_line(f)
         if type(f) is RuntimeError and "QoS override" not in text:
             raise
         raise InputError(
