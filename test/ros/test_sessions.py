@@ -74,7 +74,11 @@ class Robot:
                 break
             self.spin(0.2)
             assert time.monotonic() < give_up
-        self.spin(2.0)  # what is on its way belongs to this run
+        known = 0
+        while known < len(self.heard):  # what is on its way belongs to this run
+            known = len(self.heard)
+            self.spin(2.0)
+            assert time.monotonic() < give_up
         self.ask(Trigger, "reset", Trigger.Request())
         self.heard.clear()
 

@@ -91,6 +91,17 @@ def test_a_body_s_factors_by_differences() -> None:
         np.testing.assert_allclose(jacobian[:, -6:], expected, atol=1e-5)
 
 
+@pytest.mark.parametrize("distance", [0.02, 20.0, 1e6])
+def test_an_object_that_a_search_has_led_astray_comes_back(distance: float) -> None:
+    """By steps of Gauss-Newton, which along the tangent lead ever farther away from eight times the expected range."""
+    prior = RangePrior.of(ANYWHERE, np.array([1.0, 0.0, 0.0]), np.zeros(3), ORIGIN)
+    place = np.array([distance, 0.0, 0.0])
+    for _ in range(12):
+        residual, slopes = prior.off(place)
+        place = place - np.linalg.pinv(slopes) @ residual
+    np.testing.assert_allclose(place, prior.mean, rtol=1e-6)
+
+
 @pytest.mark.parametrize("baseline", [0.0, 0.05, 0.2, 0.6])
 @pytest.mark.parametrize("range_m", [0.6, 1.2, 3.0])
 def test_the_evidence_of_a_second_ray_is_that_over_all_ranges(baseline: float, range_m: float) -> None:

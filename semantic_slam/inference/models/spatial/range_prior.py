@@ -19,6 +19,9 @@ from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.kinds.state_space import StateSpace
 
+FAR = 2.0
+"""Excess of the log range over the prior's mean from which on the secant to that mean stands for the derivative: along
+the tangent, steps of Gauss-Newton would lead behind the camera, and ever farther away."""
 LEAST_DISTANCE_M = 1e-3
 """Distance to the camera below which the derivative of the logarithm is meaningless."""
 
@@ -55,10 +58,12 @@ class RangePrior(GaussianPrior):
         return callback_factor(StartedByRay(self, key), [key], 1, error)
 
     def off(self, place: Array) -> tuple[Array, Array]:
-        """(1,) deviation of the log distance of a ``place`` (3,), and its (1, 3) Jacobian."""
+        """(1,) deviation of the log distance of a ``place`` (3,), and its (1, 3) Jacobian, a secant's far away."""
         known, away = self.log_range, place - np.asarray(self.anchor)
         distance = max(math.sqrt(away.dot(away)), LEAST_DISTANCE_M)
-        return np.array([(np.log(distance) - known.mean) / known.sigma]), away[None] / (known.sigma * distance**2)
+        excess = math.log(distance) - known.mean
+        steeper = excess / -math.expm1(-excess) if excess > FAR else 1.0
+        return np.array([excess / known.sigma]), steeper * away[None] / (known.sigma * distance**2)
 
 
 @dataclass(frozen=True)
