@@ -28,10 +28,7 @@ def without_past(smoother: Smoother, oldest: int, object_ids: Collection[int]) -
 
 
 def _settled(smoother: Smoother) -> Smoother:
-    """The smoother to marginalise: in space at the optimum of its graph, as what is linear now remains so for ever.
-
-    iSAM2 leaves objects that are seen by rays alone by most of a standard deviation off it.
-    """
+    """The smoother to marginalise: in space at the optimum of its graph, as what is linear now remains so for ever."""
     if not _is_in_space(smoother):
         return smoother
     start = smoother.isam.calculateEstimate()
