@@ -1,5 +1,6 @@
 """Where objects are too many for a joint covariance: those that fit stay, and what is cut is counted."""
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,9 @@ AROUND = 24
 MOTION = Motion(np.zeros(3), 1e-4 * np.eye(3))
 
 
-def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3, **world: Any) -> Prediction:
+def prediction(
+    detection: PlanarDetection, limit: int, sigma_m: float = 0.3, wanted: Collection[int] = (), **world: Any
+) -> Prediction:
     """Objects on a circle of 3 m about the robot, at every 15 degrees, the first straight behind it."""
     angles = np.pi + 2.0 * np.pi * np.arange(AROUND) / AROUND
     covariance = np.diag([sigma_m**2, sigma_m**2, 0.01, 1.0, 1.0, 1.0])
@@ -38,7 +41,7 @@ def prediction(detection: PlanarDetection, limit: int, sigma_m: float = 0.3, **w
     problem = problem_of(room.run)
     component = problem.tracking_root(0)
     return Predictor(problem.model, problem.open_world, problem.detection_errors).predict(
-        component, MOTION, [detection]
+        component, MOTION, [detection], wanted=wanted
     )
 
 
@@ -57,6 +60,12 @@ def detection(range_m: float) -> PlanarDetection:
 @pytest.mark.parametrize("range_m", [3.0, np.nan], ids=["range", "bearing alone"])
 def test_those_that_fit_best_stay(range_m: float) -> None:
     assert prediction(detection(range_m), 3).near_ids.tolist() == [11, 12, 13]
+
+
+def test_those_that_a_history_names_stay_however_ill_they_fit() -> None:
+    """Else a history that is replayed would begin a known object anew, where better ones are too many."""
+    assert prediction(detection(3.0), 3, wanted=[0]).near_ids.tolist() == [0, 12, 13]
+    assert prediction(detection(3.0), 3, wanted=[0, 4, 8, 16]).near_ids.tolist() == [0, 4, 8, 16]
 
 
 @pytest.mark.parametrize("range_m", [3.0, np.nan], ids=["range", "bearing alone"])

@@ -96,7 +96,7 @@ def test_what_lost_is_tried_again_where_twice_as_much_speaks_for_it(
     for gain in (10.0, 19.0, 21.0):
         monkeypatch.setattr(
             "semantic_slam.inference.revision.hindsight.dissolving.dissolved",
-            lambda view, gain=gain: [replace(without(view, view.owners, 0), gain=gain)],
+            lambda view, gain=gain: [replace(without(view, 0), gain=gain)],
         )
         found = dissolving.histories(right)
         counts.append(len(found))

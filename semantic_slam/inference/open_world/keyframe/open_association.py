@@ -88,9 +88,10 @@ class OpenAssociation:
         """The prediction and ranked joint assignments of each parent, or of the one continuation ``path``."""
         sensed = [component.sensed(step.detections) for component in parents.components]
         looks = step.camera or step.sensed
+        wanted = () if path is None else path.association
         predictions = [
             self.predictor.predict(
-                component, step.motion, detections, looks, stamp_ns=step.stamp_ns, labels=step.labels
+                component, step.motion, detections, looks, wanted=wanted, stamp_ns=step.stamp_ns, labels=step.labels
             )
             for component, detections in zip(parents.components, sensed, strict=True)
         ]

@@ -1,6 +1,6 @@
 """The objects that a keyframe may concern, and the joint covariance of robot and objects."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,11 +32,12 @@ def near_objects(
     births: list[Birth],
     detections: Sequence[Any],
     reach: Index,
+    wanted: Collection[int] = (),
 ) -> tuple[Index, Array]:
     """(M,) rows of objects that a detection may belong to, and (D,) bounds on the evidence of those left out.
 
-    All objects within reach where there are few; the best fitting ones where they are too many. Errors of robot and
-    object are taken as independent, although shared errors bring them closer.
+    All objects within reach where there are few; where they are too many, those with ``wanted`` ids and the best
+    fitting others. Errors of robot and object are taken as independent, although shared errors bring them closer.
     """
     limit, gate = settings.max_joint_objects, settings.gate_sigma
     objects, tracked, geometry = component.objects, tracked_states(component), geometry_of(component.spaces)
@@ -46,6 +47,9 @@ def near_objects(
     if births:
         away[:, reach] = geometry.sigmas_away(tracked, robot, spread, births, detections)[:, reach]
     excess = away.min(axis=0, initial=np.inf)
+    named = np.isin(objects.ids, list(wanted))
+    excess[named] = 0.0
+    limit = max(limit, int(named.sum()))
     order = np.argsort(excess, kind="stable")
     order = order[excess[order] < gate]
     peaks = np.array([detection.log_normaliser for detection in detections])

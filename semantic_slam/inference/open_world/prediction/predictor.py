@@ -1,6 +1,6 @@
 """Prediction of a keyframe by one hypothesis."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,14 +51,15 @@ class Predictor:
         sensed: SensedRegion | Camera | None = None,
         named: Index | None = None,
         *,
+        wanted: Collection[int] = (),
         stamp_ns: int = 0,
         labels: Sequence[str] = (),
     ) -> Prediction:
         """The prediction, with the noise that the component assumes. Raises LostComponentError.
 
         ``sensed``: the sensor's region where it is learned, or in space its camera. ``named``: (M,) rows of the objects
-        that the detections may be of; None: of those near them. ``stamp_ns`` and the detections' ``labels`` matter
-        where objects move.
+        that the detections may be of; None: of those near them, and of those with ``wanted`` ids. ``stamp_ns`` and the
+        detections' ``labels`` matter where objects move.
         """
         predicted, tracked = PredictedRobot.of(component, motion), tracked_states(component)
         robot, geometry = predicted.state, geometry_of(component.spaces)
@@ -67,7 +68,7 @@ class Predictor:
         reach = self._in_reach(component, region, robot, predicted.covariance)
         if named is None:
             near, beyond = near_objects(
-                self.settings, component, robot, predicted.covariance, births, detections, reach
+                self.settings, component, robot, predicted.covariance, births, detections, reach, wanted
             )
         else:
             near, beyond = named, np.full(len(births), -np.inf)

@@ -34,34 +34,24 @@ def dissolved(view: Hindsight) -> list[Dissolved]:
 def each_without(view: Hindsight) -> list[Dissolved]:
     """All unmapped objects, by the gain of their history without each, largest first."""
     rows = np.flatnonzero(~np.isin(view.ids, list(view.problem.map_ids))).tolist()
-    found = [without(view, view.owners, row) for row in rows]
+    found = [without(view, row) for row in rows]
     return sorted(found, key=lambda own: -own.gain)
 
 
-def without_all(view: Hindsight, chosen: Sequence[Dissolved]) -> Owners:
-    """Owners with all detections of the chosen objects reassigned to others."""
-    owners: Owners = view.owners
-    rows = [own.row for own in chosen]
-    for row in rows:
-        owners = without(view, owners, row, rows).owners
-    return owners
-
-
-def without(view: Hindsight, owners: Owners, row: int, others: Collection[int] = ()) -> Dissolved:
+def without(view: Hindsight, row: int) -> Dissolved:
     """Reassign each detection of an object to the likeliest other not detected in that frame, or to none.
 
-    ``others`` are not candidates. The gain includes the object's own misses, and one miss of each object that gets a
-    detection.
+    The gain includes the object's own misses, and one miss of each object that gets a detection.
     """
-    found, times = list(owners), np.zeros(len(owners), dtype=bool)
-    times[np.repeat(np.arange(len(owners)), [len(own) for own in owners])[np.concatenate(owners) == row]] = True
-    gain = _log_gain_of_misses(view, row, times)
+    owners = view.owners
+    found, times = list(owners), np.array([(own == row).any() for own in owners])
+    gain = log_gain_of_misses(view, row, times)
     for keyframe in np.flatnonzero(times).tolist():
         own = found[keyframe] = owners[keyframe].copy()
         number = int(np.flatnonzero(own == row)[0])
         weights = view.log_weights[keyframe][number]
         may = weights.copy()
-        may[[*own.tolist(), *others]] = -np.inf
+        may[own] = -np.inf
         may[-1] = weights[-1]
         best = own[number] = int(np.argmax(may))
         gain += float(may[best] - weights[row if times[:keyframe].any() else -1])  # the first one was a birth
@@ -70,7 +60,7 @@ def without(view: Hindsight, owners: Owners, row: int, others: Collection[int] =
     return Dissolved(row, gain, found)
 
 
-def _log_gain_of_misses(view: Hindsight, row: int, times: Flags) -> float:
+def log_gain_of_misses(view: Hindsight, row: int, times: Flags) -> float:
     """Log cost of the misses of what is detected at ``times`` (T,); looks before the first make its birth unlikely."""
     missed = np.flatnonzero(view.in_view[row] & ~times)
     later = int((missed > view.first_seen[row]).sum())

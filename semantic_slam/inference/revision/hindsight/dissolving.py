@@ -1,14 +1,18 @@
 """Proposals in space of histories without spurious objects, with a memory of those tried."""
 
-from semantic_slam.inference.revision.hindsight.dissolved import Dissolved, dissolved, lineage_of, without_all
+from collections.abc import Iterator
+
+from semantic_slam.inference.revision.hindsight.dissolved import Owners, dissolved, lineage_of
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
+from semantic_slam.inference.revision.hindsight.reassigned import reassigned
 from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
 from semantic_slam.inference.revision.replay import Replay, Revised
+from semantic_slam.inference.revision.tried import Group
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 MORE = 2.0
-"""Growth factor of the gain at which an object that was tried is tried again."""
+"""Growth factor of the gain at which a proposal that was tried is tried again."""
 LEAST_GAIN = 5.0
 """Rough log gain [nats] that a replay requires."""
 
@@ -19,23 +23,29 @@ class Dissolving:
     def __init__(self, most: int, replay: Replay, registry: ObjectRegistry) -> None:
         """``most``: largest number of histories in one look."""
         self._most, self._replay, self._registry = most, replay, registry
-        self._tried: dict[int, float] = {}  # object -> rough gain when it was tried
-        self._proposed: dict[Lineage, tuple[int, float]] = {}  # history -> object left out, and rough gain
+        self._tried: dict[Group, float] = {}  # objects left out -> rough gain when that was tried
+        self._proposed: dict[Lineage, tuple[Group, float]] = {}  # history -> objects left out, and rough gain
 
     def histories(self, followed: Revised) -> list[Lineage]:
-        """Histories without all suspects at once, if several, and then without one each."""
+        """The history with all frames reassigned without the suspects, and those without one suspect each."""
         view = SpatialHindsight.of(self._replay, self._registry, followed)
-        found = [own for own in dissolved(view) if own.gain > LEAST_GAIN and self._is_news(view, own)]
-        self._proposed = {lineage_of(view, own.owners): (int(view.ids[own.row]), own.gain) for own in found}
-        together = [lineage_of(view, without_all(view, found))] if len(found) > 1 else []
-        return [*together, *self._proposed][: self._most]
+        self._proposed.clear()
+        for objects, gain, owners in self._candidates(view):
+            if gain > LEAST_GAIN and gain > MORE * self._tried.get(objects, 0.0):
+                self._proposed.setdefault(lineage_of(view, owners), (objects, gain))
+        return list(self._proposed)[: self._most]
 
     def note(self, history: Lineage) -> None:
         """Record that a history was replayed and not accepted."""
         if history in self._proposed:
-            number, gain = self._proposed[history]
-            self._tried[number] = gain
+            objects, gain = self._proposed[history]
+            self._tried[objects] = gain
 
-    def _is_news(self, view: Hindsight, own: Dissolved) -> bool:
-        before = self._tried.get(int(view.ids[own.row]))
-        return before is None or own.gain > MORE * before
+    def _candidates(self, view: Hindsight) -> Iterator[tuple[Group, float, Owners]]:
+        """Objects left out, the rough gain, and the owners of the detections."""
+        suspects = [own for own in dissolved(view) if own.gain > LEAST_GAIN]
+        rows = sorted(own.row for own in suspects)
+        together = reassigned(view, rows)
+        yield tuple(view.ids[rows].tolist()), together.gain, together.owners
+        for own in suspects:
+            yield (int(view.ids[own.row]),), own.gain, own.owners
