@@ -1,5 +1,6 @@
 """Objects in space that are none: a history without them is found, and weighs what it weighs when it is followed."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.revision.hindsight.dissolved import dissolved, lineage_of, without
 from semantic_slam.inference.revision.hindsight.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight.reassigned import reassigned
 from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
 from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.states.gaussian import GaussianPrior
@@ -79,10 +81,49 @@ def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tupl
     assert Dissolving(4, replay, engine.registry).histories(followed) == [right.lineage]
 
 
+def test_mistakes_that_its_neighbours_made_meanwhile_are_mended_with_it(walked: tuple[Engine, Replay, Revised]) -> None:
+    """Two of them are swapped in one frame, and one is begun a second time for one frame."""
+    engine, replay, right = walked
+    steps = list(with_one_that_is_none(engine, right.lineage))
+    steps[20] = replace(steps[20], association=(*steps[20].association[:2], 3, 2))
+    steps[30] = replace(steps[30], association=(*steps[30].association[:3], engine.registry.first_new_id(30) + 3))
+    followed = replay.followed(tuple(steps))
+    assert followed is not None
+    together, *alone = Dissolving(4, replay, engine.registry).histories(followed)
+    assert together == right.lineage
+    assert alone and right.lineage not in alone
+
+
+def test_a_frame_is_assigned_as_a_whole(walked: tuple[Engine, Replay, Revised]) -> None:
+    """Two detections fit one object best: the one that has a second choice takes it; weights that differ by less than
+    they are rough change nothing."""
+    engine, replay, right = walked
+    view = SpatialHindsight.of(replay, engine.registry, right)
+    weights = [own.copy() for own in view.log_weights]
+    none = weights[20][:, -1].copy()
+    weights[20][2], weights[20][3] = -30.0, -30.0
+    weights[20][[2, 2, 3, 3], [2, 3, 2, 3]] = [5.0, 9.0, 2.0, 7.0]
+    weights[20][:, -1] = none
+    assert _with(view, weights)[20].tolist() == [0, 1, 2, 3]  # 5 + 7 against 9 + 2, for which there is less
+    weights[20][3, 2] = 6.0
+    assert _with(view, weights)[20].tolist() == [0, 1, 2, 3]  # 12 against 15, and 2 for each that stays
+    weights[20][3, 2] = 8.0
+    assert _with(view, weights)[20].tolist() == [0, 1, 3, 2]
+    now = _with(view, weights)
+    assert all((a == b).all() for k, (a, b) in enumerate(zip(view.owners, now, strict=True)) if k != 20)
+
+
+def _with(view: SpatialHindsight, weights: list[np.ndarray]) -> Sequence[np.ndarray]:
+    own = replace(view)
+    own.__dict__["log_weights"] = weights
+    return reassigned(own).owners
+
+
 def test_objects_that_are_some_are_left_alone(walked: tuple[Engine, Replay, Revised]) -> None:
     engine, replay, right = walked
     view = SpatialHindsight.of(replay, engine.registry, right)
     assert dissolved(view) == []
+    assert reassigned(view).gain == 0.0
     assert Dissolving(4, replay, engine.registry).histories(right) == []
     assert lineage_of(view, view.owners) == right.lineage
 

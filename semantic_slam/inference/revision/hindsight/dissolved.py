@@ -4,7 +4,7 @@ Such an object exists for sure after two detections, and costs a miss whenever t
 outweigh what its detections lose as ones of other objects, the history without it is worth a replay.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,7 @@
 """Whole frames reassigned: each detection of a drive goes to the object that it fits best in hindsight.
 
-An object that is none took detections from its neighbours, which in turn took others: one that is dissolved alone leaves
-the others' mistakes as they are. Here the detections of each frame are assigned jointly, at most one to each object.
+An object that is none took detections from its neighbours, which in turn took others: where it alone is dissolved, the
+others' mistakes stay. Here the detections of each frame are assigned jointly, at most one to each object.
 """
 
 from collections.abc import Collection

@@ -18,8 +18,9 @@ from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 
-FAR_SIGMAS = 8.0
-"""Number of standard deviations beyond which each further one costs another nat."""
+FAR_SIGMAS = 2.0
+"""Number of standard deviations beyond which each further one costs another nat: farther off than a few, a false alarm is
+likelier."""
 
 
 @dataclass(frozen=True, kw_only=True)
