@@ -19,8 +19,7 @@ from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 
 FAR_SIGMAS = 2.0
-"""Number of standard deviations beyond which each further one costs another nat: farther off than a few, a false alarm is
-likelier."""
+"""Number of standard deviations beyond which each further one costs another nat, as a false alarm becomes likelier."""
 
 
 @dataclass(frozen=True, kw_only=True)
