@@ -78,7 +78,7 @@ def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tupl
     wrong = with_one_that_is_none(engine, right.lineage)
     followed = replay.followed(wrong)
     assert followed is not None and followed.log_joint < right.log_joint - 20.0
-    assert Dissolving(4, replay, engine.registry).histories(followed) == [right.lineage]
+    assert Dissolving(4, replay, engine.registry).histories(followed).keys() == {right.lineage}
 
 
 def test_mistakes_that_its_neighbours_made_meanwhile_are_mended_with_it(walked: tuple[Engine, Replay, Revised]) -> None:
@@ -124,7 +124,7 @@ def test_objects_that_are_some_are_left_alone(walked: tuple[Engine, Replay, Revi
     view = SpatialHindsight.of(replay, engine.registry, right)
     assert dissolved(view) == []
     assert reassigned(view).gain == 0.0
-    assert Dissolving(4, replay, engine.registry).histories(right) == []
+    assert Dissolving(4, replay, engine.registry).histories(right) == {}
     assert lineage_of(view, view.owners) == right.lineage
 
 

@@ -195,15 +195,19 @@ def test_a_replay_is_given_up_where_it_is_far_behind_the_history_that_it_revises
     assert level.own is not None
     own = np.array(level.own.log_joints)
     assert len(own) == 13
-    for nats, reaches_the_end in ((HOPELESS - 1e-6, True), (HOPELESS + 1e-6, False)):
+    for nats, gain, reaches_the_end in (
+        (HOPELESS - 1e-6, 0.0, True),
+        (HOPELESS + 1e-6, 0.0, False),
+        (HOPELESS + 1e-6, 1.0, True),
+    ):
         better = own + np.where(np.arange(13) == 5, nats, 0.0)
-        alone, beside = _caught_up(replay, [other, first], better.tolist())
+        alone, beside = _caught_up(replay, [other, first], better.tolist(), gain)
         assert (alone.own is not None) == reaches_the_end and beside.own is not None
 
 
-def _caught_up(replay: Replay, lineages: Sequence[Lineage], against: Sequence[float]) -> list[Level]:
+def _caught_up(replay: Replay, lineages: Sequence[Lineage], against: Sequence[float], gain: float = 0.0) -> list[Level]:
     waiting = CatchingUp(replace(replay, _kept={}, _beside={}))
-    waiting.add(lineages, against)
+    waiting.add(lineages, against, gain)
     return list(waiting.go_on(100))
 
 

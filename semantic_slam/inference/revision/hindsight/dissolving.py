@@ -1,6 +1,7 @@
 """Proposals in space of histories without spurious objects, with a memory of those tried."""
 
 from collections.abc import Iterator
+from itertools import islice
 
 from semantic_slam.inference.revision.hindsight.dissolved import Owners, dissolved, lineage_of
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
@@ -26,14 +27,14 @@ class Dissolving:
         self._tried: dict[Group, float] = {}  # objects left out -> rough gain when that was tried
         self._proposed: dict[Lineage, tuple[Group, float]] = {}  # history -> objects left out, and rough gain
 
-    def histories(self, followed: Revised) -> list[Lineage]:
-        """The history with all frames reassigned without the suspects, and those without one suspect each."""
+    def histories(self, followed: Revised) -> dict[Lineage, float]:
+        """The history with all frames reassigned without the suspects, those without one each, and their rough gains."""
         view = SpatialHindsight.of(self._replay, self._registry, followed)
         self._proposed.clear()
         for objects, gain, owners in self._candidates(view):
             if gain > LEAST_GAIN and gain > MORE * self._tried.get(objects, 0.0):
                 self._proposed.setdefault(lineage_of(view, owners), (objects, gain))
-        return list(self._proposed)[: self._most]
+        return {own: gain for own, (_, gain) in islice(self._proposed.items(), self._most)}
 
     def note(self, history: Lineage) -> None:
         """Record that a history was replayed and not accepted."""
