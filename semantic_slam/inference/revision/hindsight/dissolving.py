@@ -28,7 +28,7 @@ class Dissolving:
         self._proposed: dict[Lineage, tuple[Group, float]] = {}  # history -> objects left out, and rough gain
 
     def histories(self, followed: Revised) -> dict[Lineage, float]:
-        """The history with all frames reassigned without the suspects, those without one each, and their rough gains."""
+        """The history with all frames reassigned without the suspects, and those without one each; with rough gains."""
         view = SpatialHindsight.of(self._replay, self._registry, followed)
         self._proposed.clear()
         for objects, gain, owners in self._candidates(view):
