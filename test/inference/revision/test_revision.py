@@ -14,6 +14,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
 from semantic_slam.geometry import se2
 from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.open_world.keyframe.open_association import OpenAssociation
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Commit, Components
 from semantic_slam.inference.revision.catching_up import BRANCHES, HOPELESS, CatchingUp, Level
@@ -175,6 +176,27 @@ def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> Non
     assert [own.number for own in found if own is not None] == [number for number, _ in live]
     np.testing.assert_allclose([own.log_joint for own in found if own is not None], expected, atol=1e-9)
     assert replay.followed(live[-1][1].lineage) == found[-1]  # from where it was followed before
+
+
+def test_a_history_is_replayed_as_it_says_where_other_objects_fit_better() -> None:
+    """With two objects nearest to the detections a third that it names would begin anew, and be two from then on."""
+    engine = Engine(open_world({}), initial_covariance=np.diag([1e-6] * 3))
+    seen = [seen_from(np.zeros(3), numbers) for numbers in ([0, 1, 2], [0])]
+    keyframes = [Keyframe.planar(k, detections=own, motion_sigmas=(1e-3,) * 3) for k, own in enumerate(seen)]
+    for keyframe in keyframes:
+        engine.process(keyframe)
+    steps = [engine.problem.reader.step(keyframe) for keyframe in keyframes]
+    right = next(iter(engine.live.values())).lineage
+    assert [step.association for step in right] == [(0, 1, 2), (0,)]
+    wrong = (right[0], replace(right[1], association=(2,)))
+    found = []
+    for limit in (2, 30):
+        problem = replace(engine.problem, open_world=replace(engine.problem.open_world, max_joint_objects=limit))
+        replay = Replay(problem, OpenAssociation(problem, engine.registry), steps, engine.registry)
+        found.append(replay.followed(wrong))
+    cut, whole = found
+    assert cut is not None and whole is not None and cut.lineage == whole.lineage == wrong
+    np.testing.assert_allclose(cut.log_joints, whole.log_joints, rtol=1e-9)
 
 
 def test_a_history_that_caught_up_is_followed_from_there_on(monkeypatch: pytest.MonkeyPatch) -> None:
