@@ -59,4 +59,4 @@ def _likeliest(options: Array, owners: Index, without: Collection[int]) -> Index
     alone = np.full((count, count), IMPOSSIBLE)
     np.fill_diagonal(alone, weights[:, none])
     _, columns = linear_sum_assignment(np.concatenate([weights[:, :none], alone], axis=1), maximize=True)
-    return np.minimum(columns, none)
+    return np.asarray(np.minimum(columns, none))
