@@ -8,7 +8,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.revision.hindsight.dissolved import Owners, log_gain_of_misses
@@ -52,6 +51,8 @@ def _options(view: Hindsight, keyframe: int) -> Array:
 
 def _likeliest(options: Array, owners: Index, without: Collection[int]) -> Index:
     """(D,) the joint assignment that weighs most, at most one detection to each object but any number to none."""
+    from scipy.optimize import linear_sum_assignment  # deferred: the import takes 0.2 s
+
     count, none = len(options), options.shape[1] - 1
     weights = options.copy()
     weights[np.arange(count), owners] += STAYS
