@@ -44,7 +44,7 @@ def without(view: Hindsight, row: int) -> Dissolved:
     The gain includes the object's own misses, and one miss of each object that gets a detection.
     """
     owners = view.owners
-    found, times = list(owners), np.array([(own == row).any() for own in owners])
+    found, times = list(owners), view.detected_at(row)
     gain = log_gain_of_misses(view, row, times)
     for keyframe in np.flatnonzero(times).tolist():
         own = found[keyframe] = owners[keyframe].copy()

@@ -93,6 +93,10 @@ class Hindsight(ABC):
             found[self.owners[keyframe]] = keyframe
         return found[:-1]
 
+    def detected_at(self, row: int) -> Flags:
+        """(T,) whether the object in that row is detected, at each keyframe."""
+        return np.array([(own == row).any() for own in self.owners], dtype=bool)
+
     @property
     def log_unseen(self) -> float:
         """Log of the least share of births that remains where the camera has looked before."""

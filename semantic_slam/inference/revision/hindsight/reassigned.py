@@ -29,7 +29,7 @@ class Reassigned:
 def reassigned(view: Hindsight, without: Collection[int] = ()) -> Reassigned:
     """The likeliest assignment of each frame by the map as now known, ``without`` the objects in these rows."""
     rows = sorted(without)
-    gain = sum(log_gain_of_misses(view, row, np.array([(own == row).any() for own in view.owners])) for row in rows)
+    gain = sum(log_gain_of_misses(view, row, view.detected_at(row)) for row in rows)
     found = []
     for keyframe, before in enumerate(view.owners):
         options, lines = _options(view, keyframe), np.arange(len(before))
