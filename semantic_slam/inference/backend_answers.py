@@ -16,6 +16,7 @@ from semantic_slam.inference.reported.component_marginals import (
     aligned_marginals,
     departure_marginals,
     motion_marginals,
+    track_score_marginals,
 )
 from semantic_slam.inference.reported.descriptor_marginals import descriptor_marginals
 from semantic_slam.inference.reported.displaced_marginals import displaced_marginals
@@ -111,6 +112,7 @@ class Answers:
             existence=existence,
             **motion_marginals(components, reported),
             **departure_marginals(components, reported),
+            **track_score_marginals(components, reported),
             **displaced_marginals(self._problem, components, reported),
             descriptors=_stacked([known.mean for known in descriptors], len(reported.ids)),
             descriptor_covariances=_stacked([known.variance for known in descriptors], len(reported.ids)),

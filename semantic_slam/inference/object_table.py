@@ -69,6 +69,9 @@ class ObjectTable:
     missing: Array = field(  # that it existed, and has left for good
         default_factory=left_out, metadata=quantity(rule=mixture_rules.probability_if_known, may_be_left_out=True)
     )
+    track_scores: Array = field(  # log odds that its detections are of one thing, and not all false alarms
+        default_factory=left_out, metadata=quantity(rule=mixture_rules.of_the_best, may_be_left_out=True)
+    )
     object_velocities: Array = field(default_factory=left_out, metadata=optional_quantity(6))  # in map, m/s and rad/s
 
 

@@ -19,6 +19,7 @@ from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.rounds import HeldComponent
 from semantic_slam.inference.states.lineage import Lineage
+from semantic_slam.inference.states.track_scores import existence_beside_rivals
 from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -45,6 +46,7 @@ class Statement:
         found = self._as_believed(live, components)
         rows = [self._in_map(components[n], own.lineage, reported) for n, own in found.items()]
         objects = stack_rows([own.objects for own in rows])
+        objects = _beside_rivals(found, objects)
         objects = self._as_scored(found, reported.ids, objects)
         return Mixture(
             ids=list(found),
@@ -104,3 +106,14 @@ class Statement:
             return objects
         missing = objects.missing * shares if objects.missing.size else objects.missing
         return replace(objects, existence=objects.existence * shares, missing=missing)
+
+
+def _beside_rivals(live: dict[int, Hypothesis], objects: ObjectTable) -> ObjectTable:
+    """(H, O) objects, their existence beside the hypotheses in which they are false alarms, followed or not."""
+    if not objects.track_scores.size:
+        return objects
+    weights = np.exp([own.log_weight for own in live.values()])
+    missing = objects.missing if objects.missing.size else np.zeros(objects.existence.shape)
+    factors = existence_beside_rivals(weights, objects.existence, missing, objects.track_scores)
+    missing = objects.missing * factors if objects.missing.size else objects.missing
+    return replace(objects, existence=objects.existence * factors, missing=missing)

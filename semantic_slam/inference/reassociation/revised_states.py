@@ -41,6 +41,7 @@ def revised_objects(
         existence_given=existence,
         views=None if objects.views is None else objects.views.take(rows),
         gone=None if objects.gone is None else objects.gone[rows],
+        track_scores=None if objects.track_scores is None else objects.track_scores[rows],
         rates=replace(objects.rates, log_weights=log_weights),
     )
 

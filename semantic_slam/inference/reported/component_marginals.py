@@ -12,6 +12,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.states.track_scores import false_alarm_probability, log_odds
 from semantic_slam.inference.world.objects import ReportedObjects
 
 
@@ -115,6 +116,19 @@ def departure_marginals(components: Sequence[Component], reported: ReportedObjec
         assert objects.gone is not None
         missing[row, [reported.row_of[n] for n in objects.ids.tolist()]] = objects.rates.average(objects.gone)
     return {"missing": missing}
+
+
+def track_score_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
+    """(H, O) ``track_scores`` of objects, NaN for absent ones; {} where misses do not count."""
+    if not components or components[0].objects.track_scores is None:
+        return {}
+    scores = np.full((len(components), len(reported.ids)), np.nan)
+    for row, component in enumerate(components):
+        objects = component.objects
+        assert objects.track_scores is not None
+        false = objects.rates.average(false_alarm_probability(objects.track_scores))
+        scores[row, [reported.row_of[n] for n in objects.ids.tolist()]] = -log_odds(false)
+    return {"track_scores": scores}
 
 
 def _moving(movers: Movers, rates: DetectionRates) -> Array:

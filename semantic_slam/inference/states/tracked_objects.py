@@ -9,6 +9,7 @@ from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
+from semantic_slam.inference.states.track_scores import log_odds
 from semantic_slam.inference.states.views import Views
 
 BEYOND = 1e6
@@ -32,6 +33,7 @@ class HypothesisObjects:
     gone: Array | None = None  # (O, G) probability that it existed and has left since; None: nothing leaves
     stamp_ns: int | None = None  # time to which departures are accounted for; None: before the first keyframe
     rates: DetectionRates = CERTAIN
+    track_scores: Array | None = None  # (O, G) nats, see ``track_scores``; None: misses do not count
 
     @cached_property
     def existence(self) -> Array:
@@ -46,6 +48,11 @@ class HypothesisObjects:
     def rows(self, object_ids: Index) -> Index:
         """Rows of (n,) object ids, all of which must be in the table."""
         return np.asarray(np.searchsorted(self.ids, object_ids))
+
+    def scored(self) -> "HypothesisObjects":
+        """The objects with the track scores of their existence, as stated before any detection."""
+        gone = 0.0 if self.gone is None else self.gone
+        return replace(self, track_scores=log_odds(self.existence_given + gone))
 
     def left_until(
         self, stamp_ns: int, departures_per_hour: Array | float, moving: Array | float = 0.0
@@ -75,6 +82,9 @@ class HypothesisObjects:
             else np.concatenate([update.gone[update.kept], 0.0 * update.new_existence]),
             stamp_ns=update.stamp_ns,
             rates=update.rates,
+            track_scores=None
+            if update.track_scores is None
+            else np.concatenate([update.track_scores[update.kept], log_odds(update.new_existence)]),
         )
 
 
@@ -171,7 +181,15 @@ class ExistenceUpdate:
     gone: Array | None = None  # (O, G) probability that it has left, where departures are modelled
     stamp_ns: int | None = None  # of this keyframe, where departures are modelled
     moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing moves
+    track_scores: Array | None = None  # (O, G) after this keyframe, under each setting that is left
     changes_nothing: bool = False
+
+    def agreeing(self, rows: Index, log_densities: Array) -> "ExistenceUpdate":
+        """The update with (n,) log densities of the detections of the objects ``rows`` (n,) in their track scores."""
+        assert self.track_scores is not None
+        scores = self.track_scores.copy()
+        scores[rows] += log_densities[:, None]
+        return replace(self, track_scores=scores)
 
     def detecting(self, seen: Flags, excluded: Flags) -> "ExistenceUpdate":
         """The update with objects ``seen`` (O,) surely existing, and ``excluded`` (O,) ones therefore not existing."""

@@ -68,7 +68,7 @@ def test_what_is_seen_again_has_not_left() -> None:
     assert doubted.missing[0] > 0.1
     belief = stare([True] * 3 + [False] * 3 + [True])
     assert belief.missing[0] == 0.0
-    assert belief.existence[0] == 1.0
+    assert belief.existence[0] == pytest.approx(1.0, abs=1e-9)
 
 
 def test_what_surely_stood_there_stays_on_the_map_as_missing() -> None:

@@ -131,13 +131,15 @@ class _Account:
     new_ids: Index  # (n,)
     log_factor: float
     log_weights: Array  # (G,) log weights of the sensor settings after this keyframe
+    seen_by: Index  # detections of the objects in ``observed``
 
     @classmethod
     def of(cls, if_missed: _IfMissed, association: Index, moves: Flags, born: Index) -> "_Account":
         """The account of an ``association`` with (D,) objects, of which some ``moves`` (D,)."""
         prediction = if_missed.prediction
         is_new = association >= born[0] if len(born) else np.zeros(0, dtype=bool)
-        observed = prediction.component.objects.rows(association[~is_new & ~moves])
+        seen_by = np.flatnonzero(~is_new & ~moves)
+        observed = prediction.component.objects.rows(association[seen_by])
         new = np.flatnonzero(is_new)
         total = if_missed.log_total + if_missed.log_detected(observed).sum(axis=0)
         if len(new):
@@ -147,7 +149,7 @@ class _Account:
             assert prediction.movers is not None
             total = total + if_missed.log_moving[prediction.movers.movers.rows(moving_ids)].sum(axis=0)
         factor, weights = prediction.rates.explained(total)
-        return cls(if_missed, observed, moving_ids, new, association[new], factor, weights)
+        return cls(if_missed, observed, moving_ids, new, association[new], factor, weights, seen_by)
 
     def update(self) -> ExistenceUpdate:
         """The existence update of the parent's objects, under the sensor settings that keep enough weight."""
@@ -176,7 +178,23 @@ class _Account:
             gone=gone,
             stamp_ns=prediction.population.stamp_ns,
             moving=None if prediction.movers is None else 1.0 - stands,
+            track_scores=self._track_scores[:, left],
         )
+
+    @property
+    def _track_scores(self) -> Array:
+        """(O, G) track scores, those of detected objects without the density of their detections."""
+        if_missed, prediction = self.if_missed, self.if_missed.prediction
+        population = prediction.population
+        assert population.track_scores is not None
+        gone = 0.0 if population.gone is None else population.gone
+        there = prediction.existence / np.maximum(prediction.existence + gone, LEAST_PROBABILITY)  # if it is a thing
+        after = population.track_scores + log_miss(there, if_missed.detected)
+        seen = self.observed
+        found = there[seen] * prediction.stands[seen] * np.maximum(if_missed.seen[seen], if_missed.least)
+        after[seen] = population.track_scores[seen] + np.log(np.maximum(found, LEAST_PROBABILITY))
+        after[seen] -= prediction.log_false_alarm[self.seen_by]
+        return np.asarray(after)
 
     def _gone(self, left: Flags) -> Array | None:
         """(O, G) probability that an object has left, which a miss makes likelier; None: objects do not leave."""

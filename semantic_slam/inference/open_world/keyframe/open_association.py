@@ -82,7 +82,8 @@ class OpenAssociation:
 
     def root(self, number: int) -> Component:
         """The prior of Eq. 4.3 with the map's existence probabilities, under one odometry noise and start pose."""
-        return self.problem.tracking_root(number)
+        root = self.problem.tracking_root(number)
+        return replace(root, objects=root.objects.scored()) if self.counts_misses else root
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
         """The prediction and ranked joint assignments of each parent, or of the one continuation ``path``."""

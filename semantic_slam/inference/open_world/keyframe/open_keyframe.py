@@ -22,6 +22,7 @@ from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_mo
 from semantic_slam.inference.evidence.search_start import search_start
 from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.models.step import AssociatedDetection, Step
+from semantic_slam.inference.open_world.joint.leave_one_out import log_density_of_each
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.open_world.keyframe.existence_accounts import ExistenceAccounts
 from semantic_slam.inference.open_world.keyframe.keyframe_problems import open_keyframe_problem
@@ -162,6 +163,21 @@ class OpenKeyframe:
         steps = replace(candidates, assignments=some).steps(np.arange(len(self.used)), len(self.used))
         return [self._update(some, row, steps[row], existence[number]) for row, number in enumerate(rows)]
 
+    def _agreeing(self, parent: int, taken: LineageStep, update: ExistenceUpdate) -> ExistenceUpdate:
+        """The existence update of a continuation, with the densities of its detections in the track scores."""
+        near = {n: column for column, n in enumerate(self.predictions[parent].near_ids.tolist())}
+        seen = [
+            number
+            for number, (n, kind) in enumerate(zip(taken.association, taken.class_assignment, strict=True))
+            if n in near and kind != MOVES
+        ]
+        if update.track_scores is None or not seen:
+            return update
+        columns = np.array([near.get(n, -1) for n in taken.association], dtype=int)
+        linear = self._linearised_of(parent)
+        log_densities = log_density_of_each(linear.innovation(columns, seen), linear.tail)
+        return update.agreeing(self.predictions[parent].near[columns[seen]], log_densities)
+
     def _update(self, own: Assignments, row: int, taken: LineageStep, existence: ExistenceUpdate) -> ComponentUpdate:
         states, robot = own.column("object_states")[row], own.column("robot")[row]
         parent = int(own.parents[row])
@@ -187,7 +203,7 @@ class OpenKeyframe:
             movers=movers_after(prediction, taken, observer, existence, least),
             predicted=prediction.objects.robot,
             new_objects={int(n): births[int(n)].at(modes[int(n)], robot) for n in existence.new_ids},
-            existence=existence,
+            existence=self._agreeing(parent, taken, existence),
             local=local,
             errors=None if prediction.errors is None else prediction.errors.transition,
             carried_errors=prediction.carried_errors,
@@ -253,8 +269,10 @@ class OpenKeyframe:
 
     @property
     def _linearised(self) -> list[LinearisedEvidence]:
-        spaces = self.problem.spaces
-        return [LinearisedEvidence.of(spaces, *own) for own in zip(self.predictions, self.pairs, strict=True)]
+        return [self._linearised_of(parent) for parent in range(len(self.parents))]
+
+    def _linearised_of(self, parent: int) -> LinearisedEvidence:
+        return LinearisedEvidence.of(self.problem.spaces, self.predictions[parent], self.pairs[parent])
 
     def _searched(self, rows: Assignments) -> Assignments:
         """Assignments weighed at a mode that is searched for each of them."""

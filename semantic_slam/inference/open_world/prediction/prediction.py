@@ -13,6 +13,7 @@ from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.models.step import AssociatedDetection
 from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY
 from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.smoothing.component import Component, tracked_states
@@ -61,6 +62,13 @@ class Prediction:
         """(D, G) log ratio of the evidence as a first detection to that under the stand-in prior."""
         areas = np.array([birth.log_area - birth.log_stand_in for birth in self.births])
         return np.asarray(self.log_intensity + areas[:, None])
+
+    @cached_property
+    def log_false_alarm(self) -> Array:
+        """(D, G) log density of the detections as false alarms."""
+        areas = np.array([birth.log_area for birth in self.births])
+        share = np.maximum(1.0 - self.birth_existence, LEAST_PROBABILITY)
+        return np.asarray(self.log_intensity + areas[:, None] + np.log(share))
 
     @cached_property
     def undecided(self) -> Index:
