@@ -13,8 +13,6 @@ from semantic_slam.geometry.arrays import Array
 
 LARGEST = 700.0
 """Largest track score that is reported, and minus the least one, in nats."""
-SURE = 100.0
-"""Nats from which on a rival leaves nothing of an object."""
 
 
 def log_odds(existence: Array) -> Array:
@@ -32,11 +30,11 @@ def existence_beside_rivals(weights: Array, existence: Array, missing: Array, tr
     """(O,) factors on the existence of objects under H hypotheses, for their rivals that are no longer followed.
 
     ``weights`` (H,) of the hypotheses; ``existence`` (H, O), probability ``missing`` (H, O) that they have left, and
-    ``track_scores`` (H, O); 0 and NaN where a hypothesis has no such object. The rivals of a hypothesis, in which the
-    detections of an object are false alarms, weigh exp(-score) times as much as it does. They are followed as far as
-    the hypotheses doubt the object: only where the rivals weigh more than that, the rest is missing, and added.
+    ``track_scores`` (H, O); NaN where a hypothesis has no such object. Each hypothesis shares its weight with the rival
+    in which the detections of an object are false alarms. Rivals are followed as far as the hypotheses doubt the
+    object: only where they weigh more than that, they are missing, and the larger of both doubts is stated.
     """
     known = weights[:, None] * np.nan_to_num(existence + missing)
-    odds = np.exp(-np.clip(np.nan_to_num(track_scores, nan=LARGEST), -SURE, LARGEST))
-    there, rivals = known.sum(axis=0), (known * odds).sum(axis=0)
-    return np.where(rivals > 1.0 - there, 1.0 / np.maximum(there + rivals, 1.0), 1.0)
+    there = known.sum(axis=0)
+    false = (known * false_alarm_probability(np.nan_to_num(track_scores, nan=LARGEST))).sum(axis=0)
+    return np.where(false > 1.0 - there, (1.0 - false) / np.where(there > 0.0, there, 1.0), 1.0)

@@ -56,9 +56,12 @@ def test_one_history_doubts_what_two_alarms_may_be_as_many_histories_do(misses: 
 
 
 def test_what_is_doubted_by_histories_that_are_followed_is_not_doubted_twice() -> None:
-    weights, there = np.array([0.6, 0.4]), np.array([[1.0], [0.3]])
-    sure = np.log(0.6 / 0.28) + 1e-9  # the second hypothesis holds all of the rival
-    factors = existence_beside_rivals(weights, there, np.zeros((2, 1)), np.array([[sure], [np.inf]]))
+    """The second hypothesis is the rival of the first one: object 1 has detections of false alarms there."""
+    score = 1.5
+    weights = np.array([1.0, np.exp(-score)]) / (1.0 + np.exp(-score))
+    factors = existence_beside_rivals(
+        weights, np.array([[1.0], [0.0]]), np.zeros((2, 1)), np.array([[score], [np.nan]])
+    )
     assert factors == pytest.approx(1.0, abs=0.0)
     alone = existence_beside_rivals(np.ones(1), np.ones((1, 1)), np.zeros((1, 1)), np.array([[1.0]]))
     assert alone == pytest.approx(1.0 / (1.0 + np.exp(-1.0)), rel=1e-12)
