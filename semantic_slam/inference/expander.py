@@ -18,7 +18,7 @@ from semantic_slam.inference.smoothing.component import Component, WeightedCompo
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.growth import Outcome, grow
-from semantic_slam.inference.smoothing.horizon import oldest_kept
+from semantic_slam.inference.smoothing.past.horizon import oldest_kept
 from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.carried import NEW_GROUND, NOWHERE, carried_to, with_carried

@@ -26,7 +26,7 @@ from semantic_slam.inference.models.planar.point_observation import PointObserva
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.semantics.track_samples import StateSamples
-from semantic_slam.inference.smoothing.elimination import MOST_JOINT
+from semantic_slam.inference.smoothing.solver.elimination import MOST_JOINT
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses

@@ -16,8 +16,8 @@ from semantic_slam.inference.models.odometry_bias import BiasedMotion, biased_fa
 from semantic_slam.inference.models.spatial.range_prior import StartedByRay
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.factor_table import FactorTable
+from semantic_slam.inference.smoothing.past.summary import Summary
 from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.smoothing.summary import Summary
 
 SHARED = ("spaces", "model", "smoother")
 """Fields of a component that its root has, too, or that are stored otherwise."""

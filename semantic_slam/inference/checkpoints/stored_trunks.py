@@ -17,7 +17,7 @@ from semantic_slam.inference.checkpoints.records import packed
 from semantic_slam.inference.checkpoints.stored_component import restored, stored
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.smoothing.horizon import apart
+from semantic_slam.inference.smoothing.past.horizon import apart
 from semantic_slam.inference.smoothing.trunks import MOST, Trunks
 from semantic_slam.inference.states.identity import digest
 from semantic_slam.run_folder import RunFolder

@@ -23,7 +23,7 @@ from semantic_slam.inference.models.odometry_bias import CLOCK
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.local_map import LocalMap
-from semantic_slam.inference.smoothing.past import without_past
+from semantic_slam.inference.smoothing.past.marginalisation import without_past
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_after, tracked_again

@@ -18,8 +18,8 @@ from semantic_slam.inference.smoothing.extension import (
     linearisation_start,
     new_factors,
 )
-from semantic_slam.inference.smoothing.isam import AT_ONCE
 from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
+from semantic_slam.inference.smoothing.solver.isam import AT_ONCE
 
 Outcome = Component | LostComponentError
 Noise = tuple[int, bool]

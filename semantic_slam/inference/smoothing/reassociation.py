@@ -13,11 +13,11 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Index
 from semantic_slam.inference.smoothing.errors import lost_where_indeterminate
-from semantic_slam.inference.smoothing.isam import OwnedIsam, single_step_isam
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors
 from semantic_slam.inference.smoothing.linear.measured import Sightings
-from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.smoother import Smoother
+from semantic_slam.inference.smoothing.solver.isam import OwnedIsam, single_step_isam
+from semantic_slam.inference.smoothing.solver.relinearisation import relinearised
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import detection_of, object_key
 

@@ -21,9 +21,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.linear_factors import linearised
 from semantic_slam.inference.models.odometry_bias import bias_prior
-from semantic_slam.inference.smoothing.elimination import groups, last_eliminated
 from semantic_slam.inference.smoothing.errors import first_line, lost_where_indeterminate
-from semantic_slam.inference.smoothing.estimate import Estimate
 from semantic_slam.inference.smoothing.factor_table import (
     NO_FACTORS,
     NONE_ADDED,
@@ -32,14 +30,22 @@ from semantic_slam.inference.smoothing.factor_table import (
     FactorTable,
     RelinearisedFactors,
 )
-from semantic_slam.inference.smoothing.isam import ALONG_RAYS, STEPPED_SKIP, OwnedIsam, new_isam, single_step_isam
 from semantic_slam.inference.smoothing.linear.charts import Charts
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, in_charts, new_measurements
 from semantic_slam.inference.smoothing.linear.located import Located
 from semantic_slam.inference.smoothing.linear.measured import Measured
-from semantic_slam.inference.smoothing.marginal_reader import MarginalReader
-from semantic_slam.inference.smoothing.relinearisation import relinearised
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
+from semantic_slam.inference.smoothing.solver.elimination import groups, last_eliminated
+from semantic_slam.inference.smoothing.solver.estimate import Estimate
+from semantic_slam.inference.smoothing.solver.isam import (
+    ALONG_RAYS,
+    STEPPED_SKIP,
+    OwnedIsam,
+    new_isam,
+    single_step_isam,
+)
+from semantic_slam.inference.smoothing.solver.marginal_reader import MarginalReader
+from semantic_slam.inference.smoothing.solver.relinearisation import relinearised
 from semantic_slam.inference.states.keys import is_descriptor
 from semantic_slam.inference.states.spaces import Spaces
 

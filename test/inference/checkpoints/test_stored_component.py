@@ -17,7 +17,7 @@ from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.smoothing.summary import Summary
+from semantic_slam.inference.smoothing.past.summary import Summary
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses

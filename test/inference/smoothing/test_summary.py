@@ -15,10 +15,10 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.factor_table import NONE_ADDED
-from semantic_slam.inference.smoothing.past import without_past
+from semantic_slam.inference.smoothing.past.marginalisation import without_past
+from semantic_slam.inference.smoothing.past.summary import summary_of
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.smoothing.summary import summary_of
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key

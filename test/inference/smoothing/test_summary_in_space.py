@@ -12,8 +12,8 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.gravity import Gravity
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE, SpatialObservation
 from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
-from semantic_slam.inference.smoothing.summary import Summary, summary_of
-from semantic_slam.inference.smoothing.summary_in_space import inverse_range
+from semantic_slam.inference.smoothing.past.summary import Summary, summary_of
+from semantic_slam.inference.smoothing.past.summary_in_space import inverse_range
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces

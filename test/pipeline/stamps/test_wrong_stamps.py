@@ -18,7 +18,7 @@ from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.pipeline.stamps.topic_clock import TopicClock
 from semantic_slam.report.document import analyse, report_document
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SHIPPED, DEFAULT = ROOT / "bags" / "aliased_room", ROOT / "config" / "default.yaml"
 NUM_FRAMES, LAST_NS = 24, 1020 * NANOSECONDS
 """Of the shipped bag, until so late."""

@@ -21,7 +21,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.callback_factor import callback_factor
-from semantic_slam.inference.smoothing import summary_in_plane, summary_in_space
+from semantic_slam.inference.smoothing.past import summary_in_plane, summary_in_space
 from semantic_slam.inference.states.spaces import Spaces
 
 NOWHERE: Mapping[int, Array] = MappingProxyType({})

@@ -12,8 +12,8 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import squared_norms
-from semantic_slam.inference.smoothing.isam import single_step_isam
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, LinearMeasurements
+from semantic_slam.inference.smoothing.solver.isam import single_step_isam
 
 MOST_TIMES = 15
 """Most relinearisations after one update."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.smoothing.elimination import MOST_JOINT
 from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
-from semantic_slam.inference.smoothing.isam import OwnedIsam
 from semantic_slam.inference.smoothing.linear.located import Located
+from semantic_slam.inference.smoothing.solver.elimination import MOST_JOINT
+from semantic_slam.inference.smoothing.solver.isam import OwnedIsam
 from semantic_slam.inference.states.keys import VECTOR_SIZES, is_descriptor, is_vector, letter_of
 from semantic_slam.inference.states.spaces import Spaces
 
