@@ -41,9 +41,25 @@ def revised_objects(
         existence_given=existence,
         views=None if objects.views is None else objects.views.take(rows),
         gone=None if objects.gone is None else objects.gone[rows],
-        track_scores=None if objects.track_scores is None else objects.track_scores[rows],
+        track_scores=None
+        if objects.track_scores is None
+        else _track_scores(objects, objects.track_scores, after.ids, newest),
         rates=replace(objects.rates, log_weights=log_weights),
     )
+
+
+def _track_scores(objects: HypothesisObjects, scores: Array, ids: Index, newest: Index) -> Array:
+    """(N, G) track scores of objects ``ids`` (N,), whose newest detections were of objects ``newest`` (N,) before.
+
+    Of an object that took over all of another one's detections it is the sum, as if all had been of it from the first:
+    within a third of what a replay says. Of one that took over some, it is the larger one.
+    """
+    found = scores[objects.rows(newest)]
+    own = np.flatnonzero(np.isin(ids, objects.ids) & (ids != newest))
+    before = scores[objects.rows(ids[own])]
+    is_whole = ~np.isin(newest[own], ids)[:, None]
+    found[own] = np.where(is_whole, found[own] + before, np.maximum(found[own], before))
+    return np.asarray(found)
 
 
 def revised_tracking(component: Component, smoother: Smoother, ids: Index) -> TrackedStates:
