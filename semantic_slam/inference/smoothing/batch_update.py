@@ -10,9 +10,9 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.smoothing.errors import LostComponentError, lost_where_indeterminate
 from semantic_slam.inference.smoothing.factor_table import AddedFactors, RelinearisedFactors
+from semantic_slam.inference.smoothing.reoptimisation import changed, reoptimised
 from semantic_slam.inference.smoothing.semantic_factors import NO_POINTS, LinearisationPoints, SemanticFactor
 from semantic_slam.inference.smoothing.smoother import CONVERGED, Smoother
-from semantic_slam.inference.smoothing.solver.reoptimisation import changed, reoptimised
 
 Outcome = Smoother | LostComponentError
 T = TypeVar("T")

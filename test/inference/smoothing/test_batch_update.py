@@ -189,7 +189,7 @@ def test_objects_that_nobody_has_seen_need_not_be_optimised(monkeypatch: pytest.
         jumped=True,
     )
     part = extend(smoother, extension)
-    monkeypatch.setattr("semantic_slam.inference.smoothing.solver.reoptimisation.FEW_VARIABLES", 1000)
+    monkeypatch.setattr("semantic_slam.inference.smoothing.reoptimisation.FEW_VARIABLES", 1000)
     whole = extend(smoother, extension)
     tied = [ROBOT[0], ROBOT[1], TARGET]
     assert np.abs(MANIFOLD.local(part.states([ROBOT[0]])[0], np.zeros(3))).max() > 0.05

@@ -13,8 +13,8 @@ from semantic_slam.inference.models.spatial.range_prior import StartedByRay
 from semantic_slam.inference.smoothing.errors import lost_where_indeterminate
 from semantic_slam.inference.smoothing.factor_table import FactorTable
 from semantic_slam.inference.smoothing.past.summary import summary_of
+from semantic_slam.inference.smoothing.reoptimisation import reoptimised
 from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.smoothing.solver.reoptimisation import reoptimised
 from semantic_slam.inference.states.keys import bias_key, is_bias, is_object, is_robot, number_of, robot_key
 
 
