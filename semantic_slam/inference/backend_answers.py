@@ -14,9 +14,8 @@ from semantic_slam.inference.reported.class_marginals import add_class_marginals
 from semantic_slam.inference.reported.component_marginals import (
     ComponentMarginals,
     aligned_marginals,
-    departure_marginals,
+    existence_marginals,
     motion_marginals,
-    track_score_marginals,
 )
 from semantic_slam.inference.reported.descriptor_marginals import descriptor_marginals
 from semantic_slam.inference.reported.displaced_marginals import displaced_marginals
@@ -111,8 +110,7 @@ class Answers:
             object_covariances=covariances[:, 1:],
             existence=existence,
             **motion_marginals(components, reported),
-            **departure_marginals(components, reported),
-            **track_score_marginals(components, reported),
+            **existence_marginals(components, reported),
             **displaced_marginals(self._problem, components, reported),
             descriptors=_stacked([known.mean for known in descriptors], len(reported.ids)),
             descriptor_covariances=_stacked([known.variance for known in descriptors], len(reported.ids)),

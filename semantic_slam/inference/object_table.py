@@ -6,8 +6,8 @@ to a larger set of objects, the layouts of both messages, the mixture and the be
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,16 @@ class ObjectTable:
         default_factory=left_out, metadata=quantity(rule=mixture_rules.of_the_best, may_be_left_out=True)
     )
     object_velocities: Array = field(default_factory=left_out, metadata=optional_quantity(6))  # in map, m/s and rad/s
+
+    @property
+    def existed(self) -> Array:
+        """Probability that an object exists, or has left; NaN where a hypothesis has no such object."""
+        return self.existence + np.nan_to_num(self.missing) if self.missing.size else self.existence
+
+    def existing(self, factors: Array) -> Self:
+        """The table with ``factors`` on the probabilities that objects exist, and that they have left."""
+        missing = self.missing * factors if self.missing.size else self.missing
+        return replace(self, existence=self.existence * factors, missing=missing)
 
 
 QUANTITIES: Mapping[str, Quantity] = {item.name: item.metadata["quantity"] for item in fields(ObjectTable)}

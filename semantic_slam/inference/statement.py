@@ -100,12 +100,8 @@ class Statement:
 
     def _as_scored(self, live: dict[int, Hypothesis], ids: Sequence[int], objects: ObjectTable) -> ObjectTable:
         """(H, O) objects, their existence times the probability that they are genuine, by the detector's scores."""
-        gone = objects.missing if objects.missing.size else np.zeros(objects.existence.shape)
-        shares = self._genuine.shares(live, ids, np.minimum(objects.existence + np.nan_to_num(gone), 1.0))
-        if shares is None:
-            return objects
-        missing = objects.missing * shares if objects.missing.size else objects.missing
-        return replace(objects, existence=objects.existence * shares, missing=missing)
+        shares = self._genuine.shares(live, ids, np.minimum(objects.existed, 1.0))
+        return objects if shares is None else objects.existing(shares)
 
 
 def _beside_rivals(live: dict[int, Hypothesis], objects: ObjectTable) -> ObjectTable:
@@ -113,7 +109,4 @@ def _beside_rivals(live: dict[int, Hypothesis], objects: ObjectTable) -> ObjectT
     if not objects.track_scores.size:
         return objects
     weights = np.exp([own.log_weight for own in live.values()])
-    missing = objects.missing if objects.missing.size else np.zeros(objects.existence.shape)
-    factors = existence_beside_rivals(weights, objects.existence, missing, objects.track_scores)
-    missing = objects.missing * factors if objects.missing.size else objects.missing
-    return replace(objects, existence=objects.existence * factors, missing=missing)
+    return objects.existing(existence_beside_rivals(weights, objects.existed, objects.track_scores))

@@ -12,7 +12,6 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.inference.states.track_scores import false_alarm_probability, log_odds
 from semantic_slam.inference.world.objects import ReportedObjects
 
 
@@ -106,29 +105,20 @@ def motion_marginals(components: Sequence[Component], reported: ReportedObjects)
     return {"moving": moving, "object_velocities": velocities}
 
 
-def departure_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
-    """(H, O) probabilities ``missing`` that objects have left, NaN for absent objects; {} without departures."""
-    if not components or components[0].objects.gone is None:
-        return {}
-    missing = np.full((len(components), len(reported.ids)), np.nan)
-    for row, component in enumerate(components):
-        objects = component.objects
-        assert objects.gone is not None
-        missing[row, [reported.row_of[n] for n in objects.ids.tolist()]] = objects.rates.average(objects.gone)
-    return {"missing": missing}
-
-
-def track_score_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
-    """(H, O) ``track_scores`` of objects, NaN for absent ones; {} where misses do not count."""
-    if not components or components[0].objects.track_scores is None:
-        return {}
-    scores = np.full((len(components), len(reported.ids)), np.nan)
-    for row, component in enumerate(components):
-        objects = component.objects
-        assert objects.track_scores is not None
-        false = objects.rates.average(false_alarm_probability(objects.track_scores))
-        scores[row, [reported.row_of[n] for n in objects.ids.tolist()]] = -log_odds(false)
-    return {"track_scores": scores}
+def existence_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
+    """(H, O) by hypothesis, NaN for absent objects: ``missing`` if objects leave, ``track_scores`` if misses count."""
+    told = {
+        "missing": [own.objects.missing for own in components],
+        "track_scores": [own.objects.track_score for own in components],
+    }
+    rows = [[reported.row_of[n] for n in own.objects.ids.tolist()] for own in components]
+    found: dict[str, Array] = {}
+    for name, values in told.items():
+        if values and values[0] is not None:
+            found[name] = np.full((len(components), len(reported.ids)), np.nan)
+            for row, (places, own) in enumerate(zip(rows, values, strict=True)):
+                found[name][row, places] = own
+    return found
 
 
 def _moving(movers: Movers, rates: DetectionRates) -> Array:

@@ -26,15 +26,15 @@ def false_alarm_probability(track_scores: Array) -> Array:
     return np.asarray(expit(-track_scores))
 
 
-def existence_beside_rivals(weights: Array, existence: Array, missing: Array, track_scores: Array) -> Array:
+def existence_beside_rivals(weights: Array, existed: Array, track_scores: Array) -> Array:
     """(O,) factors on the existence of objects under H hypotheses, for their rivals that are no longer followed.
 
-    ``weights`` (H,) of the hypotheses; ``existence`` (H, O), probability ``missing`` (H, O) that they have left, and
-    ``track_scores`` (H, O); NaN where a hypothesis has no such object. Each hypothesis shares its weight with the rival
-    in which the detections of an object are false alarms. Rivals are followed as far as the hypotheses doubt the
-    object: only where they weigh more than that, they are missing, and the larger of both doubts is stated.
+    ``weights`` (H,) of the hypotheses; ``existed`` (H, O) probability that objects exist or have left, and
+    ``track_scores`` (H, O); NaN where a hypothesis has none. Each hypothesis shares its weight with the rival in which
+    the detections of an object are false alarms. Rivals are followed as far as the hypotheses doubt the object: only
+    where they weigh more than that, they are missing, and the larger of both doubts is stated.
     """
-    known = weights[:, None] * np.nan_to_num(existence + missing)
+    known = weights[:, None] * np.nan_to_num(existed)
     there = known.sum(axis=0)
     false = (known * false_alarm_probability(np.nan_to_num(track_scores, nan=LARGEST))).sum(axis=0)
     return np.where(false > 1.0 - there, (1.0 - false) / np.where(there > 0.0, there, 1.0), 1.0)

@@ -9,7 +9,7 @@ from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
-from semantic_slam.inference.states.track_scores import log_odds
+from semantic_slam.inference.states.track_scores import false_alarm_probability, log_odds
 from semantic_slam.inference.states.views import Views
 
 BEYOND = 1e6
@@ -39,6 +39,18 @@ class HypothesisObjects:
     def existence(self) -> Array:
         """(O,) probability of existence, averaged over all settings."""
         return self.rates.average(self.existence_given)
+
+    @property
+    def missing(self) -> Array | None:
+        """(O,) probability that an object has left, averaged over all settings; None: nothing leaves."""
+        return None if self.gone is None else self.rates.average(self.gone)
+
+    @property
+    def track_score(self) -> Array | None:
+        """(O,) track scores of which the probabilities of false alarms are averaged over all settings, in nats."""
+        if self.track_scores is None:
+            return None
+        return -log_odds(self.rates.average(false_alarm_probability(self.track_scores)))
 
     @cached_property
     def id_set(self) -> frozenset[int]:

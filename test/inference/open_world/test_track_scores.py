@@ -6,6 +6,7 @@ import pytest
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
+from semantic_slam.inference.object_table import without_views
 from semantic_slam.inference.open_world.joint.leave_one_out import log_density_of_each
 from semantic_slam.inference.open_world.joint.linear_evidence import JointInnovation
 from semantic_slam.inference.states.track_scores import existence_beside_rivals, log_odds
@@ -59,18 +60,24 @@ def test_what_is_doubted_by_histories_that_are_followed_is_not_doubted_twice() -
     """The second hypothesis is the rival of the first one: object 1 has detections of false alarms there."""
     score = 1.5
     weights = np.array([1.0, np.exp(-score)]) / (1.0 + np.exp(-score))
-    factors = existence_beside_rivals(
-        weights, np.array([[1.0], [0.0]]), np.zeros((2, 1)), np.array([[score], [np.nan]])
-    )
+    factors = existence_beside_rivals(weights, np.array([[1.0], [0.0]]), np.array([[score], [np.nan]]))
     assert factors == pytest.approx(1.0, abs=0.0)
-    alone = existence_beside_rivals(np.ones(1), np.ones((1, 1)), np.zeros((1, 1)), np.array([[1.0]]))
+    alone = existence_beside_rivals(np.ones(1), np.ones((1, 1)), np.array([[1.0]]))
     assert alone == pytest.approx(1.0 / (1.0 + np.exp(-1.0)), rel=1e-12)
 
 
 def test_what_no_hypothesis_knows_or_a_map_is_sure_of_stays_as_it_is() -> None:
     existence, scores = np.array([[np.nan, 1.0]]), np.array([[np.nan, log_odds(np.ones(1))[0]]])
-    factors = existence_beside_rivals(np.ones(1), existence, np.zeros((1, 2)), scores)
+    factors = existence_beside_rivals(np.ones(1), existence, scores)
     assert factors.tolist() == [1.0, 1.0]
+
+
+def test_what_moves_in_one_hypothesis_and_stands_in_another_exists_in_both() -> None:
+    """Where it moves, it has no track score, and does not leave."""
+    known = {"existence": np.ones((2, 1)), "missing": np.array([[np.nan], [0.0]])}
+    table = without_views(2, np.ones((1, 1)), **known, track_scores=np.array([[np.nan], [-2.0]]))
+    factors = existence_beside_rivals(np.array([0.5, 0.5]), table.existed, table.track_scores)
+    assert factors == pytest.approx(1.0 - 0.5 / (1.0 + np.exp(-2.0)), rel=1e-12)
 
 
 def innovation(rng: np.random.Generator, count: int) -> JointInnovation:
