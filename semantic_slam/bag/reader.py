@@ -65,9 +65,10 @@ class IndexedSource:
 class BagReader:
     """Context manager that reads one bag. Topic names are absolute (``/odom``), however the bag spells them."""
 
-    def __init__(self, path: Path) -> None:
-        """Raise InputError when ``path`` does not exist."""
+    def __init__(self, path: Path, *, announces: bool = True) -> None:
+        """Raise InputError when ``path`` does not exist. ``announces``: a notice is printed about an unfinished bag."""
         self.path = Path(path)
+        self._announces = announces
         if not self.path.exists():
             raise InputError(f"{self.path}: no such bag; {REMEDY}")
         self.damage = ""  # why the bag cannot be read completely
@@ -214,7 +215,7 @@ class BagReader:
             f"{self.path}: its recorder was killed before it closed the bag; the {self.num_messages} messages that it"
             " had written are used; end a recorder with Ctrl-C (SIGINT) to lose none"
         )
-        if self.unfinished not in _announced:
+        if self._announces and self.unfinished not in _announced:
             _announced.add(self.unfinished)
             print(self.unfinished, file=sys.stderr)
 

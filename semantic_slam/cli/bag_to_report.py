@@ -56,12 +56,19 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument(
         "--explain", action="store_true", help="the evidence for each object in the report; infers the run once more"
     )
+    parser.add_argument(
+        "--backends",
+        type=int,
+        metavar="N",
+        help="processes that share the inference, beside one that reads ahead; 0: all in one process (default: 1 for a"
+        " long bag where there are two cores); the beliefs are the same",
+    )
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="bags at once (default: 1)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the bags (default: none)")
     add_overwrite(parser)
     arguments = parser.parse_args(words)
     arguments.bag = arguments.bags[0]
-    for name, least in (("seed", 0), ("max_keyframes", 1), ("jobs", 1)):
+    for name, least in (("seed", 0), ("max_keyframes", 1), ("backends", 0), ("jobs", 1)):
         value = getattr(arguments, name)
         if value is not None and value < least:
             raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {least}; correct the number")
@@ -141,12 +148,12 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
     Raises InputError.
     """
     from semantic_slam.maps.map_file import read_map_prior
-    from semantic_slam.pipeline.offline import run_bag
+    from semantic_slam.pipeline.shared_run import run_shared
 
     if arguments.compare:
         print(f"run: {name}")
     prior = read_map_prior(arguments.map_prior) if arguments.map_prior else None
-    summary = run_bag(arguments.bag, beliefs, configuration, prior, arguments.max_keyframes)
+    summary = run_shared(arguments.bag, beliefs, configuration, prior, arguments.max_keyframes, arguments.backends)
     print(f"{summary.num_keyframes} keyframes of {summary.num_frames} frames")
     for reason, count in sorted(summary.dropped.items()):
         print(f"dropped: {reason} ({count})")

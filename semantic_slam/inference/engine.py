@@ -140,6 +140,8 @@ class Engine:
         """Update the belief with one keyframe (Algorithm 4.1). Raises SemanticSlamError when no hypothesis survives."""
         self.budget.begin()
         step = self.introduce(keyframe)
+        self.pool.begin(keyframe)
+        self.look_back(step)  # while backends in other processes weigh
         weighed = self.propagate_weights(keyframe, step)  # of all continuations of every component with w > 0
         candidates = self.copies.merged(weighed)
         kept = self.prune_and_normalise(candidates)
@@ -174,6 +176,13 @@ class Engine:
                 f"keyframe {index}: its stamp of {stamp_ns} ns is before the {last_ns} ns of keyframe {index - 1}; give"
                 " keyframes in the order of time, and start another run where the clock was set back"
             )
+
+    def look_back(self, step: Step) -> None:
+        """Replay histories that may enter with this keyframe, as far as that is possible before it is weighed."""
+        if self.revision.is_on or self.relocation.is_on or self.recovery.is_on:
+            self.steps.append(step)
+        if self.revision.is_on:
+            self.revision.go_on()
 
     def propagate_weights(self, keyframe: Keyframe, step: Step) -> CandidateTable:
         """PropWeights: predict every component and weigh each association beta_k of Z_k, w psi (Eqs. 4.18-4.21).
@@ -220,8 +229,6 @@ class Engine:
         lost robot in the map (``relocation``: global localisation), or explain the data by a kidnapped robot
         (``recovery``). Returns the components and their objects.
         """
-        if self.revision.is_on or self.relocation.is_on or self.recovery.is_on:
-            self.steps.append(step)
         ratio = self.problem.pruning.ratio
         poses = {number: components[number].pose for number in self.live}
         places = {number: pose[:3] for number, pose in poses.items()}

@@ -34,6 +34,9 @@ class InProcessPool:
         for backend in self._backends:
             backend.learn(keyframe)
 
+    def begin(self, keyframe: Keyframe) -> None:
+        """Nothing: backends of this process work when they are asked."""
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every live hypothesis."""
         return [backend.expand(keyframe) for backend in self._backends]

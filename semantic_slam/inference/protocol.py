@@ -127,6 +127,9 @@ class BackendPool(Protocol):
     def start(self, run: RunConfiguration) -> None:
         """Give every backend the run's configuration; they hold the root hypothesis from then on."""
 
+    def begin(self, keyframe: Keyframe) -> None:
+        """Have backends in other processes begin round one; :meth:`expand` of the same keyframe then collects it."""
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every backend."""
 

@@ -8,7 +8,7 @@ from threading import Thread
 import pytest
 
 from semantic_slam.configuration import load_configuration
-from semantic_slam.pipeline import offline
+from semantic_slam.pipeline import front_end, offline
 from semantic_slam.pipeline.interrupts import noted_interrupts
 
 ROOT = Path(__file__).parents[2]
@@ -73,14 +73,14 @@ def test_one_that_comes_while_the_network_is_loaded_waits_until_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """PyTorch aborts the process if a KeyboardInterrupt is raised in the midst of its import."""
-    build, reached = offline.build_classifier, []
+    build, reached = front_end.build_classifier, []
 
     def interrupted(configuration):
         signal.raise_signal(signal.SIGINT)
         reached.append("built")
         return build(configuration)
 
-    monkeypatch.setattr(offline, "build_classifier", interrupted)
+    monkeypatch.setattr(front_end, "build_classifier", interrupted)
     configuration = load_configuration(ROOT / "config" / "default.yaml")
     with pytest.raises(KeyboardInterrupt):
         offline.run_bag(ROOT / "bags" / "aliased_room", tmp_path / "belief", configuration)

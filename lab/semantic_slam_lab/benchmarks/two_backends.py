@@ -10,7 +10,7 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam_lab.benchmarks.row import Row
 from semantic_slam_lab.grid.hypothesis_fan import TRACKED
-from semantic_slam_lab.grid.process_pool import ProcessPool
+from semantic_slam_lab.grid.measured_pool import MeasuredPool
 from semantic_slam_lab.grid.run import keyframes_of, run_of
 from semantic_slam_lab.grid.world import World, grid_world
 
@@ -27,7 +27,7 @@ def two_backends(quick: bool, seed: int) -> list[Row]:
     run = many_hypotheses(world)
     times: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
     held = []
-    with ProcessPool(1) as one, ProcessPool(2) as two:
+    with MeasuredPool(1) as one, MeasuredPool(2) as two:
         managers = {1: (Engine.of_run(run, one), one), 2: (Engine.of_run(run, two), two)}
         for index, keyframe in enumerate(keyframes_of(world)):
             for number, (manager, pool) in managers.items():
@@ -38,7 +38,7 @@ def two_backends(quick: bool, seed: int) -> list[Row]:
                     times[number].append((pool.seconds - before[0], pool.busy_seconds - before[1]))
     (single, busy), (double, shared) = (np.median(times[number], axis=0).tolist() for number in (1, 2))
     how = (
-        f"expand and commit, wall time with the exchange between processes (spawned, pickles over pipes); at least"
+        f"expand and commit, wall time with the exchange between processes (pickles over sockets); at least"
         f" {min(held[2 * WARM_UP :])} hypotheses in, at most {HYPOTHESES} out, {DETECTIONS} detections of 6 objects;"
         " throughput of 2 backends over that of 1, each a process beside the manager's; CPU time of the slower backend:"
         f" {busy / shared:.2f} times less"

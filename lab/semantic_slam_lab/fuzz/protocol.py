@@ -29,6 +29,9 @@ class ListeningPool:
         self.said.append(to_message(run))
         self._pool.start(run)
 
+    def begin(self, keyframe: Keyframe) -> None:
+        self._pool.begin(keyframe)
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         self.said.append(to_message(keyframe, run_id=self._run_id))
         return self._pool.expand(keyframe)

@@ -100,6 +100,9 @@ class _WatchedPool:
     def start(self, run: RunConfiguration) -> None:
         self._backend.start(run)
 
+    def begin(self, keyframe: Keyframe) -> None:
+        pass
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         self.answers = [self._backend.expand(keyframe)]
         return self.answers

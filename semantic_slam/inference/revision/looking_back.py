@@ -1,9 +1,10 @@
 """One look back from a live history: alternatives that may be likelier are replayed and enter by their weight."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from functools import reduce
+from itertools import chain
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from semantic_slam.inference.open_world.moving.mover_proposals import (
     with_mover,
     with_standing,
 )
-from semantic_slam.inference.revision.catching_up import CatchingUp
+from semantic_slam.inference.revision.catching_up import CatchingUp, Level
 from semantic_slam.inference.revision.hindsight.beside import seldom_beside, without_second_boxes
 from semantic_slam.inference.revision.hindsight.dissolving import Dissolving
 from semantic_slam.inference.revision.hindsight.hindsight import HIDES
@@ -62,6 +63,7 @@ class LookingBack:
         self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
         self._dissolving = Dissolving(settings.proposals, replay, registry)
         self._catching_up = CatchingUp(replay)
+        self._ahead: Iterator[Level] | None = None  # of replays that have gone on through the newest keyframe already
         self._subject: Lineage = ()  # the history that alternatives are sought for
         self._kinds: Set[Kind] = frozenset()  # kinds of alternatives sought
         self._log_surplus = 0.0  # log ratio of its weight with merged near copies to its own
@@ -69,7 +71,13 @@ class LookingBack:
     @property
     def is_idle(self) -> bool:
         """Whether no proposal of an earlier look is still being replayed."""
-        return self._catching_up.is_idle
+        return self._catching_up.is_idle and self._ahead is None
+
+    def go_on(self) -> None:
+        """Replay waiting histories until one has caught up with the newest keyframe, or enough is done for now."""
+        levels = self._catching_up.go_on()
+        first = next(levels, None)
+        self._ahead = iter(()) if first is None else chain((first,), levels)
 
     def begin(self, present: Present, kinds: Set[Kind]) -> None:
         """Begin a look at the best history, unless only duplicate boxes are due and nothing is suspected to be one."""
@@ -90,7 +98,8 @@ class LookingBack:
         surplus.
         """
         live, found = present.live, dict[int, Hypothesis]()
-        for asked, own in self._catching_up.go_on():
+        levels, self._ahead = self._ahead or self._catching_up.go_on(), None
+        for asked, own in levels:
             if asked is self._subject:
                 self._look(own, present)
                 continue

@@ -34,6 +34,16 @@ class Revision:
         """Whether any kind of revision is enabled."""
         return self._settings.is_on
 
+    def go_on(self) -> None:
+        """Replay, through the newest keyframe, as far as that needs no knowledge of the hypotheses after it.
+
+        To be called while other processes weigh these. :meth:`revised` does what is left, in any case all.
+        """
+        if len(self._replay.steps) > self._settings.horizon:
+            self._looking_back.give_up()
+        elif not self._looking_back.is_idle:
+            self._looking_back.go_on()
+
     def revised(self, present: Present) -> dict[int, Hypothesis]:
         """New hypotheses, by id, whose weight relative to the one that each revises is above the pruning ratio."""
         count = len(self._replay.steps)

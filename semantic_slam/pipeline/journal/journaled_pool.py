@@ -45,6 +45,11 @@ class JournaledPool:
         """Start a run."""
         self._pool.start(run)
 
+    def begin(self, keyframe: Keyframe) -> None:
+        """Have the backends begin round one, unless its answers are in the journal."""
+        if self._journal.next is None:
+            self._pool.begin(keyframe)
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the answers from the journal, or else those of the backends."""
         if self._journal.next is not None:

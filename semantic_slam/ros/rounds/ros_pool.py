@@ -5,7 +5,7 @@ import queue
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import rclpy
 from rclpy.node import Node
@@ -35,6 +35,14 @@ PATIENCE_S = 0.5
 """Tolerated loss of liveliness: after a suspend of the machine all backends lose it, and regain it at once."""
 
 
+class Begun(NamedTuple):
+    """A round that backends were asked to begin."""
+
+    keyframe: int
+    request: bytes
+    readers: int  # matched with the topic when it was sent
+
+
 class RosPool:
     """A ``BackendPool`` over topics; rounds run on the worker's thread, answers arrive on the executor's thread.
 
@@ -57,6 +65,7 @@ class RosPool:
         self._back: set[int] = set()  # backends that were given up and answer again
         self._logger = node.get_logger()
         self._watch = Watch(node, backend_ids)
+        self._begun: Begun | None = None  # round one, begun and not collected
         self._awaited: tuple[int, ...] = ()
         self._goes_on = False  # recovering after a restart, no keyframe requested since
         self._since_s = time.monotonic()
@@ -88,20 +97,31 @@ class RosPool:
         self.kept.add(keyframe)
         self._goes_on = True
 
-    def expand(self, keyframe: Keyframe) -> list[Candidates]:
-        """Round one: request the candidates of every live hypothesis."""
+    def begin(self, keyframe: Keyframe) -> None:
+        """Request the candidates of every live hypothesis, which :meth:`expand` then collects."""
         self.kept.add(keyframe)
         request = encode(keyframe, run_id=self._run_id)
         if self._goes_on:  # backends may be ahead: a request sent twice tells them where the manager is
             self._keyframes.send(request)
             self._goes_on = False
-        answers = self._ask(self._keyframes, request, self._candidates, topics.CANDIDATES, keyframe.index)
+        self._begun = Begun(keyframe.index, request, self._keyframes.num_readers)
+        self._keyframes.send(request)
+
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
+        """Round one: the candidates of every live hypothesis."""
+        if self._begun is None or self._begun.keyframe != keyframe.index:
+            self.begin(keyframe)
+        begun, self._begun = self._begun, None
+        assert begun is not None
+        answers = self._ask(self._keyframes, self._candidates, topics.CANDIDATES, begun)
         self._welcome()
         return answers
 
     def commit(self, commit: Commit) -> list[Components]:
         """Round two: request the components of the surviving hypotheses, which the backends fork and update."""
-        return self._ask(self._commits, encode(commit), self._components, topics.COMPONENTS, commit.keyframe)
+        begun = Begun(commit.keyframe, encode(commit), self._commits.num_readers)
+        self._commits.send(begun.request)
+        return self._ask(self._commits, self._components, topics.COMPONENTS, begun)
 
     def offer(self, components: Mapping[int, Component]) -> None:
         """Does nothing: backends in other processes rebuild the components that they are to hold."""
@@ -154,15 +174,12 @@ class RosPool:
             return Status(name, Level.WARN, f"{name} has been gone for {missing_s:.0f} s; start it again")
         return Status(name, Level.OK, "answering")
 
-    def _ask(
-        self, outlet: Outlet, request: bytes, answers: "queue.SimpleQueue[bytes]", topic: str, index: int
-    ) -> list[Any]:
-        """Send a request and collect one answer per backend, ordered by id; backends may be given up meanwhile."""
+    def _ask(self, outlet: Outlet, answers: "queue.SimpleQueue[bytes]", topic: str, begun: Begun) -> list[Any]:
+        """Collect one answer per backend to a request, ordered by id; backends may be given up meanwhile."""
         collected: dict[int, Any] = {}
+        index, request, readers = begun
         self._what, self._since_s = f"{topic.rsplit('/', 1)[-1]} of keyframe {index}", time.monotonic()
         self._awaited = self.backend_ids
-        readers = outlet.num_readers
-        outlet.send(request)
         asked_s = self._since_s
         while self._awaited:
             answer = self._next(answers, topic)

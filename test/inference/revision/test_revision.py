@@ -6,13 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from worlds.drives.drifted_return import LANDMARKS, SIGMAS, open_world, return_with_drift, seen_from
 from worlds.drives.open_room import make_room
 from worlds.same_beliefs import assert_same
 
-from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe
+from semantic_slam import Configuration, Engine, Keyframe
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
-from semantic_slam.geometry import se2
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.open_world.keyframe.open_association import OpenAssociation
 from semantic_slam.inference.pool import InProcessPool
@@ -24,42 +24,6 @@ from semantic_slam.inference.smoothing import trunks
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import Lineage, LineageStep
 from semantic_slam.ros.rounds.round_checks import fault_of_commit
-
-LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])
-SIGMAS = np.array([0.05, 0.02])
-
-
-def open_world(revision: dict[str, int], **pruning: float) -> Configuration:
-    region = {"min_range_m": 0.3, "max_range_m": 8.0, "field_of_view_rad": 2.5, "occluder_radius_m": 0.0}
-    rates = {"detection_probability": 0.6, "clutter_per_frame": 0.01, "birth_density": 0.1}
-    return Configuration.of(
-        association="open",
-        semantic_model={"kind": "none"},
-        open_world={**region, **rates, "iterate_updates": False},
-        pruning=pruning,
-        revision=revision,
-    )
-
-
-def seen_from(robot: np.ndarray, numbers: list[int]) -> list[Detection]:
-    points = [se2.between(robot, np.array([*LANDMARKS[n], 0.0]))[:2] for n in numbers]
-    polar = [(float(np.hypot(*p)), float(np.arctan2(p[1], p[0]))) for p in points]
-    return [Detection(range_m=r, bearing_rad=b, covariance=np.diag(SIGMAS**2)) for r, b in polar]
-
-
-def return_with_drift(revision: dict[str, int]) -> tuple[Engine, list[HybridBelief]]:
-    """One hypothesis alone: back from a blind stretch with 1.9 m of drift, it takes what it sees first for new."""
-    engine = Engine(open_world(revision, max_hypotheses=1), initial_covariance=np.diag([1e-6] * 3))
-    beliefs = [
-        engine.process(Keyframe.planar(k, detections=seen_from(np.zeros(3), [0, 1, 2]), motion_sigmas=(1e-3,) * 3))
-        for k in range(3)
-    ]
-    drift = np.array([-1.2, 1.4, 0.0])
-    for k, numbers in enumerate([[0], [1], [2], [0], [1], [2]], start=3):
-        motion, sigmas = (drift, (1.0, 1.0, 0.05)) if k == 3 else (np.zeros(3), (1e-3,) * 3)
-        detections = seen_from(np.zeros(3), numbers)
-        beliefs.append(engine.process(Keyframe.planar(k, motion=motion, detections=detections, motion_sigmas=sigmas)))
-    return engine, beliefs
 
 
 def test_objects_that_were_started_twice_become_one_when_more_of_them_is_seen() -> None:

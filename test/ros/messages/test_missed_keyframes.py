@@ -41,6 +41,9 @@ class Restarting:
         self.order = WorkOrder(lambda: Backend(0))
         self.order.take(encode(self._run), topics.TYPES[topics.RUN_CONFIGURATION])
 
+    def begin(self, keyframe: Keyframe) -> None:
+        pass
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         self._kept.add(keyframe)
         data = encode(keyframe, run_id=self._run.run_id)

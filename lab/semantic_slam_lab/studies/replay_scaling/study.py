@@ -16,7 +16,7 @@ from tqdm import tqdm
 from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
-from semantic_slam_lab.grid.process_pool import ProcessPool
+from semantic_slam_lab.grid.measured_pool import MeasuredPool
 from semantic_slam_lab.grid.run import keyframes_of, run_of
 from semantic_slam_lab.grid.world import Noise, World, grid_world
 from semantic_slam_lab.studies.replay_scaling.page import claims_of, figure_of, table_of
@@ -80,7 +80,7 @@ def replay(world: World, num_backends: int, limit_s: float) -> Replay:
     """All keyframes of a world, or those that are done within ``limit_s`` seconds."""
     found = Replay(len(world.object_means), num_backends, len(world.frames), [], [], [], [], None, [])
     try:
-        with ProcessPool(num_backends, limit_s) as pool:
+        with MeasuredPool(num_backends, limit_s) as pool:
             manager = Engine.of_run(run_of(world), pool)
             for frame, keyframe in zip(world.frames, keyframes_of(world), strict=True):
                 busy, start = pool.busy_seconds, time.perf_counter()

@@ -1,0 +1,43 @@
+"""A backend in a process of its own: ``python -m semantic_slam.inference.processes.backend_process NUMBER SOCKET``.
+
+SOCKET is the file descriptor, inherited, on which questions come; the process ends when that is closed.
+"""
+
+import sys
+import time
+import traceback
+from multiprocessing.connection import Connection
+from typing import Any
+
+from semantic_slam.errors import SemanticSlamError
+from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.processes.questions import Answer, Question
+
+
+def serve(number: int, connection: Connection) -> None:
+    """Answer the questions that come over ``connection`` until it is closed."""
+    backend = Backend(number)
+    try:
+        while True:
+            connection.send(answered(backend, connection.recv()))
+    except (EOFError, ConnectionError):
+        return
+
+
+def answered(backend: Backend, question: Question) -> Answer:
+    """The answer to a question; what the backend raises is handed over, to be raised by the one who asks."""
+    began = time.process_time()
+    value: Any = None
+    fault: Exception | None = None
+    try:
+        value = getattr(backend, question.name)(question.argument)
+    except SemanticSlamError as error:
+        fault = error
+    except Exception as error:  # a defect: told with the place where it is
+        error.add_note(traceback.format_exc())
+        fault = error
+    return Answer(value, time.process_time() - began, fault)
+
+
+if __name__ == "__main__":
+    serve(int(sys.argv[1]), Connection(int(sys.argv[2])))

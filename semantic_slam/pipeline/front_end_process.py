@@ -1,0 +1,119 @@
+"""A front end in a process of its own, which reads ahead and perceives while this process infers.
+
+``python -m semantic_slam.pipeline.front_end_process SOCKET`` takes its order on that file descriptor, and sends what it
+makes of the bag.
+"""
+
+import sys
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+from semantic_slam.bag.mcap_stream import RawMessage
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.child_process import ChildProcess
+from semantic_slam.errors import InputError, SemanticSlamError
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.front_end import FrontEnd, Reading, ReadingOrder, Receiver
+
+MODULE = "semantic_slam.pipeline.front_end_process"
+
+
+Made = tuple[str, Any]
+"""The method of a receiver that takes what was made of the bag next, and its argument."""
+
+
+class FrontEndProcess:
+    """Has a process read a bag; what it makes of it is passed on here, in order."""
+
+    def __init__(self, order: ReadingOrder, receiver: Receiver) -> None:
+        self._receiver = receiver
+        self._child = ChildProcess("the process that reads the bag", MODULE)
+        self._child.send(order)
+        self.reading = Reading({}, 0, None)
+
+    def read(self, check_interrupts: Callable[[], None]) -> None:
+        """Pass on all that the process makes of the bag, up to what ``check_interrupts`` raises.
+
+        Raises SemanticSlamError where the process has ended or fails.
+        """
+        try:
+            self._pass_on(check_interrupts)
+        except BaseException:
+            self._child.end(at_once=True)
+            raise
+        self._child.end(at_once=False)
+
+    def _pass_on(self, check_interrupts: Callable[[], None]) -> None:
+        """Take everything up to the last message, which says what became of the bag."""
+        stopped: BaseException | None = None
+        while not isinstance(made := self._child.receive(), Reading):
+            if isinstance(made, Exception):
+                raise made
+            if stopped is None and (stopped := self._taken(made, check_interrupts)) is not None:
+                self._child.send(None)  # it is to stop; what it has made until then is left
+        self.reading = made
+        if isinstance(stopped, InputError):
+            self.reading = made._replace(fault=stopped)
+        elif stopped is not None:
+            raise stopped
+
+    def _taken(self, made: Made, check_interrupts: Callable[[], None]) -> BaseException | None:
+        """Have the receiver take something; returns what ends the run, or None."""
+        try:
+            check_interrupts()
+            taken_by, value = made
+            getattr(self._receiver, taken_by)(value)
+        except (SemanticSlamError, KeyboardInterrupt) as fault:
+            return fault
+        return None
+
+
+class _StopError(Exception):
+    """Nothing more is wanted."""
+
+
+class _Sender:
+    """A receiver that sends all to the other process."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def copy(self, message: RawMessage) -> None:
+        self._connection.send(("copy", message))
+
+    def measured(self, measurements: SemanticMeasurements) -> None:
+        self._connection.send(("measured", measurements))
+
+    def keyframe(self, keyframe: Keyframe) -> None:
+        self._connection.send(("keyframe", keyframe))
+
+    def check(self) -> None:
+        """Raises _StopError where the other process has said so, or ended."""
+        if self._connection.poll():
+            raise _StopError
+
+
+def serve(connection: Connection) -> None:
+    """Read a bag as ordered over ``connection``; ends early where the other process says so, or ends."""
+    order: ReadingOrder = connection.recv()
+    sender = _Sender(connection)
+    with suppress(ConnectionError):
+        try:
+            with BagReader(order.bag, announces=False) as reader:
+                front = FrontEnd(order, reader, sender)
+                with suppress(_StopError):
+                    front.read(sender.check)
+            connection.send(front.reading)
+        except ConnectionError:
+            raise
+        except Exception as fault:
+            fault.add_note(traceback.format_exc())
+            connection.send(fault)
+
+
+if __name__ == "__main__":
+    serve(Connection(int(sys.argv[1])))

@@ -1,0 +1,122 @@
+"""Runs that a few processes share: what they write, drop and say is what one process does."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from worlds.bags.bag_factory import input_entries, of_topic, without, write_bag, write_configuration
+from worlds.bags.places import place_entries
+
+from semantic_slam.bag.reader import BagReader
+from semantic_slam.configuration import Configuration, load_configuration
+from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.pipeline.offline import RunSummary, run_bag
+from semantic_slam.pipeline.shared_run import run_shared
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[2]
+
+
+def both(folder: Path, bag: Path, configuration: Configuration, most: int | None = None) -> tuple[RunSummary, ...]:
+    """By one process and by three; all messages are compared byte for byte."""
+    alone = run_bag(bag, folder / "alone", configuration, max_keyframes=most)
+    shared = run_shared(bag, folder / "shared", configuration, max_keyframes=most, backends=1)
+    assert _messages(folder / "shared") == _messages(folder / "alone")
+    return alone, shared
+
+
+def _messages(bag: Path) -> list[tuple[str, int, bytes]]:
+    with BagReader(bag) as reader:
+        return [(item.topic, item.stamp_ns, item.cdr) for item in reader.messages(reader.topics)]
+
+
+def told(summary: RunSummary) -> tuple[object, ...]:
+    return summary.num_frames, summary.num_keyframes, summary.dropped, str(summary.fault)
+
+
+@pytest.mark.parametrize("most", [None, 2])
+def test_all_that_is_written_and_dropped_is_the_same(tmp_path: Path, most: int | None) -> None:
+    configuration = load_configuration(write_configuration(tmp_path / "configuration"))
+    entries = input_entries(4)
+    end = max(entry.stamp_ns for entry in entries)
+    late = [replace(of_topic(entries, topic)[0], stamp_ns=end + 1) for topic in (topics.ODOMETRY, topics.DETECTIONS)]
+    alone, shared = both(tmp_path, write_bag(tmp_path / "bag", [*entries, *late]), configuration, most)
+    assert told(shared) == told(alone)
+    assert shared.num_keyframes == (most or 4)
+    assert bool(shared.dropped) == (most is None)
+
+
+def test_a_damaged_bag_is_used_up_to_its_damage(tmp_path: Path) -> None:
+    configuration = load_configuration(write_configuration(tmp_path / "configuration"))
+    bag = write_bag(tmp_path / "bag", place_entries("ranges"))
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    alone, shared = both(tmp_path, bag, configuration)
+    assert told(shared) == told(alone)
+    assert shared.fault is not None
+
+
+def test_a_bag_without_a_keyframe_is_refused_in_the_same_words(tmp_path: Path) -> None:
+    configuration = load_configuration(write_configuration(tmp_path / "configuration"))
+    entries = place_entries("ranges")
+    nowhere = of_topic(entries, topics.ODOMETRY)[0]
+    nowhere.message.pose.pose.position.x = float("nan")
+    bag = write_bag(tmp_path / "bag", [*without(entries, topics.ODOMETRY), nowhere])
+    with pytest.raises(InputError) as here:
+        run_bag(bag, tmp_path / "alone", configuration)
+    with pytest.raises(InputError) as there:
+        run_shared(bag, tmp_path / "shared", configuration, backends=1)
+    assert str(there.value) == str(here.value)
+
+
+@pytest.mark.parametrize("place", ["backend_process", "front_end_process"])
+def test_a_process_that_is_lost_ends_the_run_with_a_remedy(tmp_path: Path, place: str) -> None:
+    with _reported(tmp_path / "out") as command:
+        (number,) = [n for n, words in _children(command.pid).items() if place in words]
+        os.kill(number, signal.SIGKILL)
+        _, words = command.communicate(timeout=120)
+    assert command.returncode == 1
+    assert "ended with exit code -9; free memory, or run all in one process: --backends 0" in words.splitlines()[-1]
+
+
+def test_ctrl_c_ends_all_processes(tmp_path: Path) -> None:
+    with _reported(tmp_path / "out") as command:
+        children = _children(command.pid)
+        command.send_signal(signal.SIGINT)
+        command.communicate(timeout=120)
+    assert command.returncode == 130
+    assert len(children) == 2
+    for number in children:
+        with pytest.raises(ProcessLookupError):
+            os.kill(number, 0)
+
+
+@contextmanager
+def _reported(out: Path) -> Iterator[subprocess.Popen[str]]:
+    """A report of the shipped bag by three processes, once its first frame is done."""
+    words = ["-m", "semantic_slam.cli.bag_to_report", str(ROOT / "bags/aliased_room"), "--backends", "1"]
+    command = subprocess.Popen([sys.executable, *words, "--out", str(out)], stderr=subprocess.PIPE, text=True)
+    try:
+        assert command.stderr is not None
+        said = ""
+        while not re.search(r" [1-9]\d*/67 ", said):
+            said += command.stderr.read(1)
+        yield command
+    finally:
+        command.kill()
+        command.wait()
+
+
+def _children(parent: int) -> dict[int, str]:
+    """Processes of the command, with their command lines."""
+    numbers = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    return {int(number): Path(f"/proc/{number}/cmdline").read_text() for number in numbers}
