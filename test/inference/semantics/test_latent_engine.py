@@ -134,6 +134,9 @@ class _Pool:
     def start(self, run) -> None:
         self.backend.start(run)
 
+    def begin(self, keyframe) -> None:
+        pass
+
     def expand(self, keyframe):
         return [self.backend.expand(keyframe)]
 

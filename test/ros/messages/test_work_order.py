@@ -47,6 +47,9 @@ class Wire:
         self._run_id = run.run_id
         self._say(encode(run), to_message(run).__msgtype__)
 
+    def begin(self, keyframe: Keyframe) -> None:
+        pass
+
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         message = to_message(keyframe, run_id=self._run_id)
         return self._say(serialize(message), message.__msgtype__)
