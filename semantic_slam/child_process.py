@@ -72,5 +72,5 @@ class ChildProcess:
     def _ended(self) -> SemanticSlamError:
         return SemanticSlamError(
             f"{self._name} ended with exit code {self._process.wait()}; free memory, or run all in one process:"
-            " --backends 0"
+            " --processes 1"
         )

@@ -57,18 +57,18 @@ def parse(words: list[str] | None = None) -> Namespace:
         "--explain", action="store_true", help="the evidence for each object in the report; infers the run once more"
     )
     parser.add_argument(
-        "--backends",
+        "--processes",
         type=int,
         metavar="N",
-        help="processes that share the inference, beside one that reads ahead; 0: all in one process (default: 1 for a"
-        " long bag where there are two cores); the beliefs are the same",
+        help="that share a run: 1: all in one; 2: another one reads ahead; more: the others share the hypotheses of a"
+        " crowded drive (default: 2 for a long bag where there are two cores, else 1); the beliefs are the same",
     )
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="bags at once (default: 1)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the bags (default: none)")
     add_overwrite(parser)
     arguments = parser.parse_args(words)
     arguments.bag = arguments.bags[0]
-    for name, least in (("seed", 0), ("max_keyframes", 1), ("backends", 0), ("jobs", 1)):
+    for name, least in (("seed", 0), ("max_keyframes", 1), ("processes", 1), ("jobs", 1)):
         value = getattr(arguments, name)
         if value is not None and value < least:
             raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {least}; correct the number")
@@ -153,7 +153,7 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
     if arguments.compare:
         print(f"run: {name}")
     prior = read_map_prior(arguments.map_prior) if arguments.map_prior else None
-    summary = run_shared(arguments.bag, beliefs, configuration, prior, arguments.max_keyframes, arguments.backends)
+    summary = run_shared(arguments.bag, beliefs, configuration, prior, arguments.max_keyframes, arguments.processes)
     print(f"{summary.num_keyframes} keyframes of {summary.num_frames} frames")
     for reason, count in sorted(summary.dropped.items()):
         print(f"dropped: {reason} ({count})")

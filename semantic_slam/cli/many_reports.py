@@ -85,8 +85,8 @@ def _own_name(bag: Path) -> str:
 
 
 def _words(arguments: Namespace, bag: Path, out: Path) -> list[str]:
-    """Command line arguments for one bag, which runs in one process unless ``--backends`` says otherwise."""
-    words = [str(bag.resolve()), "--out", str(out.resolve()), "--backends", str(arguments.backends or 0)]
+    """Command line arguments for one bag, which runs in one process unless ``--processes`` says otherwise."""
+    words = [str(bag.resolve()), "--out", str(out.resolve()), "--processes", str(arguments.processes or 1)]
     for flag in ("config", "seed", "max_keyframes", "map_prior"):
         value = getattr(arguments, flag)
         if value is not None:

@@ -12,7 +12,7 @@ from semantic_slam.messages import topics
 from semantic_slam.pipeline.offline import RunSummary, run_bag
 
 LONG = 200
-"""Frames from which on other processes are worth their start, which takes each some two seconds."""
+"""Frames from which on another process is worth its start, which takes some two seconds."""
 
 
 def run_shared(
@@ -21,23 +21,25 @@ def run_shared(
     configuration: Configuration,
     map_prior: MapPrior | None = None,
     max_keyframes: int | None = None,
-    backends: int | None = None,
+    processes: int | None = None,
 ) -> RunSummary:
-    """:func:`run_bag` with as many processes of backends, and one that reads ahead; the same beliefs, bit for bit.
+    """:func:`run_bag` by as many processes, with the same beliefs.
 
-    ``backends`` 0: all in this process; None: 1 for a long bag where there are two cores, else 0. Raises InputError.
+    ``processes`` 1: this one alone; 2: another one reads ahead and perceives; more: the others share the hypotheses;
+    None: 2 for a long bag where there are two cores, else 1. Raises InputError.
     """
-    if backends is None:
-        backends = _worthwhile(bag)
-    if not backends:
-        return run_bag(bag, out_bag, configuration, map_prior, max_keyframes)
-    with ProcessPool(backends) as pool:
-        return run_bag(bag, out_bag, configuration, map_prior, max_keyframes, pool, reads_ahead=True)
+    if processes is None:
+        processes = 2 if _is_worthwhile(bag) else 1
+    reads_ahead = processes > 1
+    if processes <= 2:
+        return run_bag(bag, out_bag, configuration, map_prior, max_keyframes, reads_ahead=reads_ahead)
+    with ProcessPool(processes - 2) as pool:
+        return run_bag(bag, out_bag, configuration, map_prior, max_keyframes, pool, reads_ahead=reads_ahead)
 
 
-def _worthwhile(bag: Path) -> int:
+def _is_worthwhile(bag: Path) -> bool:
     if len(os.sched_getaffinity(0)) < 2:
-        return 0
+        return False
     with BagReader(bag, announces=False) as reader:
         counts = reader.counts
-    return int(max(counts[absolute(topic)] for topic in (topics.MEASUREMENTS, topics.DETECTIONS)) >= LONG)
+    return max(counts[absolute(topic)] for topic in (topics.MEASUREMENTS, topics.DETECTIONS)) >= LONG

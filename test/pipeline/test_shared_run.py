@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 def both(folder: Path, bag: Path, configuration: Configuration, most: int | None = None) -> tuple[RunSummary, ...]:
     """By one process and by three; all messages are compared byte for byte."""
     alone = run_bag(bag, folder / "alone", configuration, max_keyframes=most)
-    shared = run_shared(bag, folder / "shared", configuration, max_keyframes=most, backends=1)
+    shared = run_shared(bag, folder / "shared", configuration, max_keyframes=most, processes=3)
     assert _messages(folder / "shared") == _messages(folder / "alone")
     return alone, shared
 
@@ -74,7 +74,7 @@ def test_a_bag_without_a_keyframe_is_refused_in_the_same_words(tmp_path: Path) -
     with pytest.raises(InputError) as here:
         run_bag(bag, tmp_path / "alone", configuration)
     with pytest.raises(InputError) as there:
-        run_shared(bag, tmp_path / "shared", configuration, backends=1)
+        run_shared(bag, tmp_path / "shared", configuration, processes=3)
     assert str(there.value) == str(here.value)
 
 
@@ -85,7 +85,7 @@ def test_a_process_that_is_lost_ends_the_run_with_a_remedy(tmp_path: Path, place
         os.kill(number, signal.SIGKILL)
         _, words = command.communicate(timeout=120)
     assert command.returncode == 1
-    assert "ended with exit code -9; free memory, or run all in one process: --backends 0" in words.splitlines()[-1]
+    assert "ended with exit code -9; free memory, or run all in one process: --processes 1" in words.splitlines()[-1]
 
 
 def test_ctrl_c_ends_all_processes(tmp_path: Path) -> None:
@@ -103,8 +103,13 @@ def test_ctrl_c_ends_all_processes(tmp_path: Path) -> None:
 @contextmanager
 def _reported(out: Path) -> Iterator[subprocess.Popen[str]]:
     """A report of the shipped bag by three processes, once its first frame is done."""
-    words = ["-m", "semantic_slam.cli.bag_to_report", str(ROOT / "bags/aliased_room"), "--backends", "1"]
-    command = subprocess.Popen([sys.executable, *words, "--out", str(out)], stderr=subprocess.PIPE, text=True)
+    words = ["-m", "semantic_slam.cli.bag_to_report", str(ROOT / "bags/aliased_room"), "--processes", "3"]
+    command = subprocess.Popen(
+        [sys.executable, *words, "--out", str(out)],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # which those in the background ignore
+    )
     try:
         assert command.stderr is not None
         said = ""

@@ -36,7 +36,7 @@ def test_a_process_that_is_killed_is_named_with_a_remedy() -> None:
     with ProcessPool(1) as pool:
         engine = Engine.of_run(Engine(open_world({})).run, pool)
         os.kill(pool.processes[0].process_id, signal.SIGKILL)
-        with pytest.raises(SemanticSlamError, match=r"backend 0 ended with exit code -9; .*--backends 0"):
+        with pytest.raises(SemanticSlamError, match=r"backend 0 ended with exit code -9; .*--processes 1"):
             engine.process(Keyframe.planar(0))
 
 
