@@ -26,7 +26,7 @@ class ChildProcess:
         ours, theirs = socket.socketpair()
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", module, *words, str(theirs.fileno())],
+                [sys.executable, "-P", "-m", module, *words, str(theirs.fileno())],
                 stdin=subprocess.DEVNULL,
                 pass_fds=[theirs.fileno()],
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},  # the very code of this process
@@ -52,11 +52,13 @@ class ChildProcess:
         Raises TimeoutError where none comes within ``timeout_s``; None: however long it takes.
         """
         try:
-            if not self._connection.poll(timeout_s):
-                raise TimeoutError(f"{self._name} has not answered for {timeout_s} s")
-            return self._connection.recv()
-        except (EOFError, ConnectionError):
+            came = self._connection.poll(timeout_s)
+            value = self._connection.recv() if came else None
+        except (EOFError, OSError):  # the second in the midst of a value
             raise self._ended() from None
+        if not came:
+            raise TimeoutError(f"{self._name} has not answered for {timeout_s} s")
+        return value
 
     def end(self, *, at_once: bool) -> None:
         """End the process: ``at_once``, or as soon as it notices that the socket is closed."""

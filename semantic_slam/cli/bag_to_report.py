@@ -189,7 +189,7 @@ def print_files(files: list[Path]) -> None:
 
 def _announce_unused(arguments: Namespace) -> None:
     """Print which options have no effect on a belief bag, whose beliefs are not recomputed."""
-    for name in ("config", "seed", "max_keyframes", "map_prior", "compare"):
+    for name in ("config", "seed", "max_keyframes", "map_prior", "compare", "processes"):
         if getattr(arguments, name) is not None:
             print(
                 f"--{name.replace('_', '-')} has no effect: {arguments.bag} holds beliefs, which are not computed again"

@@ -96,7 +96,7 @@ class Engine:
             self.problem.open_world, self.problem.detection_errors, counts_misses=self.association.counts_misses
         )
         association = self.association(self.problem, self.registry)
-        self.steps: list[Step] = []  # of all keyframes so far; filled only if histories may be replayed (see `revise`)
+        self.steps: list[Step] = []  # of all keyframes so far; filled only if histories may be replayed
         dissolves = self.problem.spaces.name == "spatial" or self.problem.revision.second_boxes_every_keyframes > 0
         anew = self.registry if dissolves else None
         replay = Replay(self.problem, association, self.steps, anew)
@@ -141,7 +141,8 @@ class Engine:
         self.budget.begin()
         step = self.introduce(keyframe)
         self.pool.begin(keyframe)
-        self.look_back(step)  # while backends in other processes weigh
+        if self.revision.is_on:
+            self.revision.go_on()  # while backends in other processes weigh
         weighed = self.propagate_weights(keyframe, step)  # of all continuations of every component with w > 0
         candidates = self.copies.merged(weighed)
         kept = self.prune_and_normalise(candidates)
@@ -161,6 +162,8 @@ class Engine:
         self._check_sequence(keyframe)
         step = self.problem.reader.step(keyframe)
         self.association.introduce(self.registry, step)
+        if self.revision.is_on or self.relocation.is_on or self.recovery.is_on:
+            self.steps.append(step)
         self._last_stamp_ns = keyframe.stamp_ns
         return step
 
@@ -176,13 +179,6 @@ class Engine:
                 f"keyframe {index}: its stamp of {stamp_ns} ns is before the {last_ns} ns of keyframe {index - 1}; give"
                 " keyframes in the order of time, and start another run where the clock was set back"
             )
-
-    def look_back(self, step: Step) -> None:
-        """Replay histories that may enter with this keyframe, as far as that is possible before it is weighed."""
-        if self.revision.is_on or self.relocation.is_on or self.recovery.is_on:
-            self.steps.append(step)
-        if self.revision.is_on:
-            self.revision.go_on()
 
     def propagate_weights(self, keyframe: Keyframe, step: Step) -> CandidateTable:
         """PropWeights: predict every component and weigh each association beta_k of Z_k, w psi (Eqs. 4.18-4.21).

@@ -127,7 +127,7 @@ class FrontEnd:
         try:
             for message in self._reader.messages({*self._handlers, *self._copied}):
                 check_interrupts()
-                self._take(message, self._reader.decode)
+                self._take(message)
                 if self.is_done:
                     break
         except InputError as error:
@@ -149,7 +149,7 @@ class FrontEnd:
         }
         return Reading(dropped, self._last_stamp_ns, self._fault)
 
-    def _take(self, message: RawMessage, decode: Callable[[bytes, str], Any]) -> None:
+    def _take(self, message: RawMessage) -> None:
         """Process one message of the bag. Raises InputError if the run cannot continue."""
         self._last_stamp_ns = message.stamp_ns
         if message.topic in self._copied:
@@ -157,7 +157,7 @@ class FrontEnd:
         if message.topic not in self._handlers:
             return
         try:
-            content = decode(message.cdr, message.type_name)
+            content = self._reader.decode(message.cdr, message.type_name)
         except InputError:
             self._undecodable[f"{message.topic}: message does not decode"] += 1
             return

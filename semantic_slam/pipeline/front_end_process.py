@@ -30,31 +30,33 @@ class FrontEndProcess:
     """Has a process read a bag; what it makes of it is passed on here, in order."""
 
     def __init__(self, order: ReadingOrder, receiver: Receiver) -> None:
-        self._receiver = receiver
-        self._child = ChildProcess("the process that reads the bag", MODULE)
-        self._child.send(order)
-        self.reading = Reading({}, 0, None)
+        self._order, self._receiver = order, receiver
+        self.reading: Reading | None = None  # None: not known, as the process was lost
 
     def read(self, check_interrupts: Callable[[], None]) -> None:
-        """Pass on all that the process makes of the bag, up to what ``check_interrupts`` raises.
+        """Pass on all that a process makes of the bag, up to what ``check_interrupts`` raises.
 
-        Raises SemanticSlamError where the process has ended or fails.
+        Where the run cannot go on, what was read ahead is left, and counts in :attr:`reading`. Raises SemanticSlamError
+        where the process has ended or fails.
         """
+        child = ChildProcess("the process that reads the bag", MODULE)
         try:
-            self._pass_on(check_interrupts)
+            child.send(self._order)
+            self._pass_on(child, check_interrupts)
         except BaseException:
-            self._child.end(at_once=True)
+            child.end(at_once=True)
             raise
-        self._child.end(at_once=False)
+        child.end(at_once=False)
 
-    def _pass_on(self, check_interrupts: Callable[[], None]) -> None:
+    def _pass_on(self, child: ChildProcess, check_interrupts: Callable[[], None]) -> None:
         """Take everything up to the last message, which says what became of the bag."""
         stopped: BaseException | None = None
-        while not isinstance(made := self._child.receive(), Reading):
+        while not isinstance(made := child.receive(), Reading):
             if isinstance(made, Exception):
                 raise made
             if stopped is None and (stopped := self._taken(made, check_interrupts)) is not None:
-                self._child.send(None)  # it is to stop; what it has made until then is left
+                with suppress(SemanticSlamError):  # it may have read all, and have ended
+                    child.send(None)  # it is to stop, and to say what became of the bag
         self.reading = made
         if isinstance(stopped, InputError):
             self.reading = made._replace(fault=stopped)
@@ -110,7 +112,9 @@ def serve(connection: Connection) -> None:
             connection.send(front.reading)
         except ConnectionError:
             raise
-        except Exception as fault:
+        except SemanticSlamError as fault:
+            connection.send(fault)
+        except Exception as fault:  # a defect: told with the place where it is
             fault.add_note(traceback.format_exc())
             connection.send(fault)
 

@@ -58,8 +58,9 @@ def run_bag(
 
     ``map_prior`` None: the objects.json beside the bag, if there is one. ``pool`` None: a new pool with one backend in
     this process; pass one to inspect its backends afterwards, or a ``ProcessPool`` to use more cores. ``reads_ahead``:
-    a process beside this one reads and perceives. The beliefs are the same, bit for bit. Raises InputError if not a
-    single keyframe can be made; invalid input after the first keyframe ends the run and is returned in the summary.
+    a process beside this one reads and perceives, and what is written is the same, bit for bit. Raises InputError if
+    not a single keyframe can be made; invalid input after the first keyframe ends the run and is returned in the
+    summary.
     """
     if max_keyframes is not None and max_keyframes < 1:
         raise InputError(f"max_keyframes is {max_keyframes}; give 1 or more, or None for the whole bag")
@@ -118,6 +119,8 @@ class OfflineRun:
     def __init__(self, inference: InferenceStage, writer: BagWriter) -> None:
         self.num_frames, self.num_keyframes = 0, 0
         self.on_frame: Callable[[], object] = lambda: None
+        self.dropped_by: dict[str, Counter[str]] = {}
+        self.fault: InputError | None = None
         self._inference, self._writer = inference, writer
 
     def copy(self, message: RawMessage) -> None:
@@ -135,10 +138,11 @@ class OfflineRun:
         self._inference.process(keyframe, self._writer)
         self.num_keyframes += 1
 
-    def conclude(self, reading: Reading) -> None:
-        """Write the views of the last belief and a diagnostics message with the dropped counts."""
-        self.fault = reading.fault
-        self.dropped_by = {**reading.dropped_by, "hypotheses": self._inference.lost}
+    def conclude(self, reading: Reading | None) -> None:
+        """Write the views of the last belief and, if it is known, what was dropped, as a diagnostics message."""
         self._inference.finish(self._writer)
-        stamp_ns = reading.last_stamp_ns
+        if reading is None:
+            return
+        self.fault, stamp_ns = reading.fault, reading.last_stamp_ns
+        self.dropped_by = {**reading.dropped_by, "hypotheses": self._inference.lost}
         self._writer.write(topics.DIAGNOSTICS, dropped_message(stamp_ns, self.dropped_by), stamp_ns)

@@ -6,6 +6,7 @@ from pathlib import Path
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration
+from semantic_slam.errors import InputError
 from semantic_slam.inference.processes.process_pool import ProcessPool
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
@@ -26,10 +27,16 @@ def run_shared(
     """:func:`run_bag` by as many processes, with the same beliefs.
 
     ``processes`` 1: this one alone; 2: another one reads ahead and perceives; more: the others share the hypotheses;
-    None: 2 for a long bag where there are two cores, else 1. Raises InputError.
+    None: 2 for a long run where there are two cores, else 1. Raises InputError.
     """
     if processes is None:
-        processes = 2 if _is_worthwhile(bag) else 1
+        is_long = max_keyframes is None or max_keyframes >= LONG
+        processes = 2 if is_long and _is_worthwhile(bag) else 1
+    if processes > 2 and configuration.history.horizon_keyframes:
+        raise InputError(
+            f"--processes {processes}: with history.horizon_keyframes hypotheses are not shared, as one that moves to"
+            " another process would replay the drive; give 2 at most"
+        )
     reads_ahead = processes > 1
     if processes <= 2:
         return run_bag(bag, out_bag, configuration, map_prior, max_keyframes, reads_ahead=reads_ahead)

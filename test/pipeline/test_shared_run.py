@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -17,6 +18,9 @@ from worlds.bags.places import place_entries
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.errors import InputError
+from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import Candidates
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.offline import RunSummary, run_bag
 from semantic_slam.pipeline.shared_run import run_shared
@@ -78,6 +82,33 @@ def test_a_bag_without_a_keyframe_is_refused_in_the_same_words(tmp_path: Path) -
     assert str(there.value) == str(here.value)
 
 
+class _FailingPool(InProcessPool):
+    """It cannot go on after two keyframes, when all has been read."""
+
+    def expand(self, keyframe: Keyframe) -> list[Candidates]:
+        if keyframe.index == 2:
+            while "Z" not in [_state(number) for number in _children(os.getpid())]:
+                time.sleep(0.02)
+            raise InputError("this is where it ends")
+        return super().expand(keyframe)
+
+
+def test_what_ends_a_run_is_told_when_all_has_been_read_ahead(tmp_path: Path) -> None:
+    configuration = load_configuration(write_configuration(tmp_path / "configuration"))
+    bag = write_bag(tmp_path / "bag", place_entries("ranges"))
+    summary = run_bag(bag, tmp_path / "belief", configuration, pool=_FailingPool(1), reads_ahead=True)
+    assert str(summary.fault) == "this is where it ends"
+    assert summary.num_keyframes == 2
+    with BagReader(tmp_path / "belief") as reader:
+        assert topics.DIAGNOSTICS.rsplit("/", 1)[-1] in {name.rsplit("/", 1)[-1] for name in reader.topics}
+
+
+def test_hypotheses_that_would_replay_the_drive_are_not_shared(tmp_path: Path) -> None:
+    configuration = Configuration.of(association="open", history={"horizon_keyframes": 50})
+    with pytest.raises(InputError, match=r"--processes 4: with history.horizon_keyframes .*give 2 at most"):
+        run_shared(tmp_path / "bag", tmp_path / "belief", configuration, processes=4)
+
+
 @pytest.mark.parametrize("place", ["backend_process", "front_end_process"])
 def test_a_process_that_is_lost_ends_the_run_with_a_remedy(tmp_path: Path, place: str) -> None:
     with _reported(tmp_path / "out") as command:
@@ -114,11 +145,18 @@ def _reported(out: Path) -> Iterator[subprocess.Popen[str]]:
         assert command.stderr is not None
         said = ""
         while not re.search(r" [1-9]\d*/67 ", said):
-            said += command.stderr.read(1)
+            letter = command.stderr.read(1)
+            assert letter, said
+            said += letter
         yield command
     finally:
         command.kill()
         command.wait()
+
+
+def _state(number: int) -> str:
+    """One letter, as Linux tells it; Z: ended."""
+    return Path(f"/proc/{number}/stat").read_text().rsplit(") ", 1)[1][0]
 
 
 def _children(parent: int) -> dict[int, str]:

@@ -20,7 +20,7 @@ def serve(number: int, connection: Connection) -> None:
     try:
         while True:
             connection.send(answered(backend, connection.recv()))
-    except (EOFError, ConnectionError):
+    except (EOFError, OSError):
         return
 
 

@@ -16,8 +16,8 @@ MODULE = "semantic_slam.inference.processes.backend_process"
 class ProcessPool:
     """``number`` backends, each a process that ends with this context manager, or with this process.
 
-    The belief is bit for bit that of backends in this process. Every round raises what a backend raised, and
-    SemanticSlamError where a process has ended.
+    The belief is that of backends in this process, but for rounding on maps of many objects. Every round raises what a
+    backend raised, and SemanticSlamError where a process has ended.
     """
 
     def __init__(self, number: int) -> None:
@@ -36,6 +36,9 @@ class ProcessPool:
 
     def start(self, run: RunConfiguration) -> None:
         """Begin a run."""
+        if self._begun is not None:  # and was not collected, as something went wrong
+            self._begun = None
+            self._answers()
         self._ask("start", run)
         self._collect()
 

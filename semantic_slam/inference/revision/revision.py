@@ -39,9 +39,7 @@ class Revision:
 
         To be called while other processes weigh these. :meth:`revised` does what is left, in any case all.
         """
-        if len(self._replay.steps) > self._settings.horizon:
-            self._looking_back.give_up()
-        elif not self._looking_back.is_idle:
+        if len(self._replay.steps) <= self._settings.horizon and not self._looking_back.is_idle:
             self._looking_back.go_on()
 
     def revised(self, present: Present) -> dict[int, Hypothesis]:

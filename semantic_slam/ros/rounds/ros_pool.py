@@ -80,7 +80,7 @@ class RosPool:
 
     def start(self, run: RunConfiguration) -> None:
         """Publish the run's configuration, latched, so that backends that start later receive it, too."""
-        self._run_id, self.kept = run.run_id, KeptRun(run)
+        self._run_id, self.kept, self._begun = run.run_id, KeptRun(run), None
         self.close()
         if from_dict(json.loads(run.configuration), "run configuration").history.is_on:
             self._checkpoints = folder_of(run.run_id)
@@ -113,7 +113,7 @@ class RosPool:
             self.begin(keyframe)
         begun, self._begun = self._begun, None
         assert begun is not None
-        answers = self._ask(self._keyframes, self._candidates, topics.CANDIDATES, begun)
+        answers = self._collected(self._keyframes, self._candidates, topics.CANDIDATES, begun)
         self._welcome()
         return answers
 
@@ -121,7 +121,7 @@ class RosPool:
         """Round two: request the components of the surviving hypotheses, which the backends fork and update."""
         begun = Begun(commit.keyframe, encode(commit), self._commits.num_readers)
         self._commits.send(begun.request)
-        return self._ask(self._commits, self._components, topics.COMPONENTS, begun)
+        return self._collected(self._commits, self._components, topics.COMPONENTS, begun)
 
     def offer(self, components: Mapping[int, Component]) -> None:
         """Does nothing: backends in other processes rebuild the components that they are to hold."""
@@ -174,7 +174,7 @@ class RosPool:
             return Status(name, Level.WARN, f"{name} has been gone for {missing_s:.0f} s; start it again")
         return Status(name, Level.OK, "answering")
 
-    def _ask(self, outlet: Outlet, answers: "queue.SimpleQueue[bytes]", topic: str, begun: Begun) -> list[Any]:
+    def _collected(self, outlet: Outlet, answers: "queue.SimpleQueue[bytes]", topic: str, begun: Begun) -> list[Any]:
         """Collect one answer per backend to a request, ordered by id; backends may be given up meanwhile."""
         collected: dict[int, Any] = {}
         index, request, readers = begun
