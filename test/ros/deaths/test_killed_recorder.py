@@ -16,7 +16,8 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.messages import topics
 
-NUM_FRAMES = 20
+NUM_FRAMES = 60
+"""So many that the recorder is still at work when it is killed, however late the listener prints."""
 LEAST_PRINTED = 4
 RATE = 2.0
 PATIENCE_S = 3.0
