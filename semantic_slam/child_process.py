@@ -4,6 +4,7 @@ import os
 import socket
 import subprocess
 import sys
+import traceback
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -11,6 +12,13 @@ from semantic_slam.errors import SemanticSlamError
 
 GRACE_S = 5.0
 """How long a process may take to end once nothing more will be asked of it."""
+
+
+def told(fault: Exception) -> Exception:
+    """A fault as it is sent to the other process, which raises it: a defect with the place where it is."""
+    if not isinstance(fault, SemanticSlamError):
+        fault.add_note(traceback.format_exc())
+    return fault
 
 
 class ChildProcess:

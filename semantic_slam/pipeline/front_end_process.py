@@ -5,7 +5,6 @@ makes of the bag.
 """
 
 import sys
-import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
@@ -13,7 +12,7 @@ from typing import Any
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.child_process import ChildProcess
+from semantic_slam.child_process import ChildProcess, told
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -112,11 +111,8 @@ def serve(connection: Connection) -> None:
             connection.send(front.reading)
         except ConnectionError:
             raise
-        except SemanticSlamError as fault:
-            connection.send(fault)
-        except Exception as fault:  # a defect: told with the place where it is
-            fault.add_note(traceback.format_exc())
-            connection.send(fault)
+        except Exception as fault:
+            connection.send(told(fault))
 
 
 if __name__ == "__main__":

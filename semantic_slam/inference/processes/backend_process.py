@@ -5,11 +5,10 @@ SOCKET is the file descriptor, inherited, on which questions come; the process e
 
 import sys
 import time
-import traceback
 from multiprocessing.connection import Connection
 from typing import Any
 
-from semantic_slam.errors import SemanticSlamError
+from semantic_slam.child_process import told
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.processes.questions import Answer, Question
 
@@ -31,11 +30,8 @@ def answered(backend: Backend, question: Question) -> Answer:
     fault: Exception | None = None
     try:
         value = getattr(backend, question.name)(question.argument)
-    except SemanticSlamError as error:
-        fault = error
-    except Exception as error:  # a defect: told with the place where it is
-        error.add_note(traceback.format_exc())
-        fault = error
+    except Exception as error:
+        fault = told(error)
     return Answer(value, time.process_time() - began, fault)
 
 

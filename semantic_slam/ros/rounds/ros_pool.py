@@ -99,20 +99,23 @@ class RosPool:
 
     def begin(self, keyframe: Keyframe) -> None:
         """Request the candidates of every live hypothesis, which :meth:`expand` then collects."""
+        self._begun = self._requested(keyframe)
+
+    def _requested(self, keyframe: Keyframe) -> Begun:
         self.kept.add(keyframe)
         request = encode(keyframe, run_id=self._run_id)
         if self._goes_on:  # backends may be ahead: a request sent twice tells them where the manager is
             self._keyframes.send(request)
             self._goes_on = False
-        self._begun = Begun(keyframe.index, request, self._keyframes.num_readers)
+        begun = Begun(keyframe.index, request, self._keyframes.num_readers)
         self._keyframes.send(request)
+        return begun
 
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         """Round one: the candidates of every live hypothesis."""
-        if self._begun is None or self._begun.keyframe != keyframe.index:
-            self.begin(keyframe)
         begun, self._begun = self._begun, None
-        assert begun is not None
+        if begun is None or begun.keyframe != keyframe.index:
+            begun = self._requested(keyframe)
         answers = self._collected(self._keyframes, self._candidates, topics.CANDIDATES, begun)
         self._welcome()
         return answers

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from worlds.drives.drifted_return import open_world
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se2
@@ -23,15 +24,7 @@ SHOWN = [[0, 2]] * 3 + [[]] * 7 + [[1]] + [[0, 1, 2]] * 3
 
 
 def configuration(revision: dict[str, int], **others: object) -> Configuration:
-    region = {"min_range_m": 0.3, "max_range_m": 8.0, "field_of_view_rad": 2.5, "occluder_radius_m": 0.0}
-    rates = {"detection_probability": 0.6, "clutter_per_frame": 0.01, "birth_density": 0.1}
-    return Configuration.of(
-        association="open",
-        semantic_model={"kind": "none"},
-        open_world={**region, **rates, "iterate_updates": False, "merge_position_m": 0.0},
-        revision=revision,
-        **others,
-    )
+    return open_world(revision, {"merge_position_m": 0.0}, **others)
 
 
 def keyframes() -> list[Keyframe]:

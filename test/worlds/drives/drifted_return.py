@@ -10,15 +10,16 @@ LANDMARKS = np.array([[2.0, 2.2], [2.5, -2.0], [6.0, 0.3]])
 SIGMAS = np.array([0.05, 0.02])
 
 
-def open_world(revision: dict[str, int], **pruning: float) -> Configuration:
+def open_world(revision: dict[str, int], merging: dict[str, float] | None = None, **others: object) -> Configuration:
+    """Posts without classes, three in five of them detected; ``merging``: more of section ``open_world``."""
     region = {"min_range_m": 0.3, "max_range_m": 8.0, "field_of_view_rad": 2.5, "occluder_radius_m": 0.0}
     rates = {"detection_probability": 0.6, "clutter_per_frame": 0.01, "birth_density": 0.1}
     return Configuration.of(
         association="open",
         semantic_model={"kind": "none"},
-        open_world={**region, **rates, "iterate_updates": False},
-        pruning=pruning,
+        open_world={**region, **rates, "iterate_updates": False, **(merging or {})},
         revision=revision,
+        **others,
     )
 
 
@@ -31,7 +32,7 @@ def seen_from(robot: np.ndarray, numbers: list[int]) -> list[Detection]:
 def return_with_drift(revision: dict[str, int], pool: BackendPool | None = None) -> tuple[Engine, list[HybridBelief]]:
     """One hypothesis alone, after a blind stretch with 1.9 m of drift; ``pool`` None: one backend in this process."""
     covariance = np.diag([1e-6] * 3)
-    engine = Engine(open_world(revision, max_hypotheses=1), initial_covariance=covariance)
+    engine = Engine(open_world(revision, pruning={"max_hypotheses": 1}), initial_covariance=covariance)
     if pool is not None:
         engine = Engine.of_run(engine.run, pool)
     beliefs = [
