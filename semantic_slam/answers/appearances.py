@@ -13,12 +13,12 @@ from semantic_slam.class_models.embedding import embedding_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import best_history, best_index, lineage
+from semantic_slam.evaluation.seen_from import seen_from
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.models.planar.frames import camera_bearing, camera_distance
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground, SeenVectors
+from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.embeddings.vectors import reduced
 
@@ -32,8 +32,7 @@ class SeenView:
 
     object_id: int
     vector: Array  # (F,)
-    direction: float  # from the object to the camera, radians in map
-    log_range: float  # of the distance in metres
+    place: CameraPlaces  # of one camera
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,11 +64,9 @@ class Appearances:
                 told = sum(
                     (own.told_settings for n, own in sorted(records.items()) if n != view.object_id), np.zeros(1)
                 )
-                ratio = record.log_ratios(vector, background, np.array([view.direction]), np.array([view.log_range]))[
-                    :, 0
-                ]
+                ratio = record.log_ratios(vector, background, view.place)[:, 0]
                 usual = model.usual(np.broadcast_to(told, ratio.shape))
-                records[view.object_id] = record.after(vector, ratio, usual, background, view.direction, view.log_range)
+                records[view.object_id] = record.after(vector, ratio, usual, background, view.place)
         return cls(model=model, seen=seen, records=records)
 
     @property
@@ -101,7 +98,7 @@ def appearances_of(
     measurements: Mapping[int, SemanticMeasurements],
     settings: SemanticModelConfiguration,
 ) -> Appearances:
-    """Build from a run's beliefs and measurements (by stamp), for a planar robot. Raises InputError."""
+    """Build from a run's beliefs and measurements (by stamp). Raises InputError."""
     views, others = seen_views(beliefs, measurements)
     size = len(views[0].vector) if views else 0
     alike = [vector for vector in others if len(vector) == size]
@@ -114,7 +111,7 @@ def seen_views(
     """Views of objects in temporal order, associated by the best history, and vectors of no object."""
     last = beliefs[-1]
     places = {
-        int(number): planar_from_pose_vector(pose)
+        int(number): pose[:3]
         for number, pose in zip(last.object_ids, last.object_poses, strict=True)
         if np.isfinite(pose).all()
     }
@@ -124,21 +121,20 @@ def seen_views(
         if told is None or not told.embeddings.shape[1]:
             continue
         rows = {int(number): row for row, number in enumerate(told.detection_ids)}
-        robot = planar_from_pose_vector(belief.poses[ancestor if ancestor >= 0 else best_index(belief)])
+        robot = belief.poses[ancestor if ancestor >= 0 else best_index(belief)]
         for column, detection in enumerate(belief.detection_ids):
             vector = told.embeddings[rows[int(detection)]] if int(detection) in rows else None
             number = -1 if ids is None else int(ids[column])
             if vector is None or not np.isfinite(vector).all() or not vector.any():
                 continue
             if number in places:
-                views.append(_view(number, vector, robot, places[number], told.sensor_position[:2]))
+                in_space = belief.state_space == "spatial"
+                at = seen_from(robot, places[number], told.sensor_position, in_space=in_space)
+                views.append(SeenView(object_id=number, vector=vector, place=_place(*at)))
             else:
                 others.append(vector)
     return views, others
 
 
-def _view(number: int, vector: Array, robot: Array, place: Array, sensor: Array) -> SeenView:
-    seen = robot[None], place[None, :2], sensor
-    direction, distance = camera_bearing(*seen)[0], camera_distance(*seen)[0]
-    away = max(float(distance), LEAST_RANGE_M)
-    return SeenView(object_id=number, vector=vector, direction=float(direction), log_range=float(np.log(away)))
+def _place(azimuth: float, elevation: float, distance: float) -> CameraPlaces:
+    return CameraPlaces.one(azimuth, float(np.log(max(distance, LEAST_RANGE_M))), elevation)

@@ -31,7 +31,7 @@ def shown_by(vector: Array, object_ids: Index, existence: Array, looks: Appearan
 def _log_ratio(unit: Array, record: EmbeddingRecord, looks: Appearances) -> float:
     """Log density of a view of an object relative to the background, averaged over viewing directions."""
     directions: Array = REMEMBERED_RAD * np.arange(NUM_SECTORS, dtype=np.float64)
-    log_ranges = record.usual_log_ranges(directions)  # the distance is unknown
-    ratios = record.log_ratios(unit, looks.background, directions, log_ranges)  # (R, M)
+    places = record.usual_places(directions)  # height and distance are unknown
+    ratios = record.log_ratios(unit, looks.background, places)  # (R, M)
     average = finite_log_sum_exp(ratios) - np.log(NUM_SECTORS)
     return looks.model.evidence(record, average, looks.usual)

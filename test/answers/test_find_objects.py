@@ -14,6 +14,7 @@ from semantic_slam.answers.question import Question
 from semantic_slam.answers.text_vectors import read_text_vectors, read_vector
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 
 SIZE, COUNT = 256, 8
 RANDOM = np.random.default_rng(0)
@@ -24,7 +25,7 @@ NAMES = [f"thing {number}" for number in range(COUNT + 4)]
 def looks() -> Appearances:
     random = np.random.default_rng(1)
     views = [
-        SeenView(object_id=n, vector=LOOKS[n] + random.normal(0, 0.4, SIZE), direction=a, log_range=0.0)
+        SeenView(object_id=n, vector=LOOKS[n] + random.normal(0, 0.4, SIZE), place=CameraPlaces.one(a, 0.0))
         for n in range(COUNT)
         for a in np.linspace(-np.pi, np.pi, 6, endpoint=False)
     ]

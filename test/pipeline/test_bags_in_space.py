@@ -1,5 +1,6 @@
 """Bags of a camera that flies: all six of odometry and of detections come through, to belief and report."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,21 @@ from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bags.imported import read_bag
 from worlds.bags.table_bag import in_space, table_entries, write_table_bag
 
+from semantic_slam.answers.appearances import appearances_of
+from semantic_slam.answers.find_objects import find_objects
+from semantic_slam.answers.question import Question
+from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.world.map_prior import read_map_prior
 from semantic_slam.maps.as_prior import joint_covariance
 from semantic_slam.maps.from_run import saved_map_of_bag
 from semantic_slam.messages import topics
+from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.perception.places import BAD_COVARIANCE, NO_PLACE
 from semantic_slam.pipeline.offline import RunSummary, run_bag
+from semantic_slam.report.make import make_report
 
 OUTSIDE = "/classifier/measurements: detections outside the region of open_world"
 
@@ -78,3 +87,27 @@ def test_what_cannot_be_used_in_space_is_counted(room: TableTops, tmp_path: Path
     second.position_covariances[:9] = -np.eye(3).ravel()
     summary = run_bag(write_table_bag(tmp_path / "bag", entries), tmp_path / "belief", in_space())
     assert summary.dropped == {OUTSIDE: 2, NO_PLACE: 1, BAD_COVARIANCE: 1}
+
+
+def test_what_was_seen_is_found_by_another_picture_of_it(room: TableTops, tmp_path: Path) -> None:
+    """By vectors that detections carry, with what is not there as unknown; the report has the run's descriptors."""
+    random = np.random.default_rng(7)
+    looks = random.normal(size=(len(room.things) + 1, 100))
+    entries = table_entries(room)
+    told = (entry for entry in entries if entry.topic == topics.DETECTIONS)
+    for entry, numbers in zip(told, room.seen, strict=True):
+        found, shown = from_message(entry.message), [n if n >= 0 else len(room.things) for n in numbers]
+        vectors = looks[shown] + random.normal(0.0, 0.3, (len(shown), 100))
+        entry.message = to_message(replace(found, embeddings=vectors))
+    settings = replace(in_space(), semantic_model=SemanticModelConfiguration(kind="embedding"))
+    assert run_bag(write_table_bag(tmp_path / "bag", entries), tmp_path / "belief", settings).fault is None
+    record = read_record(tmp_path / "belief")
+    looked = appearances_of(record.beliefs, record.measurements, settings.semantic_model)
+    last, seen = record.beliefs[-1], sorted({n for own in room.seen for n in own if n >= 0})
+    best = [find_objects(last, Question(vector=looks[n]), looked) for n in seen]
+    sure = [found.objects[0] for found in best if found.objects[0].probability > 0.9]
+    assert len(sure) >= 0.8 * len(seen) and len({found.object_id for found in sure}) == len(sure)
+    assert find_objects(last, Question(vector=random.normal(size=100)), looked).unknown > 0.5
+    make_report(tmp_path / "belief", tmp_path / "report")
+    prior = read_map_prior(tmp_path / "report" / "objects.json")
+    assert prior.descriptor_space == "embedding-128" and len(prior.objects[0].descriptor) == 128

@@ -18,6 +18,7 @@ from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.training.embeddings.learn import RunLooks, Told, learn_embeddings, lines_of
 from semantic_slam.training.labels.runs import Run, read_runs
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
+from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
 from semantic_slam.viewpoint.embeddings.store import (
     FittedEmbeddings,
@@ -38,12 +39,12 @@ def drawn(model: EmbeddingModel, seed: int, objects: int = 5, views: int = 12) -
     row = int(np.flatnonzero((model.settings[0] == SPREAD) & (model.settings[1] == NOISE))[0])
     for number in range(objects):
         directions = random.uniform(-np.pi, np.pi) + 2.0 * np.pi * np.arange(views) / views
-        turned = directions[:, None] - directions
-        covariance = model.kernel(turned, np.zeros_like(turned))[row] + NOISE * np.eye(views) + 1.0 - SPREAD - NOISE
+        places = CameraPlaces.level(directions)
+        covariance = model.kernel(places, places)[row] + NOISE * np.eye(views) + 1.0 - SPREAD - NOISE
         root = np.linalg.cholesky(covariance)
         vectors = root @ random.normal(0.0, 1.0 / np.sqrt(SIZE), (views, SIZE))
         found += [
-            SeenView(object_id=number, vector=vector, direction=float(own), log_range=0.0)
+            SeenView(object_id=number, vector=vector, place=CameraPlaces.one(float(own), 0.0))
             for vector, own in zip(vectors, directions, strict=True)
         ]
     return RunLooks(views=found, background=BACKGROUND, sizes=frozenset({SIZE}))
@@ -65,8 +66,8 @@ def test_the_evidence_of_views_is_that_of_one_gaussian() -> None:
     model = replace(MODEL, spread_shares=(SPREAD,), noise_shares=(NOISE,), outlier_share=0.0)
     own = drawn(model, 4, objects=1, views=6)
     vectors = np.array([view.vector for view in own.views])
-    turned = np.subtract.outer(*[[view.direction for view in own.views]] * 2)
-    covariance = model.kernel(turned, np.zeros_like(turned))[0] + NOISE * np.eye(6) + 1.0 - SPREAD - NOISE
+    places = CameraPlaces.level(np.concatenate([view.place.azimuths_rad for view in own.views]))
+    covariance = model.kernel(places, places)[0] + NOISE * np.eye(6) + 1.0 - SPREAD - NOISE
     products, (_, log_determinant) = vectors @ vectors.T, np.linalg.slogdet(covariance)
     exact = -0.5 * SIZE * (np.trace(np.linalg.solve(covariance, products) - products) + log_determinant)
     assert own.told(model)[0] == pytest.approx(exact)

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground, SeenVectors
+from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.model import NUM_SECTORS, EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.embeddings.vectors import reduced
 
@@ -16,16 +17,17 @@ MODEL = EmbeddingModel(
 )
 EXACT = replace(MODEL, spread_shares=(0.3,), noise_shares=(0.1,), outlier_share=0.0)
 BACKGROUND = EmbeddingBackground(centre=np.full(SIZE, 0.1), spread=0.9, dimensions=float(SIZE))
-View = tuple[np.ndarray, float, float]  # vector, direction, log of the distance
+View = tuple[np.ndarray, *tuple[float, ...]]  # vector, azimuth, log of the distance and, in space, elevation
 
 
-def drawn(count: int, seed: int = 0) -> list[View]:
+def drawn(count: int, seed: int = 0, *, in_space: bool = False) -> list[View]:
     random = np.random.default_rng(seed)
-    return [(random.normal(0.1, 0.4, SIZE), random.uniform(-np.pi, np.pi), random.normal()) for _ in range(count)]
+    views = [(random.normal(0.1, 0.4, SIZE), random.uniform(-np.pi, np.pi), random.normal()) for _ in range(count)]
+    return [(*view, random.uniform(-0.5 * np.pi, 0.5 * np.pi)) for view in views] if in_space else views
 
 
 def ratio(record: EmbeddingRecord, view: View, background: EmbeddingBackground = BACKGROUND) -> np.ndarray:
-    return record.log_ratios(view[0], background, np.array([view[1]]), np.array([view[2]]))[:, 0]
+    return record.log_ratios(view[0], background, CameraPlaces.one(*view[1:]))[:, 0]
 
 
 def seen(model: EmbeddingModel, views: list[View], **start: object) -> tuple[float, EmbeddingRecord]:
@@ -34,15 +36,16 @@ def seen(model: EmbeddingModel, views: list[View], **start: object) -> tuple[flo
     for view in views:
         found = ratio(record, view)
         total += model.evidence(record, found, usual)
-        record = record.after(view[0], found, usual, BACKGROUND, view[1], view[2])
+        record = record.after(view[0], found, usual, BACKGROUND, CameraPlaces.one(*view[1:]))
     return total, record
 
 
 def exact(views: list[View]) -> float:
     """Log density of the views of one object under EXACT's Gaussian, relative to the background's."""
     s, n, r = 0.3, 0.1, EXACT.repeat_rad
-    angles, away = np.array([view[1] for view in views]), np.array([view[2] for view in views])
-    log_kernel = (np.cos(angles[:, None] - angles) - 1 - 0.5 * (away[:, None] - away) ** 2) / r**2
+    angles, away, up = np.array([(*view[1:], 0.0)[:3] for view in views]).T
+    sight = np.stack([np.cos(up) * np.cos(angles), np.cos(up) * np.sin(angles), np.sin(up)], axis=1)
+    log_kernel = (sight @ sight.T - 1 - 0.5 * (away[:, None] - away) ** 2) / r**2
     covariance = (1 - s - n) + s * np.exp(log_kernel) + n * np.eye(len(views))
     scale, total = BACKGROUND.spread / SIZE, 0.0
     for component in np.array([view[0] for view in views]).T - 0.1:
@@ -56,8 +59,9 @@ def test_the_first_view_of_an_object_is_as_likely_as_the_background():
     assert total == pytest.approx(0.0, abs=1e-12)
 
 
-def test_views_one_after_the_other_have_the_density_of_all_at_once():
-    views = drawn(5)
+@pytest.mark.parametrize("in_space", [False, True])
+def test_views_one_after_the_other_have_the_density_of_all_at_once(in_space):
+    views = drawn(5, in_space=in_space)
     total, _ = seen(EXACT, views)
     assert total == pytest.approx(exact(views))
 
@@ -80,7 +84,7 @@ def test_from_wherever_a_view_may_be_its_variance_is_positive():
     """Also where it is not known from how far."""
     _, record = seen(MODEL, drawn(12))
     directions = np.linspace(-np.pi, np.pi, 24)
-    found = record.log_ratios(drawn(1, 5)[0][0], BACKGROUND, directions, record.usual_log_ranges(directions))
+    found = record.log_ratios(drawn(1, 5)[0][0], BACKGROUND, record.usual_places(directions))
     assert found.shape == (4, 24) and np.isfinite(found).all()
 
 
@@ -109,7 +113,7 @@ def test_no_single_view_decides_everything():
     usual = MODEL.usual(np.zeros(4))
     strange = ratio(record, (-20.0 * look, 3.0, 0.0))
     assert MODEL.evidence(record, strange, usual) == pytest.approx(np.log(MODEL.outlier_share), abs=1e-6)
-    after = record.after(-20.0 * look, strange, usual, BACKGROUND, 3.0, 0.0)
+    after = record.after(-20.0 * look, strange, usual, BACKGROUND, CameraPlaces.one(3.0, 0.0))
     assert len(after.vectors) == len(record.vectors) and after.num_views == 4
 
 
@@ -140,6 +144,16 @@ def test_of_each_sector_the_newest_view_is_remembered():
     _, record = seen(EXACT, views)
     assert len(record.vectors) == NUM_SECTORS and record.num_views == 4 * NUM_SECTORS
     assert record.vectors[-1] is views[-1][0]
+
+
+def test_from_two_heights_of_a_sector_both_views_are_remembered():
+    """One from above is no repetition of one from the side."""
+    level, above, again = (view[0] for view in drawn(3))
+    _, record = seen(EXACT, [(level, 1.0, 0.0, 0.0), (above, 1.0, 0.0, 1.0), (again, 1.0, 0.0, 0.05)])
+    assert len(record.vectors) == 2 and record.vectors[0] is above and record.vectors[1] is again
+    places = record.usual_places(np.array([1.0, 2.0]))
+    np.testing.assert_array_equal(places.azimuths_rad, [1.0, 2.0])
+    np.testing.assert_array_equal(places.elevations_rad, [1.0, 1.0])
 
 
 def test_the_background_of_many_vectors_has_their_moments():

@@ -31,10 +31,14 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
         association.tracks_objects and not world.iterate_updates,
         "set open_world.iterate_updates: true",
     )
-    yield _needs_the_plane(configuration), "set semantic_model.kind: none, detector, or one of viewpoints"
+    kind = class_model_kind(configuration.semantic_model)
     yield (
-        configuration.observation == "points" and configuration.semantic_model.kind not in ("none", "detector"),
-        "set observation: range_bearing, or semantic_model.kind: none or detector",
+        kind.descriptors is not None and not association.tracks_objects,
+        "set association: open, or semantic_model.kind: none, detector, or one of viewpoints",
+    )
+    yield (
+        configuration.observation == "points" and not kind.sees_places_alone,
+        "set observation: range_bearing, or semantic_model.kind: none, detector or embedding",
     )
     yield (
         association.tracks_objects and views_are_factors(configuration),
@@ -56,9 +60,3 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
     yield world.direction_rad != 0.0, "set open_world.direction_rad: 0 and tell where the camera looks"
     yield len(world.detection_by_direction) > 0, "set open_world.detection_by_direction: []"
     yield world.field_of_view_rad >= np.pi, "set open_world.field_of_view_rad below half a turn"
-
-
-def _needs_the_plane(configuration: Configuration) -> bool:
-    """Whether the class models use descriptors or appearance vectors, which work only in the plane."""
-    kind = class_model_kind(configuration.semantic_model)
-    return kind.descriptors is not None or kind.embeddings is not None

@@ -10,6 +10,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M, point_of_place
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.score_features import FeatureReader
+from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
@@ -24,8 +25,8 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 class SpatialReader:
     """Reads motions in SE(3), and detections as range and ray, or as a ray alone.
 
-    ``words`` reads the detector's labels, where these are evidence of classes, and ``features`` the features that class
-    models need; ``ranges`` is the prior of a range that was not measured.
+    ``words`` reads the detector's labels and ``vectors`` appearance vectors, where these are evidence, and ``features``
+    the features that class models need; ``ranges`` is the prior of a range that was not measured.
     """
 
     def __init__(
@@ -34,8 +35,10 @@ class SpatialReader:
         words: WordReader | None = None,
         ranges: UnmeasuredRanges | None = None,
         features: FeatureReader | None = None,
+        vectors: VectorReader | None = None,
     ) -> None:
-        self._noise, self._words, self._ranges = noise, words, ranges or UnmeasuredRanges()
+        self._noise, self._ranges = noise, ranges or UnmeasuredRanges()
+        self._words, self._vectors = words, vectors
         self._features = features or FeatureReader()
 
     def step(self, keyframe: Keyframe) -> Step:
@@ -58,6 +61,7 @@ class SpatialReader:
             names=measurements.track_ids,
             labels=measurements.labels,
             words=None if self._words is None else self._told_words(self._words, measurements, detections),
+            vectors=None if self._vectors is None else self._vectors.vectors(keyframe),
             camera=camera_of(measurements),
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,

@@ -15,12 +15,12 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.log_space import finite_log_sum_exp
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.models.planar.frames import camera_bearing
+from semantic_slam.inference.semantics.camera_angles import camera_angles
 from semantic_slam.inference.semantics.independent_views import ClassLikelihoods, DrawnFeatures
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior, coverage_of
-from semantic_slam.inference.states.spaces import Spaces, viewpoints_of
+from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.yaw import Yaw
 from semantic_slam.perception.uncertainty import mutual_information
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
@@ -131,16 +131,7 @@ def _yaw(log_prior: Array, table: Array) -> Yaw:
 
 
 def _cells(spaces: Spaces, robots: Array, objects: Array, sensor: Array) -> Index:
-    """(m, 2) cells of the azimuth and elevation, along map's axes, of the cameras of ``robots`` (m, s) about objects.
-
-    ``sensor``: the camera in the body frame. The elevation is 0 in the plane.
-    """
-    if spaces.name != "spatial":
-        bearings = camera_bearing(robots, objects, sensor)
-        angles = np.stack([bearings, np.zeros(len(bearings))], axis=1)
-    else:
-        seen = viewpoints_of(spaces.robot.displacement(robots, sensor, spaces.landmark.position(objects)))
-        angles = np.stack([seen.azimuth_rad, seen.elevation_rad], axis=1)
-    cells = np.rint(angles / STEP_RAD).astype(int)
+    """(m, 2) cells of the :func:`camera_angles`."""
+    cells = np.rint(camera_angles(spaces, robots, objects, sensor) / STEP_RAD).astype(int)
     cells[:, 0] %= HEADINGS
     return cells

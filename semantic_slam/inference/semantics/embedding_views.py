@@ -16,6 +16,7 @@ from semantic_slam.inference.models.detection_vectors import DetectionVectors
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.view_places import view_places
 from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.labels.confusion import STEP_RAD
 
@@ -49,7 +50,8 @@ class EmbeddingViews:
                 object_id = given.object_ids[int(rows.objects[row, number])]
                 before = records[row].get(object_id, given.parents[parent].views.get(object_id))
                 record = self._known.get(object_id, self._nothing) if before is None else _record(before)
-                view = _View(index, *places[row, number, :2].tolist())
+                azimuth, log_range, _, elevation = places[row, number].tolist()
+                view = _View(index, azimuth, log_range, elevation)
                 added, records[row][object_id] = shared[parent].with_view(record, object_id, view, ratios)
                 total[row] += added
         return SemanticEvidence.of(total, records)
@@ -60,8 +62,14 @@ class _View:
     """A detection and its viewpoint, in discrete steps."""
 
     index: int
-    direction: int
+    azimuth: int
     log_range: int
+    elevation: int
+
+    @cached_property
+    def place(self) -> CameraPlaces:
+        """The camera's place around the object."""
+        return CameraPlaces.one(STEP_RAD * self.azimuth, STEP_RAD * self.log_range, STEP_RAD * self.elevation)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,13 +87,11 @@ class _Shared:
         """Log evidence of a view of an object, and the updated record; ``ratios`` are shared by all parents."""
         key = id(record), object_id, view
         if key not in self.known:
-            direction, log_range = STEP_RAD * view.direction, STEP_RAD * view.log_range
             vector, background = self.told.vectors[view.index], self.told.background
             if (id(record), view) not in ratios:  # shared between hypotheses
-                found = record.log_ratios(vector, background, np.array([direction]), np.array([log_range]))
-                ratios[id(record), view] = found[:, 0]
+                ratios[id(record), view] = record.log_ratios(vector, background, view.place)[:, 0]
             ratio, usual = ratios[id(record), view], self._usual(object_id)
-            after = record.after(vector, ratio, usual, background, direction, log_range)
+            after = record.after(vector, ratio, usual, background, view.place)
             self.known[key] = self.model.evidence(record, ratio, usual), _views(after)
         return self.known[key]
 

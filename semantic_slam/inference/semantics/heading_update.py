@@ -24,6 +24,7 @@ class DirectionalView:
     view: int  # index of the detection
     bearing_rad: float  # direction from the object to the camera, in map
     sigma_rad: float  # of that direction
+    elevation_rad: float | None = None  # of the camera over the object; None: as measured with the box
 
 
 def updated_mixtures(
@@ -40,7 +41,7 @@ def updated_mixtures(
     views = np.array([item.view for item in sightings], dtype=int)[repeated]
     problem = _Directions(
         observation=observation,
-        seen=detections.take(views),
+        seen=_from_their_heights(detections.take(views), [sightings[at].elevation_rad for at in repeated.tolist()]),
         mean=mean,
         root=np.linalg.cholesky(covariance),
         bearing_rad=bearing[repeated],
@@ -60,6 +61,12 @@ def updated_mixtures(
         moved = replace(item.modes, mean=after[rows], covariance=covariances[rows])
         found.append((moved.weighted(mode.log_evidence[rows]), log_evidence))
     return found
+
+
+def _from_their_heights(seen: DetectionFeatures, elevations_rad: list[float | None]) -> DetectionFeatures:
+    """The features, seen from the elevations that are given."""
+    told = [own if given is None else given for own, given in zip(seen.elevation_rad, elevations_rad, strict=True)]
+    return replace(seen, elevation_rad=np.array(told))
 
 
 def _padded(root: Array, size: int) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.states.yaw import Yaw
 from semantic_slam.latent.model import DescriptorBelief
 
 CELLS = 36
@@ -70,6 +71,11 @@ class HeadingMixture:
         spread = deviation - shift
         covariance = np.einsum("m,mij->ij", share, self.covariance[near]) + (spread * share[:, None]).T @ spread
         return origin + shift, covariance, float(weight.sum())
+
+    def yaw(self) -> Yaw:
+        """The heading over all modes, as one wrapped normal."""
+        turns = np.exp(1j * self.mean[:, -1] - 0.5 * self.covariance[:, -1, -1])
+        return Yaw.of_moment(complex(np.exp(self.log_weight) @ turns))
 
     def descriptor(self) -> tuple[Array, Array]:
         """(L,) mean and variance of the descriptor over all headings."""

@@ -23,7 +23,11 @@ class Yaw:
     def of(cls, probabilities: Array) -> "Yaw":
         """The wrapped normal with the moments of (H,) probabilities, cell 0 at yaw 0 (Mardia and Jupp, 2000, 3.5)."""
         angles = 2.0 * np.pi / len(probabilities) * np.arange(len(probabilities))
-        moment = complex(probabilities @ np.exp(1j * angles))
+        return cls.of_moment(complex(probabilities @ np.exp(1j * angles)))
+
+    @classmethod
+    def of_moment(cls, moment: complex) -> "Yaw":
+        """The wrapped normal whose E[exp(i yaw)] is ``moment``."""
         return cls(float(np.angle(moment)), float(-2.0 * np.log(max(min(abs(moment), 1.0), 1e-300))))
 
     def applied(self, pose: Array, covariance: Array) -> tuple[Array, Array]:

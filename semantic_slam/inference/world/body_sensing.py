@@ -7,6 +7,7 @@ from semantic_slam.geometry import se3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.score_features import FeatureReader
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
+from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.bodies import BodyObservation
@@ -40,6 +41,7 @@ def range_bearing(settings: SensingSettings) -> Sensing:
             words=WordReader(settings.labels) if settings.labels else None,
             ranges=UnmeasuredRanges.of(configuration),
             features=FeatureReader(settings.num_features, settings.feature_names),
+            vectors=VectorReader(settings.vector_dimensions) if settings.vector_dimensions else None,
         ),
         robot_prior=pose_prior,
         object_prior=_body_prior(configuration.new_objects.sigma_tilt_rad),

@@ -8,6 +8,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.inputs.spatial_reader import SpatialReader
+from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.spatial.camera import LOOKS_AHEAD
@@ -36,6 +37,7 @@ def points(settings: SensingSettings) -> Sensing:
             ConfiguredNoise(configuration.odometry, configuration.perception),
             words=WordReader(settings.labels) if settings.labels else None,
             ranges=UnmeasuredRanges.of(configuration),
+            vectors=VectorReader(settings.vector_dimensions) if settings.vector_dimensions else None,
         ),
         robot_prior=pose_prior,
         object_prior=place_prior,

@@ -52,12 +52,9 @@ class RunLooks:
             record = records.get(view.object_id, model.start())
             others = [own.told_settings for number, own in sorted(records.items()) if number != view.object_id]
             usual = model.usual(np.sum([np.zeros(len(model.within)), *others], axis=0))
-            where = np.array([view.direction]), np.array([view.log_range])
-            ratio = record.log_ratios(view.vector, self.background, *where)[:, 0]
+            ratio = record.log_ratios(view.vector, self.background, view.place)[:, 0]
             total += model.evidence(record, ratio, usual)
-            records[view.object_id] = record.after(
-                view.vector, ratio, usual, self.background, view.direction, view.log_range
-            )
+            records[view.object_id] = record.after(view.vector, ratio, usual, self.background, view.place)
         return total, np.sum([np.zeros(len(model.within)), *(own.told_settings for own in records.values())], axis=0)
 
 

@@ -11,14 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.evaluation.history import best_index, histories, lineage
-from semantic_slam.geometry import so3
+from semantic_slam.evaluation.seen_from import seen_from
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building.class_prior import class_prior
 from semantic_slam.inference.inputs.word_reader import WordReader
-from semantic_slam.inference.models.planar.frames import camera_bearing, camera_distance
-from semantic_slam.inference.states.spaces import viewpoints_of
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.class_names import NONE_OF_THESE
@@ -136,17 +133,3 @@ class _Reader:
         """The one that becomes the heaviest in the end, else the heaviest of that keyframe."""
         known = self._ancestors[keyframe]
         return known if known >= 0 else best_index(self._run.record.beliefs[keyframe])
-
-
-def seen_from(pose: Array, place: Array, sensor: Array, *, in_space: bool) -> tuple[float, float, float]:
-    """Azimuth and elevation in map [rad] and distance [m] of a camera from an object, as runs measure them.
-
-    ``pose`` (7,) of the robot and ``place`` (3,) of the object in map, ``sensor`` (3,) of the camera in the body frame;
-    heights count only ``in_space``, else the elevation is 0.
-    """
-    if in_space:
-        from_object = pose[:3] + so3.rotated(pose[3:], sensor) - place
-        view = viewpoints_of(from_object[None])
-        return float(view.azimuth_rad[0]), float(view.elevation_rad[0]), float(view.range_m[0])
-    seen = planar_from_pose_vector(pose)[None], place[None], sensor[:2]
-    return float(camera_bearing(*seen)[0]), 0.0, float(camera_distance(*seen)[0])

@@ -9,11 +9,11 @@ objects:
     k_ij = exp((cos a_ij - 1) / r^2 - l_ij^2 / (2 r^2)),
 
 where a_ij is the angle between the views about the object and l_ij the change of log distance (a Gaussian process on
-circle x line; it is smooth, so views from one side say little about the other sides). Near-identical views are thus
-correlated rather than independent evidence. All covariances are isotropic over the background's nu dimensions. The
-predictive density of the next view is exact and stated relative to that of the background, so that the first view of a
-new object, and a false alarm, have log ratio 0. A view is an outlier with probability e and is then distributed as the
-background: no single view decides everything.
+circle x line, in space on sphere x line; it is smooth, so views from one side say little about the other sides).
+Near-identical views are thus correlated rather than independent evidence. All covariances are isotropic over the
+background's nu dimensions. The predictive density of the next view is exact and stated relative to that of the
+background, so that the first view of a new object, and a false alarm, have log ratio 0. A view is an outlier with
+probability e and is then distributed as the background: no single view decides everything.
 
 Every object has its own s and n, out of R settings. The frequencies of the settings are shared by all objects and
 learned from them: a Dirichlet updated with each object's posterior over the settings. With outliers the posterior is
@@ -29,10 +29,12 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.log_space import finite_log_sum_exp
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
+from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 
 NUM_SECTORS = 24
-"""Number of azimuth sectors around an object; its newest view from each is remembered."""
+"""Number of azimuth sectors around an object; its newest view from each, and from each height, is remembered."""
 REMEMBERED_RAD = 2.0 * np.pi / NUM_SECTORS
 SHARED_COUNTS = 1.0
 """Dirichlet pseudo-count of objects, spread evenly over the settings, before any object was seen."""
@@ -90,10 +92,11 @@ class EmbeddingModel:
         with np.errstate(divide="ignore"):
             return np.asarray(np.logaddexp(np.log1p(-self.outlier_share) + log_ratios, np.log(self.outlier_share)))
 
-    def kernel(self, turned: Array, away: Array) -> Array:
-        """(R, ...) covariance s k_ij of two views relative to the spread, without noise, by angle and log distance."""
-        s = self.settings[0].reshape(-1, *(1,) * turned.ndim)
-        return np.asarray(s * np.exp((np.cos(turned) - 1.0 - 0.5 * away**2) / self.repeat_rad**2))
+    def kernel(self, first: CameraPlaces, second: CameraPlaces) -> Array:
+        """(R, N, M) covariance s k_ij of views from two sets of places relative to the spread, without noise."""
+        cosines, away = first.apart(second)
+        alike = np.exp((cosines - 1.0 - 0.5 * away**2) / self.repeat_rad**2)
+        return np.asarray(self.settings[0][:, None, None] * alike)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,38 +107,31 @@ class EmbeddingRecord:
     log_settings: Array  # (R,) log likelihood of all views, relative to the background
     told_settings: Array  # (R,) posterior of the settings; 0 while there are fewer than two views
     vectors: tuple[Array, ...] = ()  # N of (L,)
-    directions: Array = field(default_factory=lambda: np.zeros(0))  # (N,) from the object to the camera, radians in map
-    log_ranges: Array = field(default_factory=lambda: np.zeros(0))  # (N,) log of the distance in metres
+    places: CameraPlaces = field(default_factory=CameraPlaces.none)  # N
     doubts: Array = field(default_factory=lambda: np.zeros(0))  # (N,) odds that the views are outliers
     num_views: int = 0
     background: EmbeddingBackground | None = None  # as of the newest view
     mean: Array | None = None  # (L,) prior mean direction from a map; None: the background's
     mean_spread: float = 0.0  # expected squared error of ``mean``
 
-    def log_ratios(self, vector: Array, background: EmbeddingBackground, directions: Array, log_ranges: Array) -> Array:
-        """(R, M) log density ratios to the background of an (L,) vector seen from (M,) directions and log distances."""
+    def log_ratios(self, vector: Array, background: EmbeddingBackground, places: CameraPlaces) -> Array:
+        """(R, M) log density ratios to the background of an (L,) vector seen from M places."""
         centre, share = self._prior_mean(background)
         from_centre = vector - background.centre
         squared = float(from_centre @ from_centre)
         if not self.vectors:
             off = vector - centre
-            distance = np.full((len(share), len(directions)), float(off @ off))
-            variance = (share + self.model.within)[:, None] + np.zeros(len(directions))
+            distance = np.full((len(share), len(places)), float(off @ off))
+            variance = (share + self.model.within)[:, None] + np.zeros(len(places))
         else:
-            distance, variance = self._predicted(vector, background, directions, log_ranges)
+            distance, variance = self._predicted(vector, background, places)
         scaled = distance / variance - squared
         return np.asarray(-0.5 * background.dimensions * (scaled / background.spread + np.log(variance)))
 
     def after(
-        self,
-        vector: Array,
-        log_ratios: Array,
-        usual: Array,
-        background: EmbeddingBackground,
-        direction: float,
-        log_range: float,
+        self, vector: Array, log_ratios: Array, usual: Array, background: EmbeddingBackground, place: CameraPlaces
     ) -> "EmbeddingRecord":
-        """Record with one more view, given its (R,) :meth:`log_ratios` at its direction and log distance."""
+        """Record with one more view from one place, given its (R,) :meth:`log_ratios` there."""
         likelihood = self.model.with_outliers(log_ratios)
         log_settings = self.log_settings + likelihood
         posterior = np.exp(usual + log_settings - finite_log_sum_exp(usual + log_settings))
@@ -147,14 +143,17 @@ class EmbeddingRecord:
             num_views=self.num_views + 1,
             background=background,
         )
-        return seen._remembering(vector, direction, log_range, inlier) if inlier >= LEAST_INLIER else seen
+        return seen._remembering(vector, place, inlier) if inlier >= LEAST_INLIER else seen
 
-    def usual_log_ranges(self, directions: Array) -> Array:
-        """(M,) log distances of the remembered views nearest in angle to (M,) directions; 0 without views."""
+    def usual_places(self, azimuths_rad: Array) -> CameraPlaces:
+        """Places at (M,) azimuths, as high and as far away as the remembered view with the nearest azimuth.
+
+        Level and at one metre without views.
+        """
         if not self.vectors:
-            return np.zeros(len(directions))
-        nearest = np.abs(_turns(self.directions[:, None] - directions)).argmin(axis=0)
-        return np.asarray(self.log_ranges[nearest])
+            return CameraPlaces.level(azimuths_rad)
+        nearest = np.abs(wrap_angle(self.places.azimuths_rad[:, None] - azimuths_rad)).argmin(axis=0)
+        return replace(self.places.take(nearest), azimuths_rad=azimuths_rad)
 
     def mean_direction(self) -> tuple[Array, float]:
         """(L,) posterior mean of the mean direction, and its expected squared error; NaN before the first view."""
@@ -169,15 +168,14 @@ class EmbeddingRecord:
         errors = share * (1.0 - gains.sum(axis=1)) * self.background.spread + ((means - mean) ** 2).sum(axis=1)
         return centre + mean, float(weights @ errors)
 
-    def _remembering(self, vector: Array, direction: float, log_range: float, inlier: float) -> "EmbeddingRecord":
-        """Record with a view added, which replaces an earlier one from the same sector."""
-        sectors = np.rint(np.append(self.directions, direction) / REMEMBERED_RAD) % NUM_SECTORS
-        kept = np.flatnonzero(sectors[:-1] != sectors[-1])
+    def _remembering(self, vector: Array, place: CameraPlaces, inlier: float) -> "EmbeddingRecord":
+        """Record with a view added, which replaces an earlier one from the same sector and height."""
+        here = (self.places.cells(REMEMBERED_RAD) == place.cells(REMEMBERED_RAD)).all(axis=1)
+        kept = np.flatnonzero(~here)
         return replace(
             self,
             vectors=(*(self.vectors[row] for row in kept), vector),
-            directions=np.append(self.directions[kept], direction),
-            log_ranges=np.append(self.log_ranges[kept], log_range),
+            places=self.places.take(kept).with_place(place),
             doubts=np.append(self.doubts[kept], (1.0 - inlier) / inlier),
         )
 
@@ -188,13 +186,10 @@ class EmbeddingRecord:
             return background.centre, most
         return self.mean, np.minimum(most, self.mean_spread / background.spread)
 
-    def _predicted(
-        self, vector: Array, background: EmbeddingBackground, directions: Array, log_ranges: Array
-    ) -> tuple[Array, Array]:
+    def _predicted(self, vector: Array, background: EmbeddingBackground, places: CameraPlaces) -> tuple[Array, Array]:
         """(R, M) squared distances of a vector to its prediction, and predictive variances relative to the spread."""
         centre, share = self._prior_mean(background)
-        turned = _turns(self.directions[:, None] - directions)  # (N, M)
-        shared = share[:, None, None] + self.model.kernel(turned, self.log_ranges[:, None] - log_ranges)  # (R, N, M)
+        shared = share[:, None, None] + self.model.kernel(self.places, places)  # (R, N, M)
         gains = self._inverse(background) @ shared
         variance = (share + self.model.within)[:, None] - (gains * shared).sum(axis=1)
         off, own = np.array(self.vectors) - centre, vector - centre
@@ -212,12 +207,6 @@ class EmbeddingRecord:
 
     def _covariance(self, share: Array) -> Array:
         """(R, N, N) covariance of the views relative to the spread; possible outliers have inflated noise."""
-        turned = _turns(self.directions[:, None] - self.directions)
-        smooth = self.model.kernel(turned, self.log_ranges[:, None] - self.log_ranges)
+        smooth = self.model.kernel(self.places, self.places)
         own = self.model.settings[1][:, None] + self.doubts
         return np.asarray(share[:, None, None] + smooth + own[..., None] * np.eye(len(self.doubts)))
-
-
-def _turns(angles: Array) -> Array:
-    """Angles wrapped to [-pi, pi)."""
-    return np.asarray((angles + np.pi) % (2.0 * np.pi) - np.pi)

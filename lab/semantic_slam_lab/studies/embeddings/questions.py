@@ -11,6 +11,7 @@ from semantic_slam.answers.question import Question
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.evaluation.classification import expected_calibration_error, negative_log_likelihood
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.embeddings.gallery import Gallery, Thing
 from semantic_slam_lab.studies.embeddings.known_map import map_of
@@ -47,8 +48,7 @@ def asked_of_map(gallery: Gallery, pass_name: str, seed: int) -> list[Asked]:
         SeenView(
             object_id=number,
             vector=thing.vectors[row],
-            direction=float(thing.azimuths[row] + random.normal(0.0, DIRECTION_SIGMA_RAD)),
-            log_range=0.0,
+            place=CameraPlaces.one(float(thing.azimuths[row] + random.normal(0.0, DIRECTION_SIGMA_RAD)), 0.0),
         )
         for number, (thing, rows) in enumerate(zip(mapped, seen, strict=True))
         for row in rows

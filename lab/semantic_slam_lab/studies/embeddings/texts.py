@@ -10,6 +10,7 @@ from semantic_slam.answers.question import Question
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.evaluation.classification import expected_calibration_error
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.embeddings.gallery import Gallery
 from semantic_slam_lab.studies.embeddings.known_map import map_of
@@ -35,8 +36,8 @@ def named_on_map(gallery: Gallery, pointing: str, seed: int) -> list[Named]:
     views = []
     for number, thing in enumerate(things[:NUM_MAPPED]):
         for row in random.permutation(len(thing.azimuths))[:VIEWS]:
-            direction = float(thing.azimuths[row])
-            views.append(SeenView(object_id=number, vector=thing.vectors[row], direction=direction, log_range=0.0))
+            place = CameraPlaces.one(float(thing.azimuths[row]), 0.0)
+            views.append(SeenView(object_id=number, vector=thing.vectors[row], place=place))
     size = len(views[0].vector)
     looks = Appearances.of(views, np.zeros((0, size)), SemanticModelConfiguration())
     means = np.array([thing.vectors.mean(axis=0) for thing in things])

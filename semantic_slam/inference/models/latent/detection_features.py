@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.inference.models.planar.detection import PlanarDetection
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,11 +17,11 @@ class DetectionFeatures:
 
     feature: Array  # (B, F)
     variance: Array  # (B, F) of the feature's components, over the dropout passes
-    sensor: Array  # (B, 2) camera in the body frame, metres
-    elevation_rad: Array  # (B,) of the camera over the object
+    sensor: Array  # (B, 2), or (B, 3) in space, camera in the body frame, metres
+    elevation_rad: Array  # (B,) of the camera over the object, as measured with the box; NaN in space
 
     @classmethod
-    def of(cls, detections: Sequence[PlanarDetection]) -> "DetectionFeatures":
+    def of(cls, detections: Sequence[PlanarDetection | SpatialDetection]) -> "DetectionFeatures":
         """All detections of a keyframe."""
         return cls(
             feature=np.array([item.feature for item in detections]),

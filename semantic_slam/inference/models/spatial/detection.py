@@ -46,6 +46,16 @@ class SpatialDetection:
         """(3,) where in the body frame the ray begins."""
         return np.zeros(3) if self.has_range else self.sensor
 
+    @cached_property
+    def feature_variance(self) -> Array:
+        """(F,) diagonal of the feature's covariance."""
+        return np.array(self.feature_covariance.diagonal())
+
+    @property
+    def elevation_rad(self) -> float:
+        """NaN: the elevation of the camera over an object follows from their positions."""
+        return float("nan")
+
     @property
     def turn_variance(self) -> float:
         """[rad^2] of the ray in its most uncertain direction, 0 for a ray alone, which gives no position.

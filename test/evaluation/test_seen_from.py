@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from semantic_slam.evaluation.seen_from import seen_from
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.models.spatial.observation import POSES_AND_POINTS_IN_SPACE
-from semantic_slam.training.labels.tracks import seen_from
 
 RANDOM = np.random.default_rng(4)
 PLACES, SENSORS = RANDOM.normal(size=(2, 20, 3))
