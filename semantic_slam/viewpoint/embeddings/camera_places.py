@@ -45,7 +45,7 @@ class CameraPlaces:
         return take(self, rows)
 
     def with_place(self, other: "CameraPlaces") -> "CameraPlaces":
-        """These places, and then others."""
+        """The places with others appended."""
         return CameraPlaces(
             azimuths_rad=np.append(self.azimuths_rad, other.azimuths_rad),
             elevations_rad=np.append(self.elevations_rad, other.elevations_rad),
