@@ -28,6 +28,11 @@ class PerceptionConfiguration:
         (0,), "alexnet, where neither classes nor groups are named: outputs that are reported, without a rest"
     )
     num_passes: int = parameter(50, "dropout passes T", minimum=1)
+    max_detections: int = parameter(
+        100,
+        "detections of a frame that are used, those with the best scores; the others are counted as dropped; 0: all",
+        minimum=0,
+    )
     novelty_false_alarms: float = parameter(
         0.01,
         "share of the pictures of known objects that count as pictures of others, for which in_coverage is false; 0: no"

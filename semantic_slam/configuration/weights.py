@@ -41,6 +41,12 @@ class WeightsConfiguration:
         minimum=0.0,
     )
     max_candidates: int = parameter(400, "candidates weighed per parent and keyframe", minimum=1)
+    max_associations: int = parameter(
+        100_000,
+        "detections in all candidates of a keyframe, with pruning.max_hypotheses parents: where there are more, each"
+        " parent has fewer candidates, and what is left out counts in discarded_mass; 0: no limit",
+        minimum=0,
+    )
     bagged_sets: int = parameter(
         0,
         "with pruning.place_m: resampled sets of keyframes over which a belief's weights are averaged between places of"

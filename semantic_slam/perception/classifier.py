@@ -9,6 +9,7 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.perception import uncertainty
+from semantic_slam.perception.best_scored import best_scored
 from semantic_slam.perception.collaborators import (
     AppearanceCheck,
     CoverageCheck,
@@ -71,7 +72,8 @@ class Classifier:
 
     def measure(self, frame: Frame, sequence: int, T_base_camera: Array) -> SemanticMeasurements:
         """Measurements of the frame's usable detections; ``T_base_camera`` is the (7,) pose of the optical frame."""
-        kept = self._usable_detections(frame)
+        usable = np.array(self._usable_detections(frame), dtype=np.intp)
+        kept = best_scored(usable, frame.detections.scores, self._settings.max_detections, self.dropped).tolist()
         rows = frame.detections.take(np.array(kept, dtype=np.intp))
         boxes = rows.boxes.reshape(-1, 4)
         samples, total_entropy, model_part, recognised = self._dropout_samples(frame, kept)

@@ -13,6 +13,7 @@ import numpy as np
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
+from semantic_slam.perception.best_scored import best_scored
 from semantic_slam.perception.boxes.box_rays import whole_boxes
 from semantic_slam.perception.crops import IN_SHARES, are_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
@@ -49,7 +50,8 @@ class PlaceReader:
         points = told_points(detections) if self._in_space else SpatialPoints.untold(len(detections))
         if points.are_told.any():
             places = points.places.where(points.are_told, places)
-        kept = np.flatnonzero(self._usable(detections, places, points))
+        usable = np.flatnonzero(self._usable(detections, places, points))
+        kept = best_scored(usable, detections.scores, self._settings.max_detections, self.dropped)
         places, rows, points = places.take(kept), detections.take(kept), points.take(kept)
         measured = SemanticMeasurements(
             stamp_ns=detections.stamp_ns,

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from semantic_slam.geometry.arrays import Array, Flags, Index, column_products
+from semantic_slam.inference.association.candidate_limit import candidate_limit
 from semantic_slam.inference.association.elsewhere import also_gone, exclusive_objects, possible_objects
 from semantic_slam.inference.association.enumeration import (
     EnumerationProblem,
@@ -210,7 +211,7 @@ class ClosedKeyframe:
             log_class_prior=self._log_class_prior(object_ids),
             distinct=self.problem.distinct,
             gate=self.problem.weights.gate if self.path is None else np.inf,
-            max_candidates=self.problem.weights.max_candidates,
+            max_candidates=candidate_limit(self.problem.weights, self.problem.pruning, len(self.used)),
             path=self._path(object_ids.tolist()),
             admitted=self._admitted(object_ids, gate),
             exclusive=exclusive_objects(self.problem.displaced, object_ids),

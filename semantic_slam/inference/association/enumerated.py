@@ -13,6 +13,9 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry
 
+SPARE, MOST_USED = 8, 32
+"""With clutter: detections beyond the number of objects that are associated in a keyframe, and most of all."""
+
 
 class EnumeratedAssociation(ClosedWorld):
     """Strategy ``enumerated``: a detection is of a mapped object, or clutter (a false alarm or an unmapped object)."""
@@ -44,10 +47,13 @@ class EnumeratedAssociation(ClosedWorld):
         return np.log(rate) + clutter.log_place(detections) if clutter is not None and rate > 0.0 else None
 
     def _used(self, step: Step) -> Index:
-        """All detections with a clutter model; else the best-scored ones, as many as there are distinct objects."""
-        if self.problem.clutter is not None and self.problem.closed_world.clutter_per_frame > 0.0:
-            return np.arange(len(step.names))
+        """The best-scored detections, as many as there are distinct objects; with a clutter model some more.
+
+        The others are clutter in every candidate.
+        """
         num_objects = len(self.registry.known.ids)
         limit = num_objects if self.problem.distinct else (len(step.names) if num_objects else 0)
+        if self.problem.clutter is not None and self.problem.closed_world.clutter_per_frame > 0.0:
+            limit = min(max(limit, num_objects) + SPARE, MOST_USED)
         order = np.argsort(-step.scores, kind="stable")
         return np.asarray(np.sort(order[:limit]))

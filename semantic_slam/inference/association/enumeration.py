@@ -7,7 +7,7 @@ mass left out is estimated by assuming that it would have continued as well as t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -35,6 +35,8 @@ from semantic_slam.inference.evidence.weighed_associations import WeighedAssocia
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.states.spaces import Spaces
 
+MOST_BYTES = 2.0**27
+"""Size of the largest matrices of the candidates that are enumerated at once."""
 CLUTTER_GATE = 2.0 / 3.0
 """Fraction of the gate that applies to associations with clutter, of which every keyframe has some.
 
@@ -79,7 +81,58 @@ class NoAssociationError(SemanticSlamError):
 
 
 def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBelief) -> WeighedAssociations:
-    """Enumerate all associations of the detections to objects or clutter within the gate. Raises NoAssociationError."""
+    """Enumerate all associations of the detections to objects or clutter within the gate. Raises NoAssociationError.
+
+    Parents are independent, and taken a few at a time where all of them together would take too much memory.
+    """
+    count, parts, left_out = len(predicted.mean), list[_Enumerated](), []
+    starts = range(0, count, _parents_at_once(setting, predicted))
+    for start in starts:
+        some = slice(start, start + starts.step)
+        found, log_left_out = _enumerated(setting, predicted, some)
+        parts += [] if found is None else [found]
+        left_out.append(log_left_out)
+    if not parts:
+        raise NoAssociationError("a detection of the keyframe can be of nothing")
+    rows = Assignments.joined([part.rows for part in parts]) if len(parts) > 1 else parts[0].rows
+    mean, root = (_joined([getattr(part, name) for part in parts]) for name in ("mean", "root"))
+    mode = Mode(*(_joined([getattr(part.mode, name) for part in parts]) for name in vars(parts[0].mode)))
+    problem = KeyframeProblem(setting.spaces, setting.model, setting.collected, rows, mean, root, setting.log_clutter)
+    return _associated(setting, problem, mode, np.concatenate(left_out))
+
+
+def _parents_at_once(setting: EnumerationProblem, predicted: PredictedBelief) -> int:
+    """Number of parents whose candidates' matrices take at most :data:`MOST_BYTES`."""
+    detections, options = len(setting.detections), predicted.mean.shape[1]
+    prefixes = min(float(setting.max_candidates), float(options) ** max(detections - 1, 0))
+    size = setting.spaces.layout.size(detections)
+    return max(1, int(MOST_BYTES / (prefixes * options * 8.0 * size**2)))
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+
+@dataclass(frozen=True)
+class _Enumerated:
+    """B associations of some of the parents, with their approximate modes."""
+
+    rows: Assignments
+    mean: Array  # (B, 1 + n, s)
+    root: Array  # (B, r + n l, r + n l)
+    mode: Mode
+
+
+def _enumerated(
+    setting: EnumerationProblem, predicted: PredictedBelief, parents: slice
+) -> tuple[_Enumerated | None, Array]:
+    """The associations of a few ``parents``, detection by detection, and (P,) their log mass left out.
+
+    None if a detection can be of nothing under any of them.
+    """
+    predicted = replace(predicted, mean=predicted.mean[parents], covariance=predicted.covariance[parents])
+    admitted = None if setting.admitted is None else setting.admitted[parents]
+    setting, first = replace(setting, admitted=admitted), parents.start
     num_parents = len(predicted.mean)
     left_out = np.full(num_parents, -np.inf)
     prefixes = PartialAssignments.of_robots(setting.spaces, predicted)
@@ -88,9 +141,9 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
         origin, objects = _next_objects(setting, prefixes.rows, predicted.mean.shape[1] - 1)
         seen, log_clutter = setting.first(number + 1), setting.first_clutter(number + 1)
         screened = screen(prefixes, mode, origin, objects, setting.model, seen, setting.gate, log_clutter)
-        parents = screened.prefixes.rows.parents
-        if not len(parents):
-            raise NoAssociationError(f"detection {number} of the keyframe can be of nothing")
+        of_parents = screened.prefixes.rows.parents
+        if not len(of_parents):
+            return None, left_out
         last = number == len(setting.detections) - 1
         if last and setting.model.num_classes == 0:
             mode = find_modes(screened.stack, screened.mode.y, tolerance=WEIGHING_TOLERANCE)
@@ -100,10 +153,11 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
         if last and setting.log_clutter is not None:
             has_clutter = (screened.prefixes.rows.objects < 0).any(axis=1)
             gate = np.where(has_clutter, CLUTTER_GATE * setting.gate, setting.gate)
-        keep, dropped = _gated(parents, mode.log_evidence, gate, num_parents, setting.max_candidates)
+        keep, dropped = _gated(of_parents, mode.log_evidence, gate, num_parents, setting.max_candidates)
         left_out = np.logaddexp(left_out, np.logaddexp(screened.log_left_out, dropped))
         prefixes, mode = screened.prefixes.take(keep), mode.take(keep)
-    return _associated(setting, prefixes.stack(setting.model, setting.collected, setting.log_clutter), mode, left_out)
+    rows = replace(prefixes.rows, parents=prefixes.rows.parents + first)
+    return _Enumerated(rows, prefixes.mean, prefixes.root, mode), left_out
 
 
 def _associated(

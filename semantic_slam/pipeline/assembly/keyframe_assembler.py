@@ -30,6 +30,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS
+from semantic_slam.perception.best_scored import best_scored
 from semantic_slam.perception.boxes.box_tracks import BoxTracks
 from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -126,7 +127,11 @@ class KeyframeAssembler:
         told = with_scores(told, topics.MEASUREMENTS, self.dropped, of_classes=self._are_labels_read)
         if self._in_space is not None:
             told = self._in_space.usable(told)
-        found = joined(told, self._configuration.perception.same_outline)
+        settings = self._configuration.perception
+        rows, prefix = np.arange(len(told)), f"{topics.MEASUREMENTS}: "
+        best = best_scored(rows, told.scores, settings.max_detections, self.dropped, prefix)
+        told = told if len(best) == len(told) else told.take(best)
+        found = joined(told, settings.same_outline)
         if len(found) < len(told):
             self.dropped[f"{topics.MEASUREMENTS}: boxes joined to one with the same outline"] += len(told) - len(found)
         self._measurements.add(measurements.stamp_ns, found)

@@ -54,3 +54,27 @@ def test_no_rows_have_one_empty_assignment() -> None:
 def test_what_cannot_be_assigned_has_no_assignment() -> None:
     assert len(k_best(np.array([[1.0, np.inf], [2.0, np.inf]]), 3).costs) == 0
     assert len(k_best(np.zeros((2, 1)), 3).costs) == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_of_many_rows_in_clusters_the_cheapest_are_those_of_the_whole(seed: int) -> None:
+    """Fifteen rows in five groups that share columns, each row with one of its own: all within the bound, in order."""
+    random, groups, size = np.random.default_rng(seed), 5, 3
+    cost = np.full((groups * size, groups * 2 + groups * size), np.inf)
+    for row in range(len(cost)):
+        cost[row, [2 * (row // size), 2 * (row // size) + 1, groups * 2 + row]] = random.exponential(2.0, 3)
+    found, fewer = k_best(cost, 400, within=3.0), k_best(cost, 37, within=3.0)
+    assert len({tuple(row) for row in found.columns}) == len(found.costs) > 37
+    assert (np.diff(found.costs) >= 0.0).all() and found.costs[-1] <= found.costs[0] + 3.0
+    np.testing.assert_array_equal(fewer.columns, found.columns[:37])
+    best = [
+        sorted(total for total, _ in brute_force(cost[size * g : size * (g + 1)][:, _columns(g)])) for g in range(5)
+    ]
+    sums = np.zeros(1)
+    for own in best:
+        sums = np.sort((sums[:, None] + np.array(own)).ravel())[:2000]
+    np.testing.assert_allclose(found.costs, sums[: len(found.costs)], rtol=1e-12)
+
+
+def _columns(group: int) -> list[int]:
+    return [2 * group, 2 * group + 1, *(10 + 3 * group + n for n in range(3))]

@@ -151,7 +151,7 @@ def test_what_one_detection_changes_is_exact_given_the_others() -> None:
 def test_a_pair_by_itself_tells_the_pose() -> None:
     frame = twins(np.random.default_rng(2), 3, 0.3)
     costs = frame.costs
-    for pair, table in enumerate(costs.given_each()):
+    for pair, table in enumerate(costs.given_each(np.arange(len(costs.rows)))):
         detection, column = costs.rows[pair], costs.columns[pair]
         nobody = frame.num_objects + np.arange(len(frame.offsets))
         alone = nobody.copy()

@@ -11,10 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, distinct_rows, row_sums, squared_norms
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, row_sums, squared_norms
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.evidence.outlier_choices import OutlierChoices, likeliest_outliers
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
+from semantic_slam.inference.open_world.joint.all_but_some import given_all_but
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 
 
@@ -86,49 +87,50 @@ class JointCosts:
         differ in one detection.
         """
         taken = self._pairs(assignment[None])
-        others = np.repeat(taken, len(self.rows), axis=0)
-        others[np.arange(len(self.rows)), self.rows] = -1
-        others[self.columns[others] == self.columns[:, None]] = -1
-        return self._table(self._conditional(others, self._outliers(taken)))
+        residual, covariance = (own[0] for own in self._joint(taken))
+        if self.tail is not None:
+            added = (self.tail.added * (self._outliers(taken) & (taken >= 0)))[..., None] * self.measured[taken]
+            covariance[np.arange(len(residual)), np.arange(len(residual))] += added.ravel()
+        count, size = self.residual.shape
+        cross = np.where((taken >= 0)[..., None, None], self.covariance[np.arange(count)[:, None], taken], 0.0)
+        cross = np.swapaxes(cross, 1, 2).reshape(count, size, -1)
+        shift, known = given_all_but(residual, covariance, cross, self._excluded(taken[0]))
+        left, spread = self.residual - shift, self._alone - known
+        values = self.log_constant + self._log_density(np.arange(count), left, spread, _log_gaussian)
+        return self._table(np.asarray(values))
 
-    def given_each(self) -> Array:
-        """(P, D, M) log weight of each pair given each single pair, which stays; -inf: no pair, or excluded by it."""
-        count, root = len(self.rows), cholesky(self._alone)
-        cross = forward(root[:, None], self.covariance)  # of the first pair, whitened, with the second
-        white = forward(root, self.residual[..., None])
+    def _excluded(self, taken: Index) -> Index:
+        """(P, 2) detections that do not count for each pair: its own one, and that of its object; -1: none.
+
+        ``taken`` (D,) are the pairs of a joint assignment, or -1.
+        """
+        holder = np.full(self.num_objects, -1)
+        of_objects = np.flatnonzero(taken >= 0)
+        holder[self.columns[taken[of_objects]]] = of_objects
+        other = holder[self.columns]
+        return np.stack([self.rows, np.where(other == self.rows, -1, other)], axis=1)
+
+    def given_each(self, each: Index) -> Array:
+        """(n, D, M) log weight of each pair given one of the pairs ``each`` (n,); -inf: no pair, or excluded by it.
+
+        The given pair has weight 1 (0 nats).
+        """
+        root = cholesky(self._alone[each])
+        cross = forward(root[:, None], self.covariance[each])  # of the first pair, whitened, with the second
+        white = forward(root, self.residual[each, :, None])
         left, spread = broadcast_copy(self.residual, cross.shape[:3]), broadcast_copy(self._alone, cross.shape)
         for component in range(cross.shape[2]):
             own = cross[:, :, component]
             left -= own * white[:, None, component]
             spread -= own[..., :, None] * own[..., None, :]
-        possible = (self.rows[:, None] != self.rows) & (self.columns[:, None] != self.columns)
+        possible = (self.rows[each, None] != self.rows) & (self.columns[each, None] != self.columns)
         second = np.nonzero(possible)[1]
-        values = np.full((count, count), -np.inf)
+        values = np.full(possible.shape, -np.inf)
         values[possible] = self.log_constant[second] + self._log_density(
             second, left[possible], spread[possible], _log_gaussian_of_many
         )
-        np.fill_diagonal(values, 0.0)
+        values[np.arange(len(each)), each] = 0.0
         return self._table(values)
-
-    def _conditional(self, others: Index, outlier: Flags) -> Array:
-        """(P,) log weight of each pair given ``others`` (P, n), pairs or -1; ``outlier`` (1, n): which are outliers."""
-        every, which = distinct_rows(others)
-        residual, covariance = self._joint(every)
-        if self.tail is not None:
-            added = (self.tail.added * (outlier & (every >= 0)))[..., None] * self.measured[every]
-            diagonal = np.arange(residual.shape[1])
-            covariance[:, diagonal, diagonal] += added.reshape(residual.shape)
-        count, size = self.residual.shape
-        cross = self.covariance[np.arange(count)[:, None], others]
-        cross = np.where((others >= 0)[..., None, None], cross, 0.0)
-        cross = np.swapaxes(cross, 1, 2).reshape(count, size, -1)
-        gain = np.empty_like(cross)
-        for number, own in enumerate(covariance):  # many pairs have the same others
-            rows = np.flatnonzero(which == number)
-            gain[rows] = np.linalg.solve(own, cross[rows].reshape(-1, len(own)).T).T.reshape(len(rows), size, -1)
-        left = self.residual - (gain @ residual[which][..., None])[..., 0]
-        spread = self._alone - gain @ np.swapaxes(cross, 1, 2)
-        return np.asarray(self.log_constant + self._log_density(np.arange(count), left, spread, _log_gaussian))
 
     @cached_property
     def _alone(self) -> Array:

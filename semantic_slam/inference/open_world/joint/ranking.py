@@ -33,8 +33,11 @@ class JointRanking:
     reach: float  # nats behind the best beyond which no neighbourhood is searched
 
     def best(self, limit: int, gate: float) -> RankedAssignments:
-        """The best by joint weight, at most ``limit``, none more than ``gate`` nats behind the best."""
-        about = self._neighbourhoods()
+        """The best by joint weight, at most ``limit``, none more than ``gate`` nats behind the best.
+
+        As many pairs by themselves, the likeliest ones, are starts.
+        """
+        about = self._neighbourhoods(limit)
         found = [own.ranked.columns for own in about]
         columns, numbers = distinct_rows(np.concatenate(found))
         scores = self.costs.log_scores(columns)
@@ -44,9 +47,9 @@ class JointRanking:
         left_out = max(own.log_left_out(columns[order], score) for own, score in zip(about, first, strict=True))
         return RankedAssignments(columns[order], scores[order], left_out - float(scores[order[0]]))
 
-    def _neighbourhoods(self) -> list["_Neighbourhood"]:
+    def _neighbourhoods(self, limit: int) -> list["_Neighbourhood"]:
         """The neighbourhood of the best joint assignment found, then of those outside the ones before."""
-        tables = np.concatenate([self.log_pairs[None], self._filled(self.costs.given_each())])
+        tables = np.concatenate([self.log_pairs[None], self._filled(self.costs.given_each(self._likeliest(limit)))])
         starts, _ = distinct_rows(self._cheapest(tables))
         scores = self.costs.log_scores(starts)
         found: list[_Neighbourhood] = []
@@ -56,6 +59,12 @@ class JointRanking:
             if not any(own.holds(starts[row]) for own in found):
                 found.append(self._about(starts[row], float(scores[row])))
         return found
+
+    def _likeliest(self, limit: int) -> Index:
+        """At most ``limit`` pairs, those that are likeliest by themselves beside no known object."""
+        costs = self.costs
+        behind = costs.log_alone[costs.rows, -1] - self.log_pairs[costs.rows, costs.columns]
+        return np.sort(np.argsort(behind, kind="stable")[:limit])
 
     def _about(self, start: Index, score: float) -> "_Neighbourhood":
         table = self._improved(start, score)

@@ -10,6 +10,7 @@ import numpy as np
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.association.candidate_limit import candidate_limit
 from semantic_slam.inference.association.gating import (
     PairDensities,
     RankedAssignments,
@@ -187,16 +188,17 @@ class OpenAssociation:
         log_pairs = np.concatenate([log_known, moving], axis=1)
         options = np.concatenate([admitted, may_move], axis=1)
         weights = self.problem.weights
+        most = candidate_limit(weights, self.problem.pruning, len(log_new))
         ranked = partial(
             best_assignments,
             admitted=options,
             log_new=log_new,
-            limit=weights.max_candidates,
+            limit=most,
             gate=weights.gate,
             log_beyond=prediction.log_beyond,
             objects=objects,
         )
-        if self.settings.joint_ranking and admitted.any() and may_be_more(options, weights.max_candidates):
+        if self.settings.joint_ranking and admitted.any() and may_be_more(options, most):
             alone = np.concatenate([moving, log_new[:, None]], axis=1)
             linear = LinearisedEvidence.of(self.problem.spaces, prediction, pairs)
             costs = JointCosts.of(linear, admitted, log_detected, alone)
@@ -206,7 +208,7 @@ class OpenAssociation:
                 admitted=options,
                 ranked=ranked,
                 reach=float(np.log(self.problem.pruning.ratio)),
-            ).best(weights.max_candidates, weights.gate)
+            ).best(most, weights.gate)
         else:
             found = ranked(log_pairs)
         known, moves = found.columns < len(near), found.columns < len(near) + moving.shape[1]

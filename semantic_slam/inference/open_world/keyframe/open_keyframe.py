@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.inference.association.candidate_limit import candidate_limit
 from semantic_slam.inference.association.enumeration import EnumerationProblem, enumerate_classes
 from semantic_slam.inference.association.gating import PairDensities, RankedAssignments
 from semantic_slam.inference.association.pair_search import LARGEST_BEND
@@ -319,6 +320,6 @@ class OpenKeyframe:
             log_class_prior=self.registry.log_class_prior_of(object_ids),
             distinct=True,
             gate=self.problem.weights.gate if self.path is None else np.inf,
-            max_candidates=self.problem.weights.max_candidates,
+            max_candidates=candidate_limit(self.problem.weights, self.problem.pruning, len(self.used)),
             path=chosen,
         )
