@@ -42,9 +42,9 @@ class WeightsConfiguration:
     )
     max_candidates: int = parameter(400, "candidates weighed per parent and keyframe", minimum=1)
     max_associations: int = parameter(
-        100_000,
-        "detections in all candidates of a keyframe, with pruning.max_hypotheses parents: where there are more, each"
-        " parent has fewer candidates, and what is left out counts in discarded_mass; 0: no limit",
+        2000,
+        "detections in all candidates of one parent and keyframe: where there are many detections, there are fewer"
+        " candidates, and what is left out counts in discarded_mass; 0: no limit",
         minimum=0,
     )
     bagged_sets: int = parameter(

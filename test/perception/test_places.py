@@ -81,7 +81,7 @@ def test_covariances_are_those_of_moved_samples(given: str) -> None:
         return detections(len(values), ranges_m=r, bearings_rad=b, elevations_rad=e, place_covariances=covariances)
 
     stated, _ = measure(tell(mean[None], covariance[None]))
-    sampled, _ = measure(tell(mean + noise, np.zeros(0)))
+    sampled, _ = measure(tell(mean + noise, np.zeros(0)), max_detections=0)
     rows = np.stack([sampled.ranges_m, sampled.bearings_rad, sampled.elevations_rad])
     np.testing.assert_allclose(stated.place_covariances[0], np.cov(rows), atol=2e-8)
     np.testing.assert_array_equal(stated.geometric_covariances[0], stated.place_covariances[0, :2, :2])

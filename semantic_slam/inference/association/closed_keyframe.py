@@ -211,7 +211,7 @@ class ClosedKeyframe:
             log_class_prior=self._log_class_prior(object_ids),
             distinct=self.problem.distinct,
             gate=self.problem.weights.gate if self.path is None else np.inf,
-            max_candidates=candidate_limit(self.problem.weights, self.problem.pruning, len(self.used)),
+            max_candidates=candidate_limit(self.problem.weights, len(self.used)),
             path=self._path(object_ids.tolist()),
             admitted=self._admitted(object_ids, gate),
             exclusive=exclusive_objects(self.problem.displaced, object_ids),

@@ -13,6 +13,7 @@ NOTHING_LEFT_OUT = {
     "weights": {
         "gate": np.inf,
         "max_candidates": 10**9,
+        "max_associations": 0,
         "importance_samples": 4096,
         "importance_gate": np.inf,
         "gaussian_share": 0.9999,

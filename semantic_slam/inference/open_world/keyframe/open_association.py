@@ -188,7 +188,7 @@ class OpenAssociation:
         log_pairs = np.concatenate([log_known, moving], axis=1)
         options = np.concatenate([admitted, may_move], axis=1)
         weights = self.problem.weights
-        most = candidate_limit(weights, self.problem.pruning, len(log_new))
+        most = candidate_limit(weights, len(log_new))
         ranked = partial(
             best_assignments,
             admitted=options,

@@ -320,6 +320,6 @@ class OpenKeyframe:
             log_class_prior=self.registry.log_class_prior_of(object_ids),
             distinct=True,
             gate=self.problem.weights.gate if self.path is None else np.inf,
-            max_candidates=candidate_limit(self.problem.weights, self.problem.pruning, len(self.used)),
+            max_candidates=candidate_limit(self.problem.weights, len(self.used)),
             path=chosen,
         )
