@@ -4,6 +4,7 @@ A checksum of 0 says that none was written.
 """
 
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 from zlib import crc32
@@ -42,10 +43,20 @@ def summary_crc(path: Path) -> int:
 
 def has_chunk_checksums(storage: McapReader) -> bool:
     """Whether all messages of an open mcap are in chunks with checksums."""
-    if not storage.chunks:
-        return bool(storage.metadata.message_count == 0)
     with storage.path.open("rb") as file:
-        return all(any(_at(file, item.chunk_start_offset + CHUNK_CRC, CRC_SIZE)) for item in storage.chunks)
+        places = [item.chunk_start_offset for item in storage.chunks] or _messages_or_chunks(file, storage.data_end)
+        records = (_at(file, place, CHUNK_CRC + CRC_SIZE) for place in places)
+        return all(record[0] == Opcode.CHUNK and any(record[CHUNK_CRC:]) for record in records)
+
+
+def _messages_or_chunks(file: BinaryIO, end: int) -> Iterator[int]:
+    """Places of the records of an mcap without index that are messages, or hold them."""
+    place = MAGIC_SIZE
+    while len(header := _at(file, place, RECORD_HEADER.size)) == RECORD_HEADER.size and place < end:
+        opcode, length = RECORD_HEADER.unpack(header)
+        if opcode in (Opcode.MESSAGE, Opcode.CHUNK):
+            yield place
+        place += RECORD_HEADER.size + length
 
 
 def first_damage(storage: McapReader) -> str:

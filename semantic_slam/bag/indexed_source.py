@@ -33,6 +33,8 @@ class IndexedSource:
         self._storage = storage
         self._is_zipped = is_zipped
         self.has_checksums = isinstance(storage, McapReader) and _has_checksums(storage)
+        if isinstance(storage, McapReader):
+            _complete_index(storage)
         self.counts: Counter[str] = Counter()
         for item in storage.connections:
             self.counts[absolute(item.topic)] += item.msgcount
@@ -60,6 +62,18 @@ class IndexedSource:
 def _has_checksums(storage: McapReader) -> bool:
     """Whether an open mcap has checksums of its summary and of all messages. Raises ValueError at a wrong one."""
     return summary_crc(storage.path) != 0 and has_chunk_checksums(storage)
+
+
+def _complete_index(storage: McapReader) -> None:
+    """Have chunks without an index of their messages (``noMessageIndex``) searched for those of every topic.
+
+    Raises ValueError where the topics are not known without reading (``noStatistics`` and ``noRepeatedChannels``).
+    """
+    if storage.chunks and not storage.channels:
+        raise ValueError(f"{storage.path.name}: its index names no topics")
+    for chunk in storage.chunks:
+        if not chunk.message_index_offsets:
+            chunk.channel_count.update(dict.fromkeys(storage.channels, 1))
 
 
 def _unzipped(data: bytes) -> bytes:

@@ -12,6 +12,8 @@ import pytest
 from mcap.opcode import Opcode
 from mcap.records import Chunk, DataEnd, Footer
 from mcap.stream_reader import StreamReader
+from mcap.writer import IndexType
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from semantic_slam.bag.chunk_limits import RECORD_HEADER
@@ -228,6 +230,27 @@ def write_as_others(path: Path, plugin: StoragePlugin) -> None:
         connection = writer.add_connection("/one", TEXT, msgdef="string data\n", rihs01="RIHS01_0")
         for stamp in range(1, 4):
             writer.write(connection, stamp, text("text"))
+
+
+@pytest.mark.parametrize("use_chunking", [True, False])
+@pytest.mark.parametrize("index_types", [IndexType.ALL, IndexType.CHUNK, IndexType.NONE])
+def test_what_other_recorders_leave_out_drops_no_message(
+    tmp_path: Path, use_chunking: bool, index_types: IndexType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With ``noMessageIndex`` every message was dropped without a word."""
+    bag = tmp_path / "bag.mcap"
+    with bag.open("wb") as file:
+        writer = McapWriter(file, chunk_size=400, use_chunking=use_chunking, index_types=index_types)
+        writer.start(profile="ros2")
+        schema = writer.register_schema(TEXT, "ros2msg", b"string data")
+        channels = [writer.register_channel(topic, "cdr", schema) for topic in ("/one", "/other")]
+        for stamp in range(1, 31):
+            writer.add_message(channels[stamp % 2], stamp, text("text"), stamp)
+        writer.finish()
+    with BagReader(bag) as reader:
+        assert [message.stamp_ns for message in reader.messages()] == list(range(1, 31))
+        assert [message.stamp_ns for message in reader.messages(["/one"])] == list(range(2, 31, 2))
+    assert (NOT_SUMMED in capsys.readouterr().err) == (not use_chunking)
 
 
 def changed(bag: Path, old: str, new: str) -> Path:
