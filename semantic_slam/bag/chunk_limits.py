@@ -28,7 +28,8 @@ def check_chunks(path: Path) -> None:
             following = file.tell() + length
             if opcode == Opcode.CHUNK and _claimed(file.read(min(length, 64))) > LARGEST_CHUNK:
                 raise InputError(
-                    f"{path}: a chunk claims more than {LARGEST_CHUNK >> 20} MiB; record it with smaller chunks"
+                    f"{path}: a chunk claims more than {LARGEST_CHUNK >> 20} MiB, or is damaged; record it again, with"
+                    " smaller chunks"
                 )
             if opcode == Opcode.DATA_END or following > size:
                 return

@@ -3,14 +3,14 @@
 import os
 import shutil
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 from semantic_slam.bag.mcap_stream import McapStream, RawMessage
+from semantic_slam.bag.metadata_check import METADATA
 from semantic_slam.bag.reader import storage_files
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import staged_places
-
-METADATA = "metadata.yaml"
 
 
 def unfinished_bag(path: Path) -> Path | None:
@@ -28,6 +28,7 @@ class Continuation:
         if place.exists():
             os.replace(place, place.with_name(f"{_prefix(place)}{len(_earlier(place)):03}"))
         self._folders = _earlier(place)
+        self._damaged: dict[Path, str] = {}  # by folder, found by the last pass over the messages
 
     def messages(self) -> Iterator[tuple[RawMessage, str]]:
         """Every complete message with its type definition; messages copied before a second kill come twice."""
@@ -35,15 +36,36 @@ class Continuation:
             for path in storage_files(folder):
                 try:
                     stream = McapStream(path)
-                except InputError:  # killed before the first byte was written
+                except InputError as fault:
+                    if path.stat().st_size:  # else killed before the first byte was written
+                        self._damaged[folder] = str(fault)
                     continue
+                if stream.damage and not stream.is_torn:
+                    self._damaged[folder] = stream.damage
                 for message in stream.messages(None):
                     yield message, stream.definitions[message.type_name]
 
-    def done(self) -> None:
-        """Delete the old parts: everything is in the new bag."""
+    def done(self, bag: Path) -> list[str]:
+        """Delete the old parts, whose messages are in the new bag.
+
+        Damaged parts are moved beside ``bag`` instead: what follows the damage is in no other. Returns a line for each.
+        """
+        lines = []
         for folder in self._folders:
-            shutil.rmtree(folder)
+            if folder in self._damaged:
+                kept = _free(bag)
+                shutil.move(folder, kept)
+                lines.append(
+                    f"{kept}: damaged ({self._damaged[folder]}); the bag goes on with what is before the damage"
+                )
+            else:
+                shutil.rmtree(folder)
+        return lines
+
+
+def _free(bag: Path) -> Path:
+    """A new name beside ``bag`` for a damaged part of it."""
+    return next(path for n in count() if not (path := bag.with_name(f"{bag.name}.damaged_{n:03}")).exists())
 
 
 def _prefix(place: Path) -> str:

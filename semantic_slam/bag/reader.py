@@ -12,13 +12,17 @@ from typing import Any, Protocol, Self
 
 import yaml
 from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
+from semantic_slam.bag.checksums import summary_crc
 from semantic_slam.bag.chunk_limits import check_chunks
 from semantic_slam.bag.definitions import extended_typestore, is_ours, older_typestore
+from semantic_slam.bag.indexed_source import IndexedSource
 from semantic_slam.bag.installed_definitions import register_installed
-from semantic_slam.bag.mcap_stream import McapStream, RawMessage, breaks_off_cleanly
+from semantic_slam.bag.mcap_stream import McapStream, RawMessage
+from semantic_slam.bag.metadata_check import METADATA, REINDEX, Contents, check_files, contents_told, differences
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.older_messages import current_bytes
 from semantic_slam.errors import InputError, one_line
@@ -26,7 +30,7 @@ from semantic_slam.messages.typestore import typestore
 
 REMEDY = "give a rosbag2 folder, a .mcap or a .db3"
 _announced: set[str] = set()
-"""Notices about unfinished bags already printed by this process, which may open a bag many times."""
+"""Notices about bags already printed by this process, which may open a bag many times."""
 
 
 class TruncatedBagError(InputError):
@@ -39,34 +43,16 @@ class Source(Protocol):
     topics: dict[str, str]
     definitions: dict[str, str]
     counts: Counter[str]
+    has_checksums: bool
 
     def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]: ...
-
-
-class IndexedSource:
-    """An intact folder or storage file, read through its index in log-time order."""
-
-    def __init__(self, reader: Reader) -> None:
-        """``reader`` must be open."""
-        self._reader = reader
-        self.counts: Counter[str] = Counter()
-        for item in reader.connections:
-            self.counts[absolute(item.topic)] += item.msgcount
-        self.topics = {absolute(item.topic): item.msgtype for item in reader.connections}
-        self.definitions = {item.msgtype: item.msgdef.data for item in reader.connections if item.msgdef.data}
-
-    def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]:
-        wanted = [item for item in self._reader.connections if topics is None or absolute(item.topic) in topics]
-        if wanted:
-            for connection, stamp_ns, data in self._reader.messages(wanted):
-                yield RawMessage(absolute(connection.topic), connection.msgtype, stamp_ns, bytes(data))
 
 
 class BagReader:
     """Context manager that reads one bag. Topic names are absolute (``/odom``), however the bag spells them."""
 
     def __init__(self, path: Path, *, announces: bool = True) -> None:
-        """Raise InputError when ``path`` does not exist. ``announces``: a notice is printed about an unfinished bag."""
+        """Raise InputError when ``path`` does not exist. ``announces``: notices about the bag are printed."""
         self.path = Path(path)
         self._announces = announces
         if not self.path.exists():
@@ -75,17 +61,31 @@ class BagReader:
         self.unfinished = ""  # set when the recorder was killed but all written data can be read
         self._stack = ExitStack()
         self._sources: list[Source] = []
+        self._empty_topics: dict[str, str] = {}  # without messages, named by metadata.yaml alone
+        self._is_storage_whole = False  # the damage is that of metadata.yaml
         self._older: dict[str, Typestore | None] = {}  # by type name; None: recorded with our definition
 
     def __enter__(self) -> Self:
-        """Open the bag. Raises InputError when nothing can be read, or when it would take too much memory."""
+        """Open the bag. Raises InputError when nothing can be read, or it would take too much memory.
+
+        Raises it, too, when ``metadata.yaml`` names a storage file twice, or not at all.
+        """
         for path in storage_files(self.path):
             if path.suffix == ".mcap":
                 check_chunks(path)
-        try:
-            self._sources = [self._indexed(self.path)]
-        except Exception as fault:  # the readers' exceptions have no common base class
-            self._open_parts(_reason(fault))
+        with ExitStack() as opened:
+            try:
+                self._sources = self._indexed(self.path, opened)
+            except InputError:
+                raise
+            except Exception as fault:  # the readers' exceptions have no common base class
+                self._open_parts(_reason(fault), opened)
+            self._stack = opened.pop_all()
+        if not all(source.has_checksums for source in self._sources):
+            self._announce(
+                f"{self.path}: was written without checksums, so damage in it can pass unnoticed; what this version"
+                " writes has them, and so has a copy by semantic_slam import bag"
+            )
         return self
 
     def __exit__(
@@ -96,7 +96,7 @@ class BagReader:
     @property
     def topics(self) -> dict[str, str]:
         """Type name by absolute topic name."""
-        return {topic: kind for source in self._sources for topic, kind in source.topics.items()}
+        return self._empty_topics | {topic: name for source in self._sources for topic, name in source.topics.items()}
 
     @property
     def counts(self) -> Counter[str]:
@@ -184,46 +184,80 @@ class BagReader:
     def _store(self) -> Typestore:
         return extended_typestore(self.definitions)
 
-    def _indexed(self, path: Path) -> IndexedSource:
-        return IndexedSource(self._stack.enter_context(Reader(path)))
+    def _indexed(self, path: Path, opened: ExitStack) -> list[Source]:
+        """The storage files of a whole bag, in the order of its recorder, or a single storage file."""
+        for item in storage_files(path):
+            if item.suffix == ".mcap":
+                summary_crc(item)  # before anything is made of it
+        reader = opened.enter_context(Reader(path)).storage
+        if not isinstance(reader, DirectoryReader):
+            return [IndexedSource(reader)]
+        check_files(path, (item.path.name for item in reader.storages), (item.name for item in storage_files(path)))
+        is_zipped = reader.metadata.compression_mode == "message"
+        sources: list[Source] = [IndexedSource(item, is_zipped=is_zipped) for item in reader.storages]
+        self._compare(contents_told(reader), _contents(sources))
+        return sources
 
-    def _open_parts(self, reason: str) -> None:
+    def _compare(self, told: Contents, found: Contents) -> None:
+        """Announce what metadata.yaml tells otherwise than the storage files."""
+        self._empty_topics = {topic: name for topic, name in told.types.items() if not told.counts[topic]}
+        if found_otherwise := differences(told, found):
+            self._announce(f"{self.path}: {METADATA} tells {found_otherwise}; the storage is used; {REINDEX}")
+
+    def _open_parts(self, reason: str, opened: ExitStack) -> None:
         """Open the storage files one by one: damaged mcaps up to the damage, unfinished ones to their end."""
         if _compression(self.path):
             raise InputError(f"{self.path}: a compressed bag that cannot be read ({reason}); record it again")
-        was_closed = self.path.is_dir() and (self.path / "metadata.yaml").exists()
-        if was_closed:
-            self.damage = reason
-        is_unfinished = False
+        was_closed = self.path.is_dir() and (self.path / METADATA).exists()
+        damage, is_unfinished = "", False
         for path in storage_files(self.path):
             try:
-                self._sources.append(self._indexed(path))
+                self._sources += self._indexed(path, opened)
             except Exception as fault:
-                if path.suffix == ".mcap":
-                    self._sources.append(McapStream(path))
-                if path.suffix == ".mcap" and not was_closed and breaks_off_cleanly(path):
-                    is_unfinished = True
+                if path.suffix != ".mcap":
+                    damage = _reason(fault)
+                    continue
+                stream = McapStream(path)
+                self._sources.append(stream)
+                if stream.damage or stream.has_end or was_closed:
+                    damage = stream.damage or _reason(fault)
                 else:
-                    self.damage = _reason(fault)
+                    is_unfinished = True
         if not self._sources:
             raise InputError(f"{self.path}: not a readable bag ({reason}); {REMEDY}")
+        self._is_storage_whole = was_closed and not damage
+        self.damage = damage or (reason if was_closed else "")
         if is_unfinished:
-            self._announce_unfinished()
+            self._note_unfinished()
 
-    def _announce_unfinished(self) -> None:
+    def _note_unfinished(self) -> None:
         self.unfinished = (
             f"{self.path}: its recorder was killed before it closed the bag; the {self.num_messages} messages that it"
             " had written are used; end a recorder with Ctrl-C (SIGINT) to lose none"
         )
-        if self._announces and self.unfinished not in _announced:
-            _announced.add(self.unfinished)
-            print(self.unfinished, file=sys.stderr)
+        self._announce(self.unfinished)
+
+    def _announce(self, notice: str) -> None:
+        if self._announces and notice not in _announced:
+            _announced.add(notice)
+            print(notice, file=sys.stderr)
 
     def _truncated(self, reason: str, given: int) -> TruncatedBagError:
+        if self._is_storage_whole:
+            return TruncatedBagError(
+                f"{self.path}: {METADATA} cannot be used ({reason}); the {given} messages of its storage were used;"
+                f" {REINDEX}"
+            )
         return TruncatedBagError(
             f"{self.path}: the bag is damaged ({reason}); the {given} messages before the damage were used;"
             " record it again for the rest"
         )
+
+
+def _contents(sources: Collection[Source]) -> Contents:
+    counts = sum((source.counts for source in sources), Counter[str]())
+    types = {topic: name for source in sources for topic, name in source.topics.items()}
+    return Contents(counts.total(), counts, types)
 
 
 def storage_files(path: Path) -> list[Path]:
@@ -236,7 +270,7 @@ def storage_files(path: Path) -> list[Path]:
 def _compression(folder: Path) -> str:
     """rosbag2 compression mode of a bag folder; "" when none (or only inside the storage)."""
     try:
-        information = yaml.safe_load((folder / "metadata.yaml").read_text(encoding="utf-8"))
+        information = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
         mode = str(information["rosbag2_bagfile_information"].get("compression_mode", "")).lower()
     except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, AttributeError):
         return ""

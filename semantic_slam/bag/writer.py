@@ -1,8 +1,7 @@
-"""Writing of rosbag2 folders: mcap with zstd-compressed chunks and embedded type definitions."""
+"""Writing of rosbag2 folders: mcap with zstd-compressed chunks, checksums and embedded type definitions."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from io import BufferedWriter
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -16,9 +15,9 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
+from semantic_slam.bag.checksum_writer import ChecksumBagWriter, ChecksumWriter
 from semantic_slam.bag.definitions import extended_typestore, register
 from semantic_slam.bag.names import absolute
 from semantic_slam.errors import InputError
@@ -41,8 +40,6 @@ LATCHED_QOS = Qos(
     UNLIMITED,
     False,
 )
-WRITTEN_AT_ONCE = 4 << 20
-"""Size of the write buffer in bytes: a chunk with its index is written at once, so a kill leaves no partial chunk."""
 _LATCHED = frozenset(absolute(topic) for topic in LATCHED)
 
 
@@ -57,7 +54,7 @@ class BagWriter:
         self.path = Path(path)
         with _faults_of(self.path):
             _make_room(self.path)
-        self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer = ChecksumBagWriter(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.set_custom_data(WRITER_KEY, WRITER)
         self._store = extended_typestore({})
@@ -66,8 +63,6 @@ class BagWriter:
     def __enter__(self) -> Self:
         with _faults_of(self.path):
             self._writer.open()
-        storage = self._storage()
-        storage.bio = BufferedWriter(storage.bio.detach(), WRITTEN_AT_ONCE)
         return self
 
     def __exit__(
@@ -95,15 +90,9 @@ class BagWriter:
 
     def flush(self) -> None:
         """Flush to the operating system, so that the data survive a kill of this process."""
-        storage = self._storage()
+        assert isinstance(self._writer.storage, ChecksumWriter)
         with _faults_of(self.path):
-            if storage.chunk.bio.tell():
-                storage.close_chunk()
-            storage.bio.flush()
-
-    def _storage(self) -> McapWriter:
-        assert isinstance(self._writer.storage, McapWriter)
-        return self._writer.storage
+            self._writer.storage.flush()
 
     def _connect(self, name: str, type_name: str, definition: str) -> Connection:
         if type_name not in self._store.types:

@@ -111,7 +111,8 @@ class BagRecorder(PipelineNode):
         for message, definition in earlier.messages():
             self._take_over(message, definition)
         self._writer.flush()
-        earlier.done()
+        for line in earlier.done(path):
+            self.get_logger().warning(line)
         self.get_logger().info(f"{path}: goes on after keyframe {self._num_beliefs - 1}")
 
     def _take_over(self, message: RawMessage, definition: str) -> None:

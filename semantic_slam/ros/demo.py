@@ -49,7 +49,7 @@ def command() -> None:
         from semantic_slam.pipeline.default_configuration import configuration_for
 
         arguments.config = configuration_for(arguments.bag)
-    from semantic_slam.bag.continuation import METADATA
+    from semantic_slam.bag.metadata_check import METADATA
 
     with output_of(arguments) as out:
         if not (arguments.resume and (out / "belief" / METADATA).exists()):

@@ -248,7 +248,10 @@ def test_features_of_another_classifier_are_refused() -> None:
 
 def candidates_of_a_pair(**overrides: object) -> Candidates:
     """Candidates for the first frame with two detections, from the prior alone; everything is enumerated."""
-    everything = {"weights": {"gate": 1e9, "max_candidates": 10**6, "max_associations": 0}, "semantic_model": {"kind": "none"}}
+    everything = {
+        "weights": {"gate": 1e9, "max_candidates": 10**6, "max_associations": 0},
+        "semantic_model": {"kind": "none"},
+    }
     world = make_world(6, **{**everything, **overrides})
     keyframe = next(k for k in world.keyframes if len(k.measurements) == 2)
     backend = Backend(0)

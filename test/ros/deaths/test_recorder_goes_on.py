@@ -43,10 +43,31 @@ def test_what_a_killed_recorder_left_is_taken_over(tmp_path: Path) -> None:
     with BagWriter(place) as writer:
         for message, definition in continuation.messages():
             writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns, definition)
-        continuation.done()
+        assert continuation.done(place) == []
     with BagReader(place) as reader:
         assert not reader.unfinished and reader.num_messages == 3
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_damaged_part_is_kept_and_named(tmp_path: Path) -> None:
+    """A flipped bit in the third of five keyframes: what comes after it is in no other bag."""
+    place = tmp_path / "bag"
+    writer = BagWriter(place)
+    writer.__enter__()
+    for k in range(5):
+        writer.write(topics.BELIEF, small_belief(k, [1], [1], [1.0], [4], [[4]]), 1 + k)
+        writer.flush()
+    (storage,) = place.glob("*.mcap")
+    data = bytearray(storage.read_bytes())
+    data[len(data) // 2] ^= 4
+    storage.write_bytes(data)
+    continuation = Continuation(place)
+    found = keyframes_of(continuation)
+    assert found == list(range(len(found))) and 0 < len(found) < 5
+    (line,) = continuation.done(place)
+    kept = tmp_path / "bag.damaged_000"
+    assert line.startswith(f"{kept}: damaged (bag.mcap: the chunk at byte ") and "\n" not in line
+    assert (kept / "bag.mcap").read_bytes() == data and [path.name for path in tmp_path.iterdir()] == [kept.name]
 
 
 def test_a_second_death_while_taking_over_loses_nothing(tmp_path: Path) -> None:

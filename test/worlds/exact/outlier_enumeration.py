@@ -228,7 +228,12 @@ def _problem(world: LinearWorld) -> Problem:
         association=EnumeratedAssociation if world.names is None else GivenAssociation,
         distinct=True,
         weights=WeightsConfiguration(
-            gate=np.inf, max_candidates=10**9, max_associations=0, importance_samples=4096, importance_gate=np.inf, max_history=100
+            gate=np.inf,
+            max_candidates=10**9,
+            max_associations=0,
+            importance_samples=4096,
+            importance_gate=np.inf,
+            max_history=100,
         ),
         pruning=NO_PRUNING,
         clutter=LinearClutter(robust),
