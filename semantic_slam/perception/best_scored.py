@@ -10,7 +10,7 @@ TOO_MANY = "detection with a lower score than perception.max_detections others o
 
 
 def best_scored(rows: Index, scores: Array, most: int, dropped: Counter[str], prefix: str = "") -> Index:
-    """Those of ``rows`` that have the ``most`` best scores, in their order; the others are counted in ``dropped``.
+    """Select the ``most`` best-scored of ``rows``, in their order; the others are counted in ``dropped``.
 
     ``scores`` (D,) of all detections of the frame, NaN counts as 0; of equal scores the first ones are used. ``most``
     0: all.
