@@ -50,9 +50,10 @@ class Witness:
 
     def newest_that_is_due(self) -> int:
         """The newest keyframe that was printed before the last ``LOST_S``; -1 before the first."""
+        printed = newest_printed(self._replay)
         now_s = time.monotonic() - waited_s(self._recorder)
-        self._seen.append((now_s, newest_printed(self._replay)))
-        return max((newest for at_s, newest in self._seen if at_s <= now_s - LOST_S), default=-1)
+        self._seen.append((now_s, printed))
+        return max((printed for at_s, printed in self._seen if at_s <= now_s - LOST_S), default=-1)
 
 
 @pytest.fixture(scope="module")
