@@ -151,6 +151,8 @@ class BagPlayer(PipelineNode):
                 self._send_rest(bag, bar, start)
             except InputError as fault:  # finish the replay of the part before the damage
                 damage = fault
+            if not self._is_up:  # the others must not take what was sent for the whole bag
+                return
             self._end_of_bag(bar)
         if damage is not None:
             raise damage
