@@ -17,6 +17,7 @@ os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "100000000")
 
 if TYPE_CHECKING:
     from semantic_slam.answers.find_objects import find_objects
+    from semantic_slam.answers.get_object import get_object
     from semantic_slam.answers.query_place import query_place
     from semantic_slam.answers.question import Question
     from semantic_slam.configuration import Configuration, load_configuration
@@ -44,6 +45,7 @@ __all__ = [
     "SemanticSlamError",
     "__version__",
     "find_objects",
+    "get_object",
     "load_configuration",
     "query_place",
     "read_map",
@@ -65,6 +67,7 @@ _ORIGIN = {
     "SemanticSlamError": "errors",
     "__version__": "version",
     "find_objects": "answers.find_objects",
+    "get_object": "answers.get_object",
     "load_configuration": "configuration",
     "query_place": "answers.query_place",
     "read_map": "maps.map_file",

@@ -9,6 +9,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from semantic_slam.errors import SemanticSlamError
+from semantic_slam.interrupts import raised_at_once
 
 GRACE_S = 5.0
 """How long a process may take to end once nothing more will be asked of it."""
@@ -57,10 +58,12 @@ class ChildProcess:
     def receive(self, timeout_s: float | None = None) -> Any:
         """The next value that the process has sent. Raises SemanticSlamError if it has ended.
 
-        Raises TimeoutError where none comes within ``timeout_s``; None: however long it takes.
+        Raises TimeoutError where none comes within ``timeout_s``; None: however long it takes. Ctrl-C raises
+        KeyboardInterrupt at once while nothing has come, also where it is noted elsewhere.
         """
         try:
-            came = self._connection.poll(timeout_s)
+            with raised_at_once():
+                came = self._connection.poll(timeout_s)
             value = self._connection.recv() if came else None
         except (EOFError, OSError):  # the second in the midst of a value
             raise self._ended() from None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.latent.model import DescriptorModel
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def _model(settings: SemanticModelConfiguration) -> DescriptorModel:
 
 
 def _extractor(settings: SemanticModelConfiguration) -> "FeatureExtractor":
+    import_interruptibly("torch")
     from semantic_slam.latent.extractor_store import read_extractor
 
     return read_extractor(latent_file(settings))

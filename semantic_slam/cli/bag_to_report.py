@@ -104,6 +104,8 @@ def command() -> None:
 
         print_files(report_many(arguments))
         return
+    if arguments.scheduler:
+        print("--scheduler has no effect: a single bag is run here")
     inputs = [arguments.bag, arguments.config, arguments.map_prior, *(arguments.compare or [])]
     with claimed_report(arguments.out, inputs, arguments.overwrite) as out:
         files, fault = report(arguments, out)

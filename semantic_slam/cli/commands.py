@@ -52,7 +52,7 @@ COMMANDS = Group(
         "view": Command("semantic_slam.cli.view:main", "follow a run that goes on, in the browser"),
         "train": TRAIN,
         "fit": Command("semantic_slam.cli.fit_viewpoint_models:main", "fit class models over the direction of view"),
-        "find": Command("semantic_slam.cli.find:main", "objects of a map by class, vector, text or picture"),
+        "find": Command("semantic_slam.cli.find:main", "objects of a map by class, vector, text or picture, or one"),
         "explain": Command("semantic_slam.cli.explain:main", "why a map believes what it does of one object"),
         "map": MAP,
         "calibrate": Command("semantic_slam.cli.calibrate:main", "a robot's noise, by the evidence of a drive"),

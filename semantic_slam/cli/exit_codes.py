@@ -1,10 +1,13 @@
 """Maps errors to exit codes: 0 success, 2 bad input or usage, 1 internal error, 130 interrupted."""
 
 import argparse
+import atexit
 import errno
+import os
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -65,4 +68,25 @@ def _is_of_an_interrupt(fault: BaseException | None) -> bool:
 
 def run_main(command: Callable[[], None]) -> None:
     """Body of every ``main()``: run ``command``, including parsing, and exit with its exit code."""
-    sys.exit(exit_code(command))
+    codes: list[int] = []
+    atexit.register(_leave_if_interrupted, codes)  # before all others, and therefore called after them
+    codes.append(exit_code(command))
+    sys.exit(codes[0])
+
+
+def _leave_if_interrupted(codes: list[int]) -> None:
+    """End an interrupted command without finalising Python.
+
+    A thread may still import a library, and from an interrupt inside of ``exec``, as of a dataclass, Python ends by the
+    signal although it was handled.
+    """
+    if codes == [INTERRUPTED]:
+        leave(INTERRUPTED)
+
+
+def leave(code: int) -> NoReturn:
+    """End the process at once with this exit code, without finalising Python under running threads."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)

@@ -1,10 +1,10 @@
-"""``semantic_slam find BELIEF``: find objects of a map by class, vector, text, image or place."""
+"""``semantic_slam find BELIEF``: find objects of a map by class, vector, text, image or place, or look at one."""
 
 from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from semantic_slam.cli import find_lookalike, find_place
+from semantic_slam.cli import find_lookalike, find_object, find_place
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.errors import InputError
 
@@ -20,13 +20,16 @@ def parse(words: list[str] | None = None) -> Namespace:
         description="The objects of a map that are what is looked for, each with its probability: of a class that the"
         " map knows, of a vector of appearance where detections carried such vectors, of a name among vectors of texts,"
         " or, with semantic_model.kind: latent, of a picture; or what is at a place, and what should be there and is"
-        " not.",
+        " not; or all that is known of one object.",
     )
     parser.add_argument("belief", type=Path, metavar="REPORT_OR_BELIEF_BAG", help="folder of a report, or belief bag")
     parser.add_argument("crop", type=Path, nargs="?", metavar="CROP", help="picture of the object, png or jpeg")
     parser.add_argument("--name", default="", metavar="NAME", help="class, or with --text-vectors one of its names")
     parser.add_argument("--vector", type=Path, metavar="FILE", help="vector of a picture: .npy, .json, or one as below")
     parser.add_argument("--place", action="store_true", help="what is in the region, and what is gone from there")
+    parser.add_argument(
+        "--object", default="", metavar="ID", help="all that is known of the one of that number or name"
+    )
     parser.add_argument(
         "--text-vectors", type=Path, metavar="FILE", help="named vectors of texts: .npz, .safetensors or .json"
     )
@@ -50,9 +53,14 @@ def parse(words: list[str] | None = None) -> Namespace:
 def command() -> None:
     """Parse, query, print; raises InputError."""
     arguments = parse()
-    asked = [name for name in ("crop", "name", "vector", "place") if getattr(arguments, name)]
+    asked = [name for name in ("crop", "name", "vector", "place", "object") if getattr(arguments, name)]
     if len(asked) != 1:
-        raise InputError(f"{program()}: give one of CROP, --name, --vector and --place; {program()} --help tells more")
+        raise InputError(
+            f"{program()}: give one of CROP, --name, --vector, --place and --object; {program()} --help tells more"
+        )
+    if arguments.object:
+        find_object.ask(arguments.belief, arguments.object)
+        return
     if arguments.place:
         find_place.ask(arguments.belief, _region(arguments), arguments.least_probability)
         return

@@ -15,6 +15,7 @@ from semantic_slam.cli.fit_label_models import learn_labels
 from semantic_slam.cli.needs import need_training
 from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
+from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, claimed_files
 
 
@@ -99,6 +100,7 @@ def command() -> None:
 def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page: Path) -> list[str]:
     """Measure, fit and save model, JSON report and page; returns the lines of a short report."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
+    import_interruptibly("torch")
     from semantic_slam.configuration import PerceptionConfiguration
     from semantic_slam.perception.networks.weights import load_network
     from semantic_slam.training.viewpoint.fit import appearance_of, fit_samples

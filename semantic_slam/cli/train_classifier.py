@@ -9,6 +9,7 @@ from typing import Any
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
+from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, check_output, claimed_file
 
 
@@ -53,6 +54,7 @@ def command() -> None:
     views = object_views(arguments, arguments.turntables)
     if arguments.classes:
         views = with_classes(views, arguments.classes)
+    import_interruptibly("torch")
     from semantic_slam.perception.networks.weights import save_compact_network
     from semantic_slam.training.classifier import TrainingConfiguration, accuracy_by_azimuth, train
 

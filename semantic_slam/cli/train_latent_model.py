@@ -9,6 +9,7 @@ from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.cli.needs import need_training
 from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
+from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, check_output, claimed_file
 
 if TYPE_CHECKING:
@@ -83,6 +84,7 @@ def command() -> None:
     inputs = [*arguments.turntables, *(arguments.tags or ())]
     check_output(arguments.out, inputs, arguments.overwrite)
     views, classes = _views(arguments)
+    import_interruptibly("torch")
     from semantic_slam.latent.store import save_latent_model
     from semantic_slam.training.latent.fit import TrainingSettings, knowing_new_instances, train
     from semantic_slam.training.latent.report import training_report

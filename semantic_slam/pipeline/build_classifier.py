@@ -7,6 +7,7 @@ from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_extractor
 from semantic_slam.class_models.viewpoint_models import load_appearance, load_model
 from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
+from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.collaborators import AppearanceCheck, CoverageCheck
 from semantic_slam.perception.range_bearing import range_and_bearing
@@ -42,7 +43,8 @@ def _network(configuration: Configuration) -> "ClassifierNetwork | None":
     kind = class_model_kind(configuration.semantic_model)
     if kind.labels is not None or kind.embeddings is not None:
         return None
-    from semantic_slam.perception.networks.weights import load_network  # imports PyTorch
+    import_interruptibly("torch")
+    from semantic_slam.perception.networks.weights import load_network
 
     return load_network(configuration.perception)
 

@@ -65,12 +65,16 @@ class Receiver(Protocol):
 
 
 class FrontEnd:
-    """Makes measurements and keyframes of a bag's messages, for a receiver."""
+    """Makes measurements and keyframes of a bag's messages, for a receiver.
 
-    def __init__(self, order: ReadingOrder, reader: BagReader, receiver: Receiver) -> None:
+    To construct one takes seconds where it loads a network.
+    """
+
+    def __init__(self, order: ReadingOrder, reader: BagReader) -> None:
         configuration, found, preamble = order.configuration, order.found, order.preamble
         self._perception, self._found, self._preamble = configuration.perception, found, preamble
-        self._reader, self._receiver, self._max_keyframes = reader, receiver, order.max_keyframes
+        self._reader, self._max_keyframes = reader, order.max_keyframes
+        self._receiver: Receiver
         self._num_frames, self._num_keyframes = 0, 0
         self._frames = FrameAssembler(
             configuration,
@@ -122,8 +126,9 @@ class FrontEnd:
         """Whether there are as many keyframes as asked for."""
         return self._max_keyframes is not None and self._num_keyframes >= self._max_keyframes
 
-    def read(self, check_interrupts: Callable[[], None]) -> None:
+    def read(self, receiver: Receiver, check_interrupts: Callable[[], None]) -> None:
         """Read the bag up to its end, its damage, the last keyframe, or what ``check_interrupts`` raises."""
+        self._receiver = receiver
         try:
             for message in self._reader.messages({*self._handlers, *self._copied}):
                 check_interrupts()

@@ -8,7 +8,8 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.reader import BagReader
@@ -19,58 +20,83 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.front_end import FrontEnd, Reading, ReadingOrder, Receiver
 
 MODULE = "semantic_slam.pipeline.front_end_process"
-
-
-Made = tuple[str, Any]
-"""The method of a receiver that takes what was made of the bag next, and its argument."""
+PATIENCE_S = 0.5
+"""How long to wait, after an interrupt, for each further message; a picture may take longer."""
 
 
 class FrontEndProcess:
-    """Has a process read a bag; what it makes of it is passed on here, in order."""
+    """Has a process read a bag, which ends with this context manager; what it makes of it is passed on here, in order.
 
-    def __init__(self, order: ReadingOrder, receiver: Receiver) -> None:
-        self._order, self._receiver = order, receiver
-        self.reading: Reading | None = None  # None: not known, as the process was lost
+    The context begins when the process has loaded its network. Raises what loading it raises.
+    """
 
-    def read(self, check_interrupts: Callable[[], None]) -> None:
-        """Pass on all that a process makes of the bag, up to what ``check_interrupts`` raises.
+    def __init__(self, order: ReadingOrder) -> None:
+        self._order = order
+        self._child = ChildProcess("the process that reads the bag", MODULE)
+        self.reading: Reading | None = None  # None: not known, as the process was lost or could not be waited for
+
+    def __enter__(self) -> Self:
+        try:
+            self._child.send(self._order)
+            self._received()
+        except BaseException:
+            self._child.end(at_once=True)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._child.end(at_once=kind is not None)
+
+    def read(self, receiver: Receiver, check_interrupts: Callable[[], None]) -> None:
+        """Pass on all that the process makes of the bag to ``receiver``, up to what ``check_interrupts`` raises.
 
         Where the run cannot go on, what was read ahead is left, and counts in :attr:`reading`. Raises SemanticSlamError
         where the process has ended or fails.
         """
-        child = ChildProcess("the process that reads the bag", MODULE)
-        try:
-            child.send(self._order)
-            self._pass_on(child, check_interrupts)
-        except BaseException:
-            child.end(at_once=True)
-            raise
-        child.end(at_once=False)
+        stopped = self._pass_on(receiver, check_interrupts)
+        if stopped is not None:
+            self._stop(stopped)
 
-    def _pass_on(self, child: ChildProcess, check_interrupts: Callable[[], None]) -> None:
-        """Take everything up to the last message, which says what became of the bag."""
-        stopped: BaseException | None = None
-        while not isinstance(made := child.receive(), Reading):
-            if isinstance(made, Exception):
-                raise made
-            if stopped is None and (stopped := self._taken(made, check_interrupts)) is not None:
-                with suppress(SemanticSlamError):  # it may have read all, and have ended
-                    child.send(None)  # it is to stop, and to say what became of the bag
+    def _pass_on(self, receiver: Receiver, check_interrupts: Callable[[], None]) -> BaseException | None:
+        """Have the receiver take everything up to the last message, the reading; returns what ends the run before."""
+        while True:
+            try:
+                made = self._received()
+            except KeyboardInterrupt as interrupt:
+                return interrupt
+            if isinstance(made, Reading):
+                self.reading = made
+                return None
+            try:
+                check_interrupts()
+                taken_by, value = made
+                getattr(receiver, taken_by)(value)
+            except (SemanticSlamError, KeyboardInterrupt) as fault:
+                return fault
+
+    def _stop(self, stopped: BaseException) -> None:
+        """Have the process stop and say what became of the bag; raises ``stopped``, unless the reading tells it."""
+        with suppress(SemanticSlamError):  # it may have read all, and have ended
+            self._child.send(None)
+        patience_s = PATIENCE_S if isinstance(stopped, KeyboardInterrupt) else None
+        try:
+            while not isinstance(made := self._received(patience_s), Reading):
+                pass
+        except TimeoutError:
+            raise stopped from None
         self.reading = made
-        if isinstance(stopped, InputError):
-            self.reading = made._replace(fault=stopped)
-        elif stopped is not None:
+        if not isinstance(stopped, InputError):
             raise stopped
+        self.reading = made._replace(fault=stopped)
 
-    def _taken(self, made: Made, check_interrupts: Callable[[], None]) -> BaseException | None:
-        """Have the receiver take something; returns what ends the run, or None."""
-        try:
-            check_interrupts()
-            taken_by, value = made
-            getattr(self._receiver, taken_by)(value)
-        except (SemanticSlamError, KeyboardInterrupt) as fault:
-            return fault
-        return None
+    def _received(self, timeout_s: float | None = None) -> Any:
+        """What the process has sent next; raises what it has raised, and TimeoutError where nothing comes in time."""
+        made = self._child.receive(timeout_s)
+        if isinstance(made, Exception):
+            raise made
+        return made
 
 
 class _StopError(Exception):
@@ -105,9 +131,10 @@ def serve(connection: Connection) -> None:
     with suppress(ConnectionError):
         try:
             with BagReader(order.bag, announces=False) as reader:
-                front = FrontEnd(order, reader, sender)
+                front = FrontEnd(order, reader)
+                connection.send(None)  # all is loaded
                 with suppress(_StopError):
-                    front.read(sender.check)
+                    front.read(sender, sender.check)
             connection.send(front.reading)
         except ConnectionError:
             raise

@@ -5,6 +5,7 @@ bag -> FrontEnd -> Engine -> belief bag; the nodes use the same parts.
 
 from collections import Counter
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.interrupts import noted_interrupts
 from semantic_slam.messages import topics
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.detector_labels import are_asked_for, known_to_fit, labels_in
@@ -28,7 +30,6 @@ from semantic_slam.pipeline.front_end_process import FrontEndProcess
 from semantic_slam.pipeline.gravity.imu_use import left_out
 from semantic_slam.pipeline.inference_stage import InferenceStage
 from semantic_slam.pipeline.input_topics import InputTopics, find_topics
-from semantic_slam.pipeline.interrupts import noted_interrupts
 from semantic_slam.pipeline.preamble import Preamble, find_map_prior, read_preamble
 from semantic_slam.pipeline.provenance import source_text
 
@@ -67,7 +68,7 @@ def run_bag(
     bag, out_bag = Path(bag), Path(out_bag)
     if out_bag.resolve() in (bag.resolve(), bag.resolve().parent):
         raise InputError(f"{out_bag}: is the input bag; name another output")
-    with BagReader(bag) as reader:
+    with BagReader(bag) as reader, ExitStack() as stack:
         order = ReadingOrder(bag, configuration, *_looked_through(bag, reader, configuration), max_keyframes)
         prior = map_prior if map_prior is not None else find_map_prior(bag)
         digest = reader.sha256()
@@ -75,9 +76,11 @@ def run_bag(
             print(f"{bag}: {told}")
         source = source_text(bag, digest)
         inference = InferenceStage(configuration, prior, order.preamble, source, pool or InProcessPool(1))
+        with noted_interrupts():  # inside a constructor of C++, one that is raised may abort the process
+            front = stack.enter_context(FrontEndProcess(order)) if reads_ahead else FrontEnd(order, reader)
         with BagWriter(out_bag) as writer:
             run = OfflineRun(inference, writer)
-            _run(run, order, reader, reads_ahead)
+            _run(run, front, reader.counts[order.found.measurements or order.found.detections])
     dropped = sum(run.dropped_by.values(), Counter[str]())
     if not run.num_keyframes:
         reasons = "; ".join(f"{reason} ({n})" for reason, n in sorted(dropped.items())) or "no detections in it"
@@ -99,16 +102,13 @@ def _looked_through(bag: Path, reader: BagReader, configuration: Configuration) 
     return found, preamble
 
 
-def _run(run: "OfflineRun", order: ReadingOrder, reader: BagReader, reads_ahead: bool) -> None:
+def _run(run: "OfflineRun", front: FrontEnd | FrontEndProcess, num_frames: int) -> None:
     """Process the bag up to its end, its damage or the last keyframe."""
-    num_frames = reader.counts[order.found.measurements or order.found.detections]
     with tqdm(total=num_frames, unit="frame", desc="frames") as progress:
         run.on_frame = progress.update
-        with noted_interrupts():  # it may import PyTorch, which an interrupt in its midst can abort
-            front = FrontEndProcess(order, run) if reads_ahead else FrontEnd(order, reader, run)
         try:
             with noted_interrupts() as check_interrupts:
-                front.read(check_interrupts)
+                front.read(run, check_interrupts)
         finally:
             run.conclude(front.reading)
 

@@ -103,6 +103,11 @@ class BagPlayer(PipelineNode):
         follow_changes(self, ("rate",), self._check_rate, lambda values: self._pace.change(float(values["rate"])))
         self.worker.submit(self._play, None)
 
+    @property
+    def _is_up(self) -> bool:
+        """Whether to go on: the node is not shut down or interrupted."""
+        return bool(rclpy.ok()) and not self.worker.is_ending
+
     def _check_rate(self, values: Values) -> None:
         rate = number(self, "rate", values.get("rate", self._rate))
         if "rate" in values and (self._rate == 0.0 or rate <= 0.0):
@@ -146,6 +151,8 @@ class BagPlayer(PipelineNode):
                 self._send_rest(bag, bar, start)
             except InputError as fault:  # finish the replay of the part before the damage
                 damage = fault
+            if not self._is_up:  # the others must not take what was sent for the whole bag
+                return
             self._end_of_bag(bar)
         if damage is not None:
             raise damage
@@ -155,7 +162,7 @@ class BagPlayer(PipelineNode):
         give_up = time.monotonic() + self._wait_s
         inputs = [self._outlets[topic] for topic, item in self._playlist.items.items() if item.is_input]
         # Observers such as the recorder do not count: the nodes that process the inputs must be up.
-        while rclpy.ok() and (
+        while self._is_up and (
             unheard := [outlet.name for outlet in inputs if not outlet.has_listener_besides(ONLOOKERS)]
         ):
             if time.monotonic() > give_up:
@@ -170,7 +177,7 @@ class BagPlayer(PipelineNode):
     def _wait_for_manager(self) -> None:
         """Wait until the manager has published its progress; returns early if there seems to be no manager."""
         since_s = time.monotonic()
-        while rclpy.ok() and not self._stands.wait(0.05):
+        while self._is_up and not self._stands.wait(0.05):
             waited_s = time.monotonic() - since_s
             if waited_s > GRACE_S and (waited_s > self._wait_s or not self.count_publishers(self._manager_topic)):
                 return
@@ -201,7 +208,7 @@ class BagPlayer(PipelineNode):
     def _send_rest(self, bag: BagReader, bar: tqdm, start: Resumption) -> None:
         frame, cameras = -1, set[str]()
         for message in bag.messages([topic for topic, item in self._playlist.items.items() if not item.is_latched]):
-            if not rclpy.ok():
+            if not self._is_up:
                 return
             item = self._playlist.items[message.topic]
             is_frame = self._is_frame(message)
@@ -227,7 +234,7 @@ class BagPlayer(PipelineNode):
 
     def _wait_while_paused(self) -> None:
         since_s = time.monotonic()
-        while rclpy.ok() and not self.is_active:
+        while self._is_up and not self.is_active:
             time.sleep(0.05)
             self._pace.shift(time.monotonic() - since_s)
             since_s = time.monotonic()
@@ -245,7 +252,7 @@ class BagPlayer(PipelineNode):
 
     def _manager_goes_on(self) -> bool:
         """Whether to wait for the manager. Raises InputError if there was one and it is gone for ``GONE_S``."""
-        if not rclpy.ok():
+        if not self._is_up:
             return False
         if self.count_publishers(self._manager_topic) > 0:
             self._had_manager, self._gone_since_s = True, None

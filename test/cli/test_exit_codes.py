@@ -1,8 +1,11 @@
 """Errors become exit codes in one place."""
 
+import subprocess
+import sys
+
 import pytest
 
-from semantic_slam.cli.exit_codes import CommandParser, run_main
+from semantic_slam.cli.exit_codes import CommandParser, exit_code, run_main
 from semantic_slam.errors import InputError, SemanticSlamError
 
 
@@ -36,8 +39,28 @@ def test_a_fault_of_ours_shows_where(error, capsys):
 
 
 def test_an_interrupt_is_quiet(capsys):
-    assert leave(raising(KeyboardInterrupt())) == 130
+    assert exit_code(raising(KeyboardInterrupt())) == 130
     assert capsys.readouterr().err == ""
+
+
+INTERRUPTED = """
+import atexit, signal, threading, time
+from semantic_slam.cli.exit_codes import run_main
+def command():
+    print("begun")
+    atexit.register(print, "all others are done")
+    threading.Thread(target=time.sleep, args=[600], daemon=True).start()
+    exec("signal.raise_signal(signal.SIGINT)")
+signal.signal(signal.SIGINT, signal.default_int_handler)
+run_main(command)
+"""
+
+
+def test_an_interrupt_within_code_that_is_executed_from_text_is_130_too():
+    """Python itself would end by the signal, which dataclasses and named tuples then make of it."""
+    ended = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (130, "")
+    assert ended.stdout.splitlines() == ["begun", "all others are done"]
 
 
 def test_wrong_usage_is_one_line(capsys):
@@ -60,5 +83,5 @@ def test_an_interrupt_that_became_another_exception_is_an_interrupt(capsys):
         except KeyboardInterrupt as fault:
             raise ImportError("initialization failed") from fault
 
-    assert leave(in_the_midst_of_an_import) == 130
+    assert exit_code(in_the_midst_of_an_import) == 130
     assert capsys.readouterr().err == ""

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from worlds.bags.bag_factory import input_entries, of_topic, without, write_bag, write_configuration
 from worlds.bags.places import place_entries
+from worlds.processes.interrupted import children, has_loaded, interrupted
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration, load_configuration
@@ -87,7 +88,7 @@ class _FailingPool(InProcessPool):
 
     def expand(self, keyframe: Keyframe) -> list[Candidates]:
         if keyframe.index == 2:
-            while "Z" not in [_state(number) for number in _children(os.getpid())]:
+            while "Z" not in [_state(number) for number in children(os.getpid())]:
                 time.sleep(0.02)
             raise InputError("this is where it ends")
         return super().expand(keyframe)
@@ -112,7 +113,7 @@ def test_hypotheses_that_would_replay_the_drive_are_not_shared(tmp_path: Path) -
 @pytest.mark.parametrize("place", ["backend_process", "front_end_process"])
 def test_a_process_that_is_lost_ends_the_run_with_a_remedy(tmp_path: Path, place: str) -> None:
     with _reported(tmp_path / "out") as command:
-        (number,) = [n for n, words in _children(command.pid).items() if place in words]
+        (number,) = [n for n, words in children(command.pid).items() if place in words]
         os.kill(number, signal.SIGKILL)
         _, words = command.communicate(timeout=120)
     assert command.returncode == 1
@@ -121,14 +122,24 @@ def test_a_process_that_is_lost_ends_the_run_with_a_remedy(tmp_path: Path, place
 
 def test_ctrl_c_ends_all_processes(tmp_path: Path) -> None:
     with _reported(tmp_path / "out") as command:
-        children = _children(command.pid)
+        started = children(command.pid)
         command.send_signal(signal.SIGINT)
         command.communicate(timeout=120)
     assert command.returncode == 130
-    assert len(children) == 2
-    for number in children:
+    assert len(started) == 2
+    for number in started:
         with pytest.raises(ProcessLookupError):
             os.kill(number, 0)
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_ctrl_c_while_pytorch_is_loaded_ends_a_report_at_once_and_nothing_stays(tmp_path: Path, processes: int) -> None:
+    words = [sys.executable, "-m", "semantic_slam.cli.bag_to_report", str(ROOT / "bags/aliased_room")]
+    words += ["--processes", str(processes), "--out", str(tmp_path / "out")]
+    ending = interrupted(words, lambda pid: has_loaded(pid, "libtorch"), tmp_path / "said")
+    assert ending.code == 130 and "Traceback" not in ending.said
+    assert ending.is_at_once, f"{ending.cpu_s:.1f} s of CPU"
+    assert not (tmp_path / "out").exists()
 
 
 @contextmanager
@@ -157,9 +168,3 @@ def _reported(out: Path) -> Iterator[subprocess.Popen[str]]:
 def _state(number: int) -> str:
     """One letter, as Linux tells it; Z: ended."""
     return Path(f"/proc/{number}/stat").read_text().rsplit(") ", 1)[1][0]
-
-
-def _children(parent: int) -> dict[int, str]:
-    """Processes of the command, with their command lines."""
-    numbers = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
-    return {int(number): Path(f"/proc/{number}/cmdline").read_text() for number in numbers}

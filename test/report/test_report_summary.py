@@ -6,6 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from worlds.bags.bag_factory import write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.commands import call
 from worlds.processes.installed import ROOT
 
 from semantic_slam.cli.bag_to_report import main, parse
@@ -69,6 +72,28 @@ def test_what_a_bag_is_called_is_text_on_the_page() -> None:
     row = SummaryRow(name="<b>x</b>", bag="x", fault="<script>", metrics={"ate_aligned_m": None})
     page = summary_files([row])["index.html"]
     assert "&lt;b&gt;x&lt;/b&gt;" in page and "<b>x</b>" not in page and "&lt;script&gt;" in page
+
+
+@pytest.mark.slow
+def test_bags_go_to_the_cluster_of_a_scheduler(tmp_path: Path) -> None:
+    from distributed import LocalCluster
+
+    bags = [write_bag(tmp_path / name, place_entries("ranges")) for name in ("one", "two")]
+    configuration = write_configuration(tmp_path / "configuration")
+    words = [*map(str, bags), "--config", str(configuration), "--max-keyframes", "1", "--out", str(tmp_path / "out")]
+    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
+        files = report_many(parse([*words, "--scheduler", cluster.scheduler_address]))
+        (worker,) = cluster.workers.values()
+        assert worker.state.executed_count == 2
+    assert [path.name for path in files] == ["index.html", "summary.json"]
+    rows = json.loads((tmp_path / "out" / "summary.json").read_text())["bags"]
+    assert [(row["name"], row["keyframes"], row["fault"]) for row in rows] == [("one", 1, ""), ("two", 1, "")]
+    assert all((tmp_path / "out" / row["name"] / "report.html").is_file() for row in rows)
+
+
+def test_a_single_bag_says_that_no_scheduler_gets_it(tmp_path: Path) -> None:
+    result = call(tmp_path, "semantic_slam.cli.bag_to_report", "no.mcap", "--out", "out", "--scheduler", "tcp://a:1")
+    assert (result.returncode, result.stdout) == (2, "--scheduler has no effect: a single bag is run here\n")
 
 
 def test_without_a_scheduler_at_its_address_nothing_is_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from semantic_slam.answers.explain.outlier_views import OutlierViews
 from semantic_slam.answers.explain.replayed_run import ReplayedRun, replay
 from semantic_slam.answers.explain.rivals import Rival, rivals
 from semantic_slam.answers.explain.sightings import Sighting, object_name, sightings
+from semantic_slam.answers.rows import row_named
 from semantic_slam.configuration import from_dict
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import belief_bag, read_record
@@ -70,7 +71,8 @@ def explain(path: str | Path, object_name: str, classes: tuple[str, str] | None 
     """
     bag = belief_bag(path)
     record = read_record(bag)
-    object_id = _object_id(record.beliefs[-1], object_name)
+    last = record.beliefs[-1]
+    object_id = int(last.object_ids[row_named(last, object_name)])
     chosen = None if classes is None else _classes(record.beliefs[-1], classes)
     return explanation_of(record, _replayed(bag, record, [object_id]), object_id, chosen)
 
@@ -132,18 +134,6 @@ def compared_classes(ledger: ClassLedger) -> tuple[int, int]:
         return pair.until, -round(odds, 3), -float(np.nansum(ledger.alone[:, best] - ledger.alone[:, cls]))
 
     return best, max(others, key=nearness, default=best)
-
-
-def _object_id(belief: HybridBelief, name: str) -> int:
-    """Object id of an object given by name or number. Raises InputError."""
-    for row, own in enumerate(belief.object_names):
-        if name in (own, str(int(belief.object_ids[row]))):
-            return int(belief.object_ids[row])
-    known = ", ".join(
-        f"{int(n)} ({own})" if own != str(int(n)) else own
-        for n, own in zip(belief.object_ids, belief.object_names, strict=True)
-    )
-    raise InputError(f"the map has no object '{name}'; ask for one of {known or 'none: nothing was mapped'}")
 
 
 def _classes(belief: HybridBelief, names: tuple[str, str]) -> tuple[int, int]:

@@ -15,6 +15,7 @@ from scipy.special import ndtri
 
 from semantic_slam.geometry.arrays import Array, row_sums, squared_norms
 from semantic_slam.geometry.log_space import finite_log_sum_exp
+from semantic_slam.interrupts import import_interruptibly
 
 PRIOR_SHARE = 0.1
 """Share of the samples drawn from the prior: no weight can then exceed ten likelihoods."""
@@ -180,7 +181,8 @@ def normal_points(count: int, size: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _sequence(size: int, exponent: int) -> Array:
-    from scipy.stats import qmc  # takes two seconds to import, and many processes draw nothing
+    import_interruptibly("scipy.stats")  # takes two seconds, and many processes draw nothing
+    from scipy.stats import qmc
 
     uniform = qmc.Sobol(size, scramble=True, seed=size).random_base2(exponent)
     points: Array = ndtri(np.clip(uniform, 1e-10, 1.0 - 1e-10))

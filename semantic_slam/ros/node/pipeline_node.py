@@ -21,13 +21,13 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import remove_ros_args
 
-from semantic_slam.cli.exit_codes import CommandParser, exit_code
+from semantic_slam.cli.exit_codes import CommandParser, exit_code, leave
 from semantic_slam.errors import InputError, MessageError, one_line
 from semantic_slam.messages import topics
 from semantic_slam.ros.node.backlog import Backlog
 from semantic_slam.ros.node.diagnostics import Diagnostics
 from semantic_slam.ros.node.health import repeated_status
-from semantic_slam.ros.node.interrupt import Interrupt, leave
+from semantic_slam.ros.node.interrupt import Interrupt
 from semantic_slam.ros.node.parameters import declare_fixed
 from semantic_slam.ros.node.worker import Worker
 from semantic_slam.ros.wire.qos import PICTURES, SENSOR_DEPTH
@@ -261,7 +261,7 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
     remove_remains()
     _with_ros_arguments(rclpy.init)
     executor = SingleThreadedExecutor()
-    interrupt = Interrupt()
+    interrupt = Interrupt(executor.wake)
     node = None
     try:
         node = make_node()

@@ -17,6 +17,7 @@ class Worker:
         self._on_fault = on_fault
         self._items: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._may_work = threading.Event()
+        self._is_told_to_end = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def start(self) -> None:
@@ -38,8 +39,14 @@ class Worker:
         """Whether further calls are queued."""
         return not self._items.empty()
 
+    @property
+    def is_ending(self) -> bool:
+        """Whether :meth:`stop` was called: a call that waits for other nodes should return."""
+        return self._is_told_to_end.is_set()
+
     def stop(self) -> None:
         """End the thread after the calls queued so far; waits at most ``PATIENCE_S`` for it."""
+        self._is_told_to_end.set()
         self._may_work.set()
         self._items.put(STOP)
         if self._thread.is_alive():

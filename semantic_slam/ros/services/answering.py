@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 
@@ -29,12 +27,3 @@ def newest(belief: HybridBelief | None) -> HybridBelief:
     if belief is None:
         raise InputError("there is no belief yet; ask after the first keyframe")
     return belief
-
-
-def row_of(belief: HybridBelief, object_id: int) -> int:
-    """Row of an object in a belief. Raises InputError for an unknown id."""
-    rows = np.flatnonzero(belief.object_ids == object_id)
-    if not len(rows):
-        known = ", ".join(map(str, belief.object_ids.tolist())) or "none"
-        raise InputError(f"object {object_id} is not on the map, which has {known}; ask for one of these")
-    return int(rows[0])

@@ -11,11 +11,12 @@ from typing import Any
 from rclpy.node import Node
 from semantic_slam_msgs.srv import Explain
 
+from semantic_slam.answers.rows import row_of
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages.codec import encode
 from semantic_slam.pipeline.journal.kept_run import KeptRun
-from semantic_slam.ros.services.answering import answering, newest, row_of
+from semantic_slam.ros.services.answering import answering, newest
 from semantic_slam.ros.services.in_background import InBackground
 
 

@@ -7,6 +7,7 @@ from rclpy.node import Node
 from semantic_slam_msgs.srv import FindObjects, GetObject, QueryPlace
 
 from semantic_slam.answers.find_objects import find_objects
+from semantic_slam.answers.get_object import get_object
 from semantic_slam.answers.query_place import query_place
 from semantic_slam.answers.question import Question
 from semantic_slam.answers.region import Region
@@ -14,7 +15,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.ros.services.answering import answering, newest, row_of
+from semantic_slam.ros.services.answering import answering, newest
 
 
 class ObjectServices:
@@ -42,15 +43,13 @@ class ObjectServices:
 
     def _get(self, request: Any, response: Any) -> None:
         belief = newest(self.belief)
-        row = row_of(belief, request.object_id)
-        response.keyframe, response.name = belief.keyframe, belief.object_names[row]
-        response.pose = _flat([belief.object_poses[row]])
-        response.covariance = _flat([belief.object_covariances[row]])
-        response.class_names = list(belief.class_names)
-        response.class_probabilities = _flat([belief.class_probabilities[row]])
-        response.in_coverage = bool(belief.in_coverage[row])
-        for name in ("existence", "moving", "moved", "missing", "mutual_information"):
-            setattr(response, name, float(getattr(belief, name)[row]))
+        known = get_object(belief, int(request.object_id))
+        response.keyframe = belief.keyframe
+        response.pose, response.covariance = _flat([known.pose]), _flat([known.covariance])
+        response.class_names = list(known.class_probabilities)
+        response.class_probabilities = list(known.class_probabilities.values())
+        for name in ("name", "existence", "moving", "moved", "missing", "mutual_information", "in_coverage"):
+            setattr(response, name, getattr(known, name))
 
     def _query(self, request: Any, response: Any) -> None:
         belief = newest(self.belief)

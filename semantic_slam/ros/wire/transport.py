@@ -16,6 +16,7 @@ from semantic_slam.errors import InputError, SemanticSlamError, one_line
 from semantic_slam.messages.topics import GLOBAL, TYPES
 
 PATIENCE_S = 60.0
+LOOK_S = 0.1
 RETRY_S = 0.01
 OVERRIDES = QoSOverridingOptions(
     (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
@@ -101,10 +102,17 @@ class Outlet:
         return self.num_readers >= number
 
     def wait_for_acknowledgement(self) -> bool:
-        """Wait until all matched readers have acknowledged everything; returns False after ``PATIENCE_S``."""
+        """Wait until all matched readers have acknowledged everything; returns False after ``PATIENCE_S``.
+
+        So it does once rclpy is shut down: a reader that was killed acknowledges nothing.
+        """
         from rclpy.duration import Duration
 
-        return bool(self._publisher.wait_for_all_acked(Duration(seconds=PATIENCE_S)))
+        give_up = time.monotonic() + PATIENCE_S
+        while self._node.context.ok() and time.monotonic() < give_up:
+            if self._publisher.wait_for_all_acked(Duration(seconds=LOOK_S)):
+                return True
+        return False
 
 
 def receive(

@@ -1,13 +1,13 @@
 """What a person at the console sees of a node, and how nodes and their processes end."""
 
 import os
-import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from worlds.processes.interrupted import has_loaded, interrupted
 
 from semantic_slam.errors import InputError
 from semantic_slam.ros import demo
@@ -80,6 +80,7 @@ INTERRUPTED = (
     ("backend_node", "rclpy"),
     ("backend_node", "gtsam"),
     ("classifier_node", "numpy"),
+    ("classifier_node", "libtorch"),
     ("hypothesis_manager_node", "semantic_slam_msgs"),
     ("bag_recorder", READY),
     ("bag_player", READY),
@@ -88,14 +89,8 @@ INTERRUPTED = (
 """Nodes, and the library that they load (messages: while they are made) or the word that they say by then."""
 GIVEN = {
     "backend_node": ["-r", "__node:=backend_0"],
-    "classifier_node": ["-p", "has_images:=false"],
     "bag_player": ["-p", f"bag:={Path(__file__).parents[3] / 'bags' / 'aliased_room'}"],
 }
-
-
-def has_reached(pid: int, mark: str, said: Path) -> bool:
-    """Whether a process has loaded a library of that name, or said that word."""
-    return mark in (said.read_text() if mark == READY else Path(f"/proc/{pid}/maps").read_text())
 
 
 @pytest.mark.ros
@@ -104,21 +99,33 @@ def has_reached(pid: int, mark: str, said: Path) -> bool:
 def test_a_node_that_is_interrupted_ends_well_and_without_a_word(name: str, mark: str, tmp_path: Path) -> None:
     given = GIVEN.get(name, ["-p", f"bag:={tmp_path / 'bag'}"] if name == "bag_recorder" else [])
     said = tmp_path / "said"
-    with said.open("wb") as output:
-        node = subprocess.Popen(
-            [sys.executable, "-c", NODE.format(name), "--ros-args", *given],
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            preexec_fn=lambda: signal.signal(
-                signal.SIGINT, signal.default_int_handler
-            ),  # tests may be told to ignore it
-            env=os.environ | {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"},
-        )
-    while is_there(node.pid) and not has_reached(node.pid, mark, said):
-        time.sleep(0.01)
-    node.send_signal(signal.SIGINT)
-    assert node.wait(timeout=60) == 0
-    assert "Traceback" not in said.read_text()
+    ending = interrupted(
+        [sys.executable, "-c", NODE.format(name), "--ros-args", *given],
+        lambda pid: mark in said.read_text() if mark == READY else has_loaded(pid, mark),
+        said,
+        os.environ | {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"},
+    )
+    assert ending.code == 0 and "Traceback" not in ending.said
+    assert ending.is_at_once, f"{ending.cpu_s:.1f} s of CPU"
+
+
+IDLE = """
+import os, signal, threading, rclpy
+from rclpy.executors import SingleThreadedExecutor
+from semantic_slam.ros.node.interrupt import Interrupt
+rclpy.init()
+executor = SingleThreadedExecutor()
+interrupt = Interrupt(executor.wake)
+executor.add_node(rclpy.create_node("idle"))
+threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+executor.spin_until_future_complete(interrupt)
+"""
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_an_interrupt_wakes_a_node_that_has_nothing_to_do() -> None:
+    assert subprocess.run([sys.executable, "-c", IDLE], timeout=60.0).returncode == 0
 
 
 CALLBACKS = """
@@ -126,7 +133,8 @@ import gc, signal, rclpy
 from rclpy.executors import SingleThreadedExecutor
 from semantic_slam.ros.node.interrupt import Interrupt
 rclpy.init()
-executor, interrupt, held = SingleThreadedExecutor(), Interrupt(), []
+executor = SingleThreadedExecutor()
+interrupt, held = Interrupt(executor.wake), []
 node = rclpy.create_node("busy")
 executor.add_node(node)
 def turn():

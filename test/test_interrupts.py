@@ -1,6 +1,7 @@
-"""Ctrl-C ends a run between two messages, not in the midst of one."""
+"""Ctrl-C ends a run between two messages, not in the midst of one, and does not wait for a slow import."""
 
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
@@ -8,10 +9,10 @@ from threading import Thread
 import pytest
 
 from semantic_slam.configuration import load_configuration
+from semantic_slam.interrupts import NotedInterrupt, import_interruptibly, noted_interrupts, raised_at_once
 from semantic_slam.pipeline import front_end, offline
-from semantic_slam.pipeline.interrupts import noted_interrupts
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +73,7 @@ def test_other_threads_cannot_and_do_not_take_it() -> None:
 def test_one_that_comes_while_the_network_is_loaded_waits_until_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """PyTorch aborts the process if a KeyboardInterrupt is raised in the midst of its import."""
+    """An exception within a constructor of C++ may abort the process."""
     build, reached = front_end.build_classifier, []
 
     def interrupted(configuration):
@@ -85,3 +86,54 @@ def test_one_that_comes_while_the_network_is_loaded_waits_until_it_is(
     with pytest.raises(KeyboardInterrupt):
         offline.run_bag(ROOT / "bags" / "aliased_room", tmp_path / "belief", configuration)
     assert reached == ["built"]
+
+
+SLOW = """
+import os, signal, sys, time
+from pathlib import Path
+os.kill(os.getpid(), signal.SIGINT)
+while not Path(__file__).with_name("released").exists():
+    time.sleep(0.01)
+"""
+
+
+@pytest.fixture
+def slow_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A module that interrupts this process when its import begins, which ends with the test."""
+    name = f"slow_{tmp_path.name}"
+    (tmp_path / f"{name}.py").write_text(SLOW)
+    monkeypatch.syspath_prepend(tmp_path)
+    yield name
+    (tmp_path / "released").touch()
+
+
+@pytest.mark.parametrize("is_noted", [False, True])
+def test_one_that_comes_during_a_slow_import_is_raised_before_that_has_ended(slow_module: str, is_noted: bool) -> None:
+    if is_noted:
+        signal.signal(signal.SIGINT, noted := NotedInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        import_interruptibly(slow_module)
+    assert not is_noted or signal.getsignal(signal.SIGINT) is noted
+
+
+def test_one_that_came_before_a_slow_import_is_raised_in_its_place(slow_module: str) -> None:
+    with pytest.raises(KeyboardInterrupt), noted_interrupts():
+        signal.raise_signal(signal.SIGINT)
+        import_interruptibly(slow_module)
+    assert slow_module not in sys.modules
+
+
+def test_a_noted_one_is_raised_by_one_wait_alone() -> None:
+    signal.signal(signal.SIGINT, noted := NotedInterrupt())
+    signal.raise_signal(signal.SIGINT)
+    reached = []
+    with pytest.raises(KeyboardInterrupt), raised_at_once():
+        reached.append(1)
+    with raised_at_once():
+        reached.append(2)
+    assert noted.has_come and reached == [2]
+
+
+def test_what_an_import_raises_is_raised() -> None:
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"):
+        import_interruptibly("no_such_module")
