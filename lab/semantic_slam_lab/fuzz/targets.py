@@ -46,6 +46,7 @@ from semantic_slam.shipped import CONFIGURATIONS
 from semantic_slam.viewpoint.store import read_model
 from semantic_slam_lab.fuzz import small_drive
 from semantic_slam_lab.fuzz.answers import answers
+from semantic_slam_lab.fuzz.crowds import crowds
 from semantic_slam_lab.fuzz.harness import Case, Target
 from semantic_slam_lab.fuzz.mutation import change_message, damaged, with_extreme_numbers, with_strange_values
 from semantic_slam_lab.fuzz.protocol import spoken
@@ -304,6 +305,7 @@ TARGETS: dict[str, Target] = {
         models,
         pictures,
         answers,
+        crowds,
     )
 }
 
