@@ -5,70 +5,16 @@
 The nodes and their parameters are those of ``make demo``, from semantic_slam/ros/launching/node_set.py.
 """
 
-import signal
-import time
 from pathlib import Path
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, OpaqueFunction, Shutdown, TimerAction
-from launch.events import matches_action
-from launch.events.process import SignalProcess
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
 
 from semantic_slam.pipeline.default_configuration import configuration_for
+from semantic_slam.ros.launching.launch_actions import Nodes
 from semantic_slam.ros.launching.node_set import node_set
-from semantic_slam.ros.launching.supervisor import Supervisor
 from semantic_slam.ros.wire.transport import is_installed
-
-
-class Nodes:
-    """Launch actions of the nodes, with restarts by a :class:`Supervisor` when one of them ends."""
-
-    def __init__(self, specs, last, namespace):
-        self._supervisor = Supervisor(specs, last)
-        self._namespace = namespace
-        self._actions = {}
-
-    def action(self, spec):
-        """Launch action of one node."""
-        self._actions[spec.name] = Node(
-            package="semantic_slam",
-            executable=spec.executable,
-            name=spec.name,
-            namespace=self._namespace,
-            parameters=[spec.parameters],
-            output="screen",
-            emulate_tty=True,
-            on_exit=self._end_of(spec.name),
-        )
-        return self._actions[spec.name]
-
-    def _end_of(self, name):
-        def on_exit(event, context):
-            if context.is_shutdown:
-                return []
-            verdict = self._supervisor.ended(name, event.returncode, time.monotonic())
-            if verdict.ends_run:
-                return [Shutdown(reason=verdict.text)]
-            return [
-                *([LogInfo(msg=verdict.text)] if verdict.text else []),
-                *(self._kill(other) for other in verdict.kill if self._is_up(other)),
-                *([TimerAction(period=verdict.after_s, actions=[self.action(verdict.again)])] if verdict.again else []),
-            ]
-
-        return on_exit
-
-    def _is_up(self, name):
-        """Whether a node is running; if not, it is already due for a restart, and the supervisor is told."""
-        details = self._actions[name].process_details
-        if details is None:
-            self._supervisor.is_down(name)
-        return details is not None
-
-    def _kill(self, name):
-        matcher = matches_action(self._actions[name])
-        return EmitEvent(event=SignalProcess(signal_number=signal.SIGKILL, process_matcher=matcher))
 
 
 def start_nodes(context):
@@ -90,8 +36,7 @@ def start_nodes(context):
         autostart=autostart.lower() == "true",
     )
     # The node that finishes last ends the launch.
-    nodes = Nodes(specs, "bag_recorder" if record else "bag_player", namespace)
-    return [nodes.action(spec) for spec in specs]
+    return Nodes(specs, namespace, last="bag_recorder" if record else "bag_player").actions()
 
 
 def generate_launch_description():

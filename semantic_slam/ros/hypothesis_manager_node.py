@@ -51,7 +51,7 @@ from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.assembly.frame_count import FrameCount
 from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.gravity.imu_use import unused_because
-from semantic_slam.pipeline.journal.event_journal import CHANGE, END, PAUSE, SESSION, EventJournal
+from semantic_slam.pipeline.journal.event_journal import CHANGE, END, PAUSE, RESTART, SESSION, EventJournal
 from semantic_slam.pipeline.journal.journal_of_run import open_journal
 from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 from semantic_slam.pipeline.preamble import checked_initial_pose
@@ -260,6 +260,7 @@ class HypothesisManagerNode(PipelineNode):
         if self._belief is not None and not self.lossless:
             self._publisher.repeat(self._belief)  # the last belief may not have reached anybody
         self._is_recovering = False
+        self._journal.happen(RESTART)
         if self._session.configuration != self._configuration:
             self._changes.state()
         self._announce(finished=self._is_finished)
@@ -272,6 +273,7 @@ class HypothesisManagerNode(PipelineNode):
             CHANGE: lambda data: self._session.change(self._changes.changed(json.loads(data))),
             topics.CLASSIFIER_PROGRESS: self._count_lost,
             END: lambda _: self._finish(),
+            RESTART: lambda _: self._frames.interrupted(),
         }
 
     def _set_initial_pose(self, message: Any) -> None:
@@ -287,7 +289,8 @@ class HypothesisManagerNode(PipelineNode):
             for keyframe, belief in self._session.beliefs(self._pool_of_run, at_end=at_end):
                 self._state(belief, keyframe)
         finally:
-            self._status = dropped_status(self._session.dropped + self.refused.copy() + self._pool.refused)
+            unused = self._session.dropped + self._frames.missed + self.refused.copy() + self._pool.refused
+            self._status = dropped_status(unused)
         self._announce(finished=False)
 
     def _state(self, belief: HybridBelief, keyframe: Keyframe) -> None:

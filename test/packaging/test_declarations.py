@@ -20,8 +20,8 @@ VERSION = ElementTree.parse(ROOT / "package.xml").findtext("version")
 pytestmark = pytest.mark.filterwarnings("ignore:pkg_resources is deprecated")  # setuptools says so of itself
 
 OURS = {"semantic_slam", "semantic_slam_lab"}
-OF_ROS = {"rclpy", "rcl_interfaces", "lifecycle_msgs", "semantic_slam_msgs", "std_srvs"}
-"""What only the nodes import, and what kills and forges in the laboratory; ROS brings it."""
+OF_ROS = {"rclpy", "rcl_interfaces", "lifecycle_msgs", "semantic_slam_msgs", "std_srvs", "launch", "launch_ros"}
+"""What only the nodes and launch files import, and what kills and forges in the laboratory; ROS brings it."""
 TRAINING = "semantic_slam/training/"
 """What only the commands import that fit models."""
 CLUSTER = "semantic_slam/cluster.py"

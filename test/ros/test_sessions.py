@@ -1,110 +1,29 @@
 """Running nodes through several sessions: a pause, a bag that is played again, a reset, another map."""
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 import rclpy
-from rclpy.node import Node
 from semantic_slam_msgs.srv import Explain, LoadMap, SaveMap
 from std_srvs.srv import SetBool, Trigger
-from worlds.bags.bag_factory import PERIOD, Entry, write_bag, write_configuration
+from worlds.bags.bag_factory import write_bag, write_configuration
 from worlds.bags.places import place_entries
+from worlds.processes.live_robot import SENT, Robot, later
 from worlds.processes.node_runs import assert_same, beliefs, processes
-from worlds.processes.services import answered
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.evaluation.belief_bag import read_record
-from semantic_slam.messages import topics
-from semantic_slam.messages.standard import header_stamp_ns, time_message
-from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.launching.node_set import NodeSpec
-from semantic_slam.ros.launching.processes import NodeProcesses
 from semantic_slam.ros.launching.supervisor import Supervisor
 from semantic_slam.ros.node.parameters import changed_parameters
-from semantic_slam.ros.wire import qos
-from semantic_slam.ros.wire.transport import Outlet, receive
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 6
 PATIENCE_FRAMES = 80
 """Until a manager that is started again hears what is sent, which on a busy machine takes long."""
-TIMEOUT_S = 60.0
-SENT = (topics.ODOMETRY, topics.DETECTIONS)
-
-
-@dataclass
-class Robot:
-    """Nodes that run live, and the test's own node that publishes to them and hears their beliefs."""
-
-    nodes: NodeProcesses
-    node: Node
-    folder: Path
-    heard: list[int] = field(default_factory=list)  # keyframe indices of beliefs
-
-    def __post_init__(self) -> None:
-        self.outlets = {topic: Outlet(self.node, topic, topics.TYPES[topic], qos.everything()) for topic in SENT}
-        receive(self.node, topics.BELIEF, self._hear, qos.everything())
-
-    def _hear(self, data: bytes) -> None:
-        self.heard.append(keyframe_of(data))
-
-    def spin(self, seconds: float) -> None:
-        until = time.monotonic() + seconds
-        while time.monotonic() < until:
-            rclpy.spin_once(self.node, timeout_sec=0.02)
-
-    def send(self, entries: list[Entry]) -> None:
-        for entry in entries:
-            if entry.topic in SENT:
-                self.outlets[entry.topic].send(serialize(entry.message))
-                self.spin(0.02)
-
-    def warm_up(self) -> None:
-        """A first run, until every node hears the others: what is sent before that may be lost."""
-        entries, give_up = place_entries("ranges", 1), time.monotonic() + TIMEOUT_S
-        for number in range(1000):
-            self.send(later(entries, number - 1000))
-            if self.heard:
-                break
-            self.spin(0.2)
-            assert time.monotonic() < give_up
-        known = 0
-        while known < len(self.heard):  # what is on its way belongs to this run
-            known = len(self.heard)
-            self.spin(2.0)
-            assert time.monotonic() < give_up
-        self.ask(Trigger, "reset", Trigger.Request())
-        self.heard.clear()
-
-    def frames_until_heard(self, entries: list[Entry]) -> int:
-        """Send one after the other until there is a belief of another keyframe; its index."""
-        known = set(self.heard)
-        for entry in entries:
-            self.send([entry])
-            self.spin(0.3)
-            self.nodes.check()
-            if new := set(self.heard) - known - set(range(NUM_FRAMES)):
-                return min(new)
-        raise AssertionError(f"no belief of another keyframe; heard {self.heard}")
-
-    def wait_for(self, expected: list[int]) -> None:
-        """Until exactly these beliefs were heard, and forget them."""
-        give_up = time.monotonic() + TIMEOUT_S
-        while self.heard != expected and time.monotonic() < give_up:
-            self.nodes.check()
-            self.spin(0.1)
-            assert self.heard == expected[: len(self.heard)]
-        assert self.heard == expected
-        self.heard.clear()
-
-    def ask(self, kind: Any, name: str, request: Any) -> Any:
-        return answered(self.node, kind, f"/hypothesis_manager/{name}", request)
 
 
 @pytest.fixture
@@ -126,9 +45,7 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
         with processes(tmp_path, Supervisor(specs)) as nodes:
             for spec in specs:
                 nodes.start(spec)
-            robot = Robot(nodes, rclpy.create_node("robot"), tmp_path)
-            assert all(outlet.wait_for_readers(1, TIMEOUT_S) for outlet in robot.outlets.values())
-            robot.ask(SetBool, "pause", SetBool.Request(data=False))  # the manager is there
+            robot = Robot(nodes, rclpy.create_node("robot"))
             robot.warm_up()
             yield robot
             robot.node.destroy_node()
@@ -136,18 +53,7 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
         rclpy.try_shutdown()
 
 
-def later(entries: list[Entry], periods: int) -> list[Entry]:
-    """The same, so much later."""
-    moved = []
-    for entry in entries:
-        message = deserialize(serialize(entry.message), topics.TYPES[entry.topic]) if entry.topic in SENT else None
-        if message is not None:
-            message.header.stamp = time_message(header_stamp_ns(message) + periods * PERIOD)
-            moved.append(replace(entry, message=message))
-    return moved
-
-
-def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(robot: Robot) -> None:
+def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(robot: Robot, tmp_path: Path) -> None:
     entries = place_entries("ranges", NUM_FRAMES)
     whole = list(range(NUM_FRAMES))
     robot.send(entries)
@@ -168,9 +74,9 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     robot.send(next_entries[-2:])
     robot.wait_for([NUM_FRAMES // 2])
 
-    missing = robot.ask(LoadMap, "load_map", LoadMap.Request(path=str(robot.folder / "none.json")))
+    missing = robot.ask(LoadMap, "load_map", LoadMap.Request(path=str(tmp_path / "none.json")))
     assert "none.json" in missing.fault and robot.heard == []
-    path = str(robot.folder / "room.map")
+    path = str(tmp_path / "room.map")
     saved = robot.ask(SaveMap, "save_map", SaveMap.Request(path=path))
     loaded = robot.ask(LoadMap, "load_map", LoadMap.Request(path=path))
     assert (saved.fault, loaded.fault, loaded.objects, loaded.map_id) == ("", "", 2, saved.map_id)
@@ -178,17 +84,15 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     robot.wait_for(whole)
 
     robot.nodes.kill("hypothesis_manager")  # its journal knows of all that, and which session it stands in
-    again = robot.frames_until_heard(
-        later(place_entries("ranges", PATIENCE_FRAMES), 2 * NUM_FRAMES)[len(next_entries) :]
-    )
-    assert again == NUM_FRAMES
+    patience = later(place_entries("ranges", PATIENCE_FRAMES), 2 * NUM_FRAMES)[len(next_entries) :]
+    assert robot.send_until_heard(patience, after=NUM_FRAMES - 1) == NUM_FRAMES
     told = robot.ask(Explain, "explain", Explain.Request(object_id=1))
     assert told.fault == "" and told.explanation.splitlines()[-1].startswith("Inferred again: as recorded")
 
     robot.nodes.stop()
     assert [robot.nodes.exit_code(name) for name in ("bag_recorder", "hypothesis_manager", "backend_0")] == [0, 0, 0]
-    reference = beliefs(robot.folder / "offline")
-    bags = [robot.folder / name for name in ("belief_2", "belief_3", "belief_4", "belief_5")]
+    reference = beliefs(tmp_path / "offline")
+    bags = [tmp_path / name for name in ("belief_2", "belief_3", "belief_4", "belief_5")]
     for bag in bags[:2]:
         assert_same(beliefs(bag), reference)
     records = [read_record(bag) for bag in bags]
@@ -196,7 +100,3 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     ids = [record.run.run_id.partition(".") for record in records]
     assert [number for _, _, number in ids] == ["1", "2", "3", "4"]
     assert ids[0][0] == ids[1][0] == ids[2][0] != ids[3][0]  # the same but on another map
-
-
-def keyframe_of(belief: bytes) -> int:
-    return int(deserialize(belief, topics.TYPES[topics.BELIEF]).keyframe)

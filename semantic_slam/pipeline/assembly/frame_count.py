@@ -1,15 +1,17 @@
 """Counts the processed detection frames of a replay, across restarts of the classifier."""
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from dataclasses import replace
 
 from semantic_slam.errors import MessageError
+from semantic_slam.messages import topics
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 MOST_REMEMBERED = 1000
 """Frames remembered: more than a resumed replay sends again."""
 MOST_AT_ONCE = 1000
 """Frames: more than a classifier can lose between two progress messages."""
+DOWN = f"{topics.MEASUREMENTS}: came while the manager was down"
 
 
 class FrameCount:
@@ -22,6 +24,8 @@ class FrameCount:
         """``is_gapless``: the transport loses no measurements, so that sequence numbers must be consecutive."""
         self._is_gapless = is_gapless
         self.stamp_ns = 0  # of the newest frame measured
+        self.missed: Counter[str] = Counter()  # frames measured while the manager was down
+        self._was_down = False  # since the last frame
         self._num_measured = 0
         self._lost_before, self._lost = 0, 0  # by previous classifiers, and by the current one
         self._sequence = -1
@@ -38,6 +42,7 @@ class FrameCount:
         if self._is_gapless and self._num_measured and not self._is_next(measurements):
             text = f"number {measurements.sequence} came after {self._sequence}"
             raise MessageError(f"measurements: {text}; somebody else sends them", "out of turn")
+        self._count_missed(measurements.sequence)
         if measurements.sequence <= self._sequence:
             self._again_until_ns, self._dropped_before = self.stamp_ns, self._dropped.get(self.stamp_ns, 0)
         self._sequence = measurements.sequence
@@ -52,6 +57,16 @@ class FrameCount:
         if len(self._dropped) > MOST_REMEMBERED:
             self._dropped.popitem(last=False)
         return told
+
+    def interrupted(self) -> None:
+        """Note that the manager was down, so that the next sequence number tells how many frames it missed."""
+        self._was_down = True
+
+    def _count_missed(self, sequence: int) -> None:
+        if self._was_down and self._num_measured:
+            is_same_classifier = sequence > self._sequence
+            self.missed[DOWN] += sequence - (self._sequence + 1 if is_same_classifier else 0)
+        self._was_down = False
 
     def _is_next(self, measurements: SemanticMeasurements) -> bool:
         """Whether the sequence number is the next one, or restarts at 0 with a frame that was measured before."""

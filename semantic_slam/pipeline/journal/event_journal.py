@@ -11,6 +11,8 @@ from semantic_slam.pipeline.journal.journal import NoJournal, Record
 
 END = "end"
 """The end of a replay; events after it belong to another session."""
+RESTART = "restart"
+"""A manager has handled all events of the journal again; what came until then, it has missed."""
 SESSION, PAUSE, CHANGE = "session", "pause", "change"
 """Service calls: a run ended, with the map of the next one; a pause, b"1", or its end, b"0"; parameters that were set,
 a JSON object."""

@@ -1,4 +1,4 @@
-"""The nodes of a replay and their parameters, as started by the launch file and by the demo."""
+"""The nodes of a replay, or of a live robot, and their parameters, as started by the launch files and by the demo."""
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -66,8 +66,8 @@ def node_set(
     without tf2_msgs /tf_static cannot be published here, so the classifier gets the extrinsics from the bag's
     transforms as a parameter.
     """
-    if backends < 1 or rate < LOSSLESS:
-        raise InputError(f"backends {backends}, rate {rate:g}: give at least one backend and a rate of 0 or more")
+    if rate < LOSSLESS:
+        raise InputError(f"rate {rate:g}: give a rate of 0 or more")
     if record and not resume:
         check_bag_output(Path(record), [bag, configuration_file, map_prior_path(bag)], overwrite, LEAVE_OF_NODES)
     configuration = load_configuration(configuration_file)
@@ -77,17 +77,9 @@ def node_set(
     waiting: dict[str, Any] = {} if autostart else {"autostart": False}
     common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | waiting
     configured = common | changed_parameters(configuration)
-    manager = configured | {
-        "backends": backends,
-        "map_prior": str(map_prior_path(bag) or ""),
-        "source_bag": str(bag),
-        "journal": journal,
-        "resume": resume,
-        **source.manager,
-    }
-    restarts = {"resume": True} if journal else None
-    nodes = [NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager, again=restarts)]
-    nodes += [NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(backends)]
+    prior = {"map_prior": str(map_prior_path(bag) or ""), "source_bag": str(bag)}
+    manager = configured | prior | {"journal": journal, "resume": resume} | source.manager
+    nodes = _manager_and_backends(manager, backends, common)
     if not source.has_measurements:
         parameters = configured | source.classifier
         # Messages in flight to a dead classifier are lost; a restarted player sends them again to the new one.
@@ -95,10 +87,74 @@ def node_set(
         nodes.append(NodeSpec("classifier_node", "classifier", parameters, followers=followers))
     if record:
         recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
-        recorder |= {"has_imu": True} if source.has_imu else {}
-        nodes.append(NodeSpec("bag_recorder", "bag_recorder", recorder, again={"resume": True}))
+        nodes.append(_recorder(recorder, has_imu=source.has_imu))
     player = {"bag": str(bag), "rate": rate, "resume": resume} | waiting
     return [*nodes, NodeSpec("bag_player", "bag_player", player, again={"resume": True})]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensors:
+    """What a live robot has; ``detections_type``: message type of topic detections, "" for DetectionArray."""
+
+    has_images: bool = True
+    has_depth: bool = True
+    has_imu: bool = False
+    detections_type: str = ""
+
+
+def robot_set(
+    configuration_file: Path,
+    backends: int,
+    journal: str,
+    *,
+    sensors: Sensors = Sensors(),
+    map_prior: str = "",
+    record: str = "",
+    overwrite: bool = False,
+    resume: bool = False,
+    autostart: bool = True,
+) -> list[NodeSpec]:
+    """Nodes of a live robot: those of :func:`node_set` without the player. Raises InputError.
+
+    ``journal``: the manager's journal folder, unused with ``open_world.time_budget_ms``: then the manager's death ends
+    the run. ``map_prior``: a saved map or objects.json, "" for none. ``record``, ``overwrite``, ``resume`` and
+    ``autostart`` are those of :func:`node_set`.
+    """
+    configuration = load_configuration(configuration_file)
+    if not journal:
+        raise InputError("journal is empty; name a folder, from which a manager that dies goes on")
+    if record and not resume:
+        inputs = [configuration_file, Path(map_prior) if map_prior else None, Path(journal)]
+        check_bag_output(Path(record), inputs, overwrite, LEAVE_OF_NODES)
+    if configuration.open_world.time_budget_ms > 0:  # as for node_set
+        journal, resume = "", False
+    common: dict[str, Any] = {} if autostart else {"autostart": False}
+    configured = common | changed_parameters(configuration)
+    manager = configured | {"map_prior": map_prior, "has_imu": sensors.has_imu, "journal": journal, "resume": resume}
+    classifier = configured | {"has_images": sensors.has_images, "has_depth": sensors.has_depth}
+    classifier |= {"detections_type": sensors.detections_type} if sensors.detections_type else {}
+    nodes = [*_manager_and_backends(manager, backends, common), NodeSpec("classifier_node", "classifier", classifier)]
+    if record:
+        recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
+        nodes.append(_recorder(recorder, has_imu=sensors.has_imu))
+    return nodes
+
+
+def _manager_and_backends(manager: dict[str, Any], backends: int, common: dict[str, Any]) -> list[NodeSpec]:
+    """The manager first; without a journal its death ends the run. Raises InputError."""
+    if backends < 1:
+        raise InputError(f"backends {backends}: give at least one backend")
+    restarts = {"resume": True} if manager["journal"] else None
+    parameters = manager | {"backends": backends}
+    return [
+        NodeSpec("hypothesis_manager_node", "hypothesis_manager", parameters, again=restarts),
+        *(NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(backends)),
+    ]
+
+
+def _recorder(parameters: dict[str, Any], *, has_imu: bool) -> NodeSpec:
+    parameters |= {"has_imu": True} if has_imu else {}
+    return NodeSpec("bag_recorder", "bag_recorder", parameters, again={"resume": True})
 
 
 @dataclass(frozen=True)

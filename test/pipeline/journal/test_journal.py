@@ -215,6 +215,25 @@ def test_frames_and_drops_are_counted_once_when_a_classifier_begins_again() -> N
     assert count.num_done(num_waiting=1) == 5 - 1 + 2 + 1
 
 
+def test_frames_that_came_while_the_manager_was_down_are_counted_by_their_sequence_numbers() -> None:
+    """Frames that are lost otherwise are counted where they are lost, so that none is counted twice."""
+    measurements = keyframes()[0].measurements
+
+    def frame(second: int, sequence: int) -> SemanticMeasurements:
+        return replace(measurements, stamp_ns=second * 10**9, sequence=sequence)
+
+    count = FrameCount()
+    count.interrupted()  # the first start
+    assert count.measured(frame(5, 4)) is not None and count.measured(frame(7, 6)) is not None
+    assert not count.missed.total()
+    count.interrupted()
+    assert count.measured(frame(10, 9)) is not None and count.measured(frame(11, 10)) is not None
+    assert dict(count.missed) == {"/classifier/measurements: came while the manager was down": 2}
+    count.interrupted()  # another classifier meanwhile, of whose frames the first three were not heard
+    assert count.measured(frame(20, 3)) is not None
+    assert count.missed.total() == 2 + 3
+
+
 def test_measurements_that_are_nobodys_are_refused_where_none_can_be_lost() -> None:
     """An earlier number, or a later one; a classifier that begins anew goes over the last frames."""
     measurements = keyframes()[0].measurements

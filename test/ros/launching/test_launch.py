@@ -1,12 +1,8 @@
-"""The launch file, as far as it can be checked where ``launch`` itself is not installed, and the node set behind it.
+"""The demo's launch file, as far as it can be checked where ``launch`` is not installed, and the node set behind it."""
 
-The stand-ins below only note what they are called with; what real ``ros2 launch`` makes of it is for a ROS machine.
-"""
-
-import runpy
-import sys
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -104,30 +100,9 @@ def test_no_backend_is_refused(bag: Path, configuration: Path) -> None:
         specs_of(bag, configuration, backends=0)
 
 
-def noted(kind: str) -> Any:
-    """A class whose instances remember their arguments."""
-    return lambda *arguments, **options: SimpleNamespace(kind=kind, arguments=arguments, **options)
-
-
 @pytest.fixture
-def launch_file(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """The launch file's names, with stand-ins for the packages that are not installed here."""
-    kinds = ("DeclareLaunchArgument", "EmitEvent", "LogInfo", "OpaqueFunction", "Shutdown", "TimerAction")
-    actions = {kind: noted(kind) for kind in kinds}
-    contents = {
-        "launch": {"LaunchDescription": list},
-        "launch.actions": actions,
-        "launch.events": {"matches_action": lambda action: action},
-        "launch.events.process": {"SignalProcess": noted("SignalProcess")},
-        "launch.substitutions": {"LaunchConfiguration": lambda name: SimpleNamespace(perform=lambda c: c[name])},
-        "launch_ros": {},
-        "launch_ros.actions": {"Node": lambda **options: noted("Node")(process_details={"pid": 1}, **options)},
-    }
-    for name, members in contents.items():
-        module = ModuleType(name)
-        vars(module).update(members)
-        monkeypatch.setitem(sys.modules, name, module)
-    return runpy.run_path(str(ROOT / "launch" / "demo.launch.py"))
+def launch_file(load_launch_file: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
+    return load_launch_file("demo.launch.py")
 
 
 def test_launch_file_declares_the_arguments_of_the_interface(launch_file: dict[str, Any]) -> None:

@@ -49,6 +49,11 @@ def test_executables_and_messages_are_found(bag: Path, configuration: Path) -> N
     assert "float64[] log_weights" in ros2("interface", "show", topics.TYPES[topics.BELIEF])
 
 
+def test_the_launch_file_of_a_robot_names_its_arguments() -> None:
+    told = ros2("launch", "semantic_slam", "robot.launch.py", "--show-args")
+    assert all(f"'{name}'" in told for name in ("config", "journal", "record", "remap"))
+
+
 def test_launch_ends_by_itself_and_its_beliefs_are_those_of_the_offline_pipeline(
     bag: Path, configuration: Path, tmp_path: Path
 ) -> None:

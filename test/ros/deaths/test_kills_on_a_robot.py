@@ -1,0 +1,143 @@
+"""Nodes of a live robot are killed while it drives: they come back, and what was missed is stated as uncertainty."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from worlds.bags.bag_factory import PERIOD, SPEED_M, START, Entry, map_prior, write_bag, write_configuration
+from worlds.bags.places import place_entries
+from worlds.processes.live_robot import SENT, Robot
+from worlds.processes.node_runs import assert_same, beliefs, processes
+
+from semantic_slam.configuration import load_configuration
+from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.geometry import transform
+from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import from_message, to_message
+from semantic_slam.perception.frame import Detections
+from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.ros.launching.node_set import Sensors, robot_set
+from semantic_slam.ros.launching.supervisor import Supervisor
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+NUM_FRAMES = 80
+"""So many that on a busy machine a manager that is started again hears the last ones."""
+BACKEND_DIES, MANAGER_DIES, MANAGER_STARTS = 4, 8, 18
+EVERY_FRAME = {"policy": "odometry", "distance_m": 0.5 * SPEED_M}
+"""Frames without a detection are keyframes, too."""
+DIAGNOSTICS_S = 2.5
+"""Until the nodes have said what they dropped, and the recorder has heard it."""
+X, Y, YAW = 0, 1, 5
+
+
+def drive() -> list[Entry]:
+    """Straight ahead; from the manager's death on nothing is detected: odometry alone tells where the robot is."""
+    entries = place_entries("ranges", NUM_FRAMES)
+    return [_without_detections(entry) if frame_of(entry) >= MANAGER_DIES else entry for entry in entries]
+
+
+def _without_detections(entry: Entry) -> Entry:
+    if entry.topic != topics.DETECTIONS:
+        return entry
+    whole: Detections = from_message(entry.message)
+    nothing = Detections(
+        stamp_ns=whole.stamp_ns,
+        frame_id=whole.frame_id,
+        boxes=np.zeros((0, 4)),
+        labels=(),
+        scores=np.zeros(0),
+        track_ids=(),
+    )
+    return replace(entry, message=to_message(nothing))
+
+
+def frame_of(entry: Entry) -> int:
+    return (entry.stamp_ns - START) // PERIOD
+
+
+def between(entries: list[Entry], first: int, end: int) -> list[Entry]:
+    return [entry for entry in entries if first <= frame_of(entry) < end]
+
+
+@pytest.fixture
+def configuration(tmp_path: Path) -> Path:
+    nowhere = {"network": "nowhere.safetensors"}
+    return write_configuration(tmp_path / "configuration", perception=nowhere, keyframes=EVERY_FRAME)
+
+
+@pytest.fixture
+def robot(tmp_path: Path, configuration: Path) -> Iterator[Robot]:
+    prior = tmp_path / "objects.json"
+    prior.write_text(map_prior().to_json())
+    specs = robot_set(
+        configuration,
+        2,
+        str(tmp_path / "journal"),
+        sensors=Sensors(has_images=False),
+        map_prior=str(prior),
+        record=str(tmp_path / "belief"),
+    )
+    rclpy.init()
+    try:
+        with processes(tmp_path, Supervisor(specs)) as nodes:
+            for spec in specs:
+                nodes.start(spec)
+            robot = Robot(nodes, rclpy.create_node("robot"))
+            robot.warm_up()
+            yield robot
+            robot.node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def variances(belief: HybridBelief) -> np.ndarray:
+    """(3,) of x, y and yaw under the likeliest hypothesis."""
+    return np.diag(belief.pose_covariances[belief.log_weights.argmax()])[[X, Y, YAW]]
+
+
+def test_a_backend_and_the_manager_are_killed_in_a_drive_and_what_was_missed_is_stated_as_uncertainty(
+    robot: Robot, configuration: Path, tmp_path: Path
+) -> None:
+    entries = [entry for entry in drive() if entry.topic in SENT]
+    robot.send(between(entries, -1, BACKEND_DIES))
+    robot.wait_for(list(range(BACKEND_DIES)))
+    robot.nodes.kill("backend_0")
+    robot.send(between(entries, BACKEND_DIES, MANAGER_DIES))
+    robot.wait_for(list(range(BACKEND_DIES, MANAGER_DIES)))
+    robot.nodes.kill("hypothesis_manager")
+    robot.send(between(entries, MANAGER_DIES, MANAGER_STARTS))
+    heard = robot.send_until_heard(between(entries, MANAGER_STARTS, NUM_FRAMES), after=MANAGER_DIES - 1)
+    assert heard == MANAGER_DIES
+    robot.spin(DIAGNOSTICS_S)
+    robot.nodes.stop()
+
+    assert f"{MANAGER_DIES} keyframes of the journal are there again" in robot.nodes.tail("hypothesis_manager")
+    live = beliefs(tmp_path / "belief_2")
+    assert [belief.keyframe for belief in live] == list(range(len(live)))
+
+    before, after = live[MANAGER_DIES - 1], live[MANAGER_DIES]
+    frame = (after.stamp_ns - START) // PERIOD
+    assert frame >= MANAGER_STARTS
+    driven_m = SPEED_M * (frame - MANAGER_DIES + 1)
+    ahead = transform.between(before.poses[0], after.poses[0])
+    np.testing.assert_allclose(ahead, [driven_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], atol=1e-6)
+    stated = load_configuration(configuration)
+    driven = np.diag(odometry_covariance(driven_m, 0.0, stated.odometry))
+    assert (variances(after) >= 0.999 * (variances(before) + driven)).all()
+
+    bag = write_bag(tmp_path / "bag", between(drive(), -1, frame + 1))
+    run_bag(bag, tmp_path / "undisturbed", stated)
+    undisturbed = beliefs(tmp_path / "undisturbed")
+    assert_same(live[:MANAGER_DIES], undisturbed[:MANAGER_DIES])
+    assert undisturbed[-1].stamp_ns == after.stamp_ns
+    assert (variances(after) > variances(undisturbed[-1])).all()
+
+    dropped = read_record(tmp_path / "belief_2").dropped
+    missed = {reason: count for reason, count in dropped.items() if reason.startswith(topics.MEASUREMENTS)}
+    assert sum(missed.values()) == frame - MANAGER_DIES

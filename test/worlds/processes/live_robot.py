@@ -1,0 +1,106 @@
+"""A robot that sends its odometry and detections to live nodes, each its own process over DDS, and hears beliefs."""
+
+import time
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+from worlds.bags.bag_factory import PERIOD, Entry
+from worlds.bags.places import place_entries
+from worlds.processes.services import answered
+
+from semantic_slam.messages import topics
+from semantic_slam.messages.standard import header_stamp_ns, time_message
+from semantic_slam.messages.typestore import deserialize, serialize
+from semantic_slam.ros.launching.processes import NodeProcesses
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, receive
+
+TIMEOUT_S = 60.0
+SENT = (topics.ODOMETRY, topics.DETECTIONS)
+
+
+@dataclass
+class Robot:
+    """Nodes that run live, and the test's own node that publishes to them and hears their beliefs."""
+
+    nodes: NodeProcesses
+    node: Node
+    heard: list[int] = field(default_factory=list)  # keyframe indices of beliefs
+
+    def __post_init__(self) -> None:
+        self.outlets = {topic: Outlet(self.node, topic, topics.TYPES[topic], qos.everything()) for topic in SENT}
+        receive(self.node, topics.BELIEF, self._hear, qos.everything())
+
+    def _hear(self, data: bytes) -> None:
+        self.heard.append(keyframe_of(data))
+
+    def spin(self, seconds: float) -> None:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            rclpy.spin_once(self.node, timeout_sec=0.02)
+
+    def send(self, entries: list[Entry]) -> None:
+        for entry in entries:
+            if entry.topic in SENT:
+                self.outlets[entry.topic].send(serialize(entry.message))
+                self.spin(0.02)
+
+    def warm_up(self) -> None:
+        """A first run, until every node hears the others: what is sent before that may be lost."""
+        assert all(outlet.wait_for_readers(1, TIMEOUT_S) for outlet in self.outlets.values())
+        self.ask(SetBool, "pause", SetBool.Request(data=False))  # the manager is there
+        entries, give_up = place_entries("ranges", 1), time.monotonic() + TIMEOUT_S
+        for number in range(1000):
+            self.send(later(entries, number - 1000))
+            if self.heard:
+                break
+            self.spin(0.2)
+            assert time.monotonic() < give_up
+        known = 0
+        while known < len(self.heard):  # what is on its way belongs to this run
+            known = len(self.heard)
+            self.spin(2.0)
+            assert time.monotonic() < give_up
+        self.ask(Trigger, "reset", Trigger.Request())
+        self.heard.clear()
+
+    def send_until_heard(self, entries: list[Entry], *, after: int) -> int:
+        """Send one after the other until there is a belief of a keyframe after this one; its index."""
+        for entry in entries:
+            self.send([entry])
+            self.spin(0.3)
+            self.nodes.check()
+            if new := [keyframe for keyframe in self.heard if keyframe > after]:
+                return new[0]
+        raise AssertionError(f"no belief of another keyframe; heard {self.heard}")
+
+    def wait_for(self, expected: list[int]) -> None:
+        """Until exactly these beliefs were heard, and forget them."""
+        give_up = time.monotonic() + TIMEOUT_S
+        while self.heard != expected and time.monotonic() < give_up:
+            self.nodes.check()
+            self.spin(0.1)
+            assert self.heard == expected[: len(self.heard)]
+        assert self.heard == expected
+        self.heard.clear()
+
+    def ask(self, kind: Any, name: str, request: Any) -> Any:
+        return answered(self.node, kind, f"/hypothesis_manager/{name}", request)
+
+
+def later(entries: list[Entry], periods: int) -> list[Entry]:
+    """The same, so much later."""
+    moved = []
+    for entry in entries:
+        message = deserialize(serialize(entry.message), topics.TYPES[entry.topic]) if entry.topic in SENT else None
+        if message is not None:
+            message.header.stamp = time_message(header_stamp_ns(message) + periods * PERIOD)
+            moved.append(replace(entry, message=message))
+    return moved
+
+
+def keyframe_of(belief: bytes) -> int:
+    return int(deserialize(belief, topics.TYPES[topics.BELIEF]).keyframe)
