@@ -11,7 +11,9 @@ from worlds.bags.bag_factory import PERIOD, Entry
 from worlds.bags.places import place_entries
 from worlds.processes.services import answered
 
+from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
+from semantic_slam.messages.codec import decode
 from semantic_slam.messages.standard import header_stamp_ns, time_message
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.ros.launching.processes import NodeProcesses
@@ -29,13 +31,16 @@ class Robot:
     nodes: NodeProcesses
     node: Node
     heard: list[int] = field(default_factory=list)  # keyframe indices of beliefs
+    told: dict[int, HybridBelief] = field(default_factory=dict)  # keyframe index -> newest belief of it
 
     def __post_init__(self) -> None:
         self.outlets = {topic: Outlet(self.node, topic, topics.TYPES[topic], qos.everything()) for topic in SENT}
         receive(self.node, topics.BELIEF, self._hear, qos.everything())
 
     def _hear(self, data: bytes) -> None:
-        self.heard.append(keyframe_of(data))
+        belief: HybridBelief = decode(data, topics.TYPES[topics.BELIEF])
+        self.heard.append(belief.keyframe)
+        self.told[belief.keyframe] = belief
 
     def spin(self, seconds: float) -> None:
         until = time.monotonic() + seconds
@@ -66,6 +71,7 @@ class Robot:
             assert time.monotonic() < give_up
         self.ask(Trigger, "reset", Trigger.Request())
         self.heard.clear()
+        self.told.clear()
 
     def send_until_heard(self, entries: list[Entry], *, after: int) -> int:
         """Send one after the other until there is a belief of a keyframe after this one; its index."""
@@ -100,7 +106,3 @@ def later(entries: list[Entry], periods: int) -> list[Entry]:
             message.header.stamp = time_message(header_stamp_ns(message) + periods * PERIOD)
             moved.append(replace(entry, message=message))
     return moved
-
-
-def keyframe_of(belief: bytes) -> int:
-    return int(deserialize(belief, topics.TYPES[topics.BELIEF]).keyframe)
