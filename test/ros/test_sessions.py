@@ -4,19 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import rclpy
 from semantic_slam_msgs.srv import Explain, LoadMap, SaveMap
 from std_srvs.srv import SetBool, Trigger
 from worlds.bags.bag_factory import write_bag, write_configuration
 from worlds.bags.places import place_entries
-from worlds.processes.live_robot import SENT, Robot, later
-from worlds.processes.node_runs import assert_same, beliefs, processes
+from worlds.processes.live_robot import SENT, Robot, later, robot_among
+from worlds.processes.node_runs import assert_same, beliefs
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.launching.node_set import NodeSpec
-from semantic_slam.ros.launching.supervisor import Supervisor
 from semantic_slam.ros.node.parameters import changed_parameters
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -40,17 +38,8 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
         NodeSpec("backend_node", "backend_0"),
         NodeSpec("classifier_node", "classifier", configured | {"has_images": False}),
     ]
-    rclpy.init()
-    try:
-        with processes(tmp_path, Supervisor(specs)) as nodes:
-            for spec in specs:
-                nodes.start(spec)
-            robot = Robot(nodes, rclpy.create_node("robot"))
-            robot.warm_up()
-            yield robot
-            robot.node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
+    with robot_among(tmp_path, specs) as robot:
+        yield robot
 
 
 def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(robot: Robot, tmp_path: Path) -> None:

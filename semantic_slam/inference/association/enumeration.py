@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
 from semantic_slam.inference.association.screening import ScreenedAssignments, screen
 from semantic_slam.inference.evidence.assignments import Assignments
@@ -94,9 +95,8 @@ def enumerate_associations(setting: EnumerationProblem, predicted: PredictedBeli
         left_out.append(log_left_out)
     if not parts:
         raise NoAssociationError("a detection of the keyframe can be of nothing")
-    rows = Assignments.joined([part.rows for part in parts]) if len(parts) > 1 else parts[0].rows
-    mean, root = (_joined([getattr(part, name) for part in parts]) for name in ("mean", "root"))
-    mode = Mode(*(_joined([getattr(part.mode, name) for part in parts]) for name in vars(parts[0].mode)))
+    rows, mode = Assignments.joined([part.rows for part in parts]), joined_rows([part.mode for part in parts], ())
+    mean, root = (np.concatenate([getattr(part, name) for part in parts]) for name in ("mean", "root"))
     problem = KeyframeProblem(setting.spaces, setting.model, setting.collected, rows, mean, root, setting.log_clutter)
     return _associated(setting, problem, mode, np.concatenate(left_out))
 
@@ -107,10 +107,6 @@ def _parents_at_once(setting: EnumerationProblem, predicted: PredictedBelief) ->
     prefixes = min(float(setting.max_candidates), float(options) ** max(detections - 1, 0))
     size = setting.spaces.layout.size(detections)
     return max(1, int(MOST_BYTES / (prefixes * options * 8.0 * size**2)))
-
-
-def _joined(parts: Sequence[Array]) -> Array:
-    return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
 from worlds.bags.bag_factory import PERIOD, SPEED_M, START, Entry, map_prior, write_bag, write_configuration
 from worlds.bags.places import place_entries
-from worlds.processes.live_robot import SENT, Robot
-from worlds.processes.node_runs import assert_same, beliefs, processes
+from worlds.processes.live_robot import SENT, Robot, robot_among
+from worlds.processes.node_runs import assert_same, beliefs
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.evaluation.belief_bag import read_record
@@ -22,7 +21,6 @@ from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.perception.frame import Detections
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.launching.node_set import Sensors, robot_set
-from semantic_slam.ros.launching.supervisor import Supervisor
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -83,17 +81,8 @@ def robot(tmp_path: Path, configuration: Path) -> Iterator[Robot]:
         map_prior=str(prior),
         record=str(tmp_path / "belief"),
     )
-    rclpy.init()
-    try:
-        with processes(tmp_path, Supervisor(specs)) as nodes:
-            for spec in specs:
-                nodes.start(spec)
-            robot = Robot(nodes, rclpy.create_node("robot"))
-            robot.warm_up()
-            yield robot
-            robot.node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
+    with robot_among(tmp_path, specs) as robot:
+        yield robot
 
 
 def covariance(belief: HybridBelief) -> np.ndarray:

@@ -1,7 +1,10 @@
 """A robot that sends its odometry and detections to live nodes, each its own process over DDS, and hears beliefs."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -9,6 +12,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 from worlds.bags.bag_factory import PERIOD, Entry
 from worlds.bags.places import place_entries
+from worlds.processes.node_runs import processes
 from worlds.processes.services import answered
 
 from semantic_slam.inference.belief import HybridBelief
@@ -16,7 +20,9 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.standard import header_stamp_ns, time_message
 from semantic_slam.messages.typestore import deserialize, serialize
+from semantic_slam.ros.launching.node_set import NodeSpec
 from semantic_slam.ros.launching.processes import NodeProcesses
+from semantic_slam.ros.launching.supervisor import Supervisor
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, receive
 
@@ -95,6 +101,22 @@ class Robot:
 
     def ask(self, kind: Any, name: str, request: Any) -> Any:
         return answered(self.node, kind, f"/hypothesis_manager/{name}", request)
+
+
+@contextmanager
+def robot_among(folder: Path, specs: list[NodeSpec]) -> Iterator[Robot]:
+    """A robot that all nodes hear, which a supervisor keeps alive; their logs are below ``folder``."""
+    rclpy.init()
+    try:
+        with processes(folder, Supervisor(specs)) as nodes:
+            for spec in specs:
+                nodes.start(spec)
+            robot = Robot(nodes, rclpy.create_node("robot"))
+            robot.warm_up()
+            yield robot
+            robot.node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
 
 
 def later(entries: list[Entry], periods: int) -> list[Entry]:
