@@ -52,20 +52,16 @@ class Backend:
         self.association: AssociationStrategy = self.problem.association(self.problem, self.registry)
         self.expander = Expander(self.problem, self.association)
         horizon = self.problem.history.horizon_keyframes
-        self.steps = KeptSteps(horizon or None)
+        self.steps = KeptSteps(in_memory=horizon or None)
         self.trunks.close()
         self.trunks = trunks_of(
             self.problem.history, run.run_id, lambda: self.association.root(0), stores=self._stores_checkpoints
         )
-        self._forgets = False
         self._stand_before(0)
 
     def share(self, trunks: Trunks) -> None:
-        """Rebuild components from ``trunks``, checkpoints that all backends of this process share.
-
-        Keyframes before the oldest checkpoint are then forgotten. Call it before the first keyframe.
-        """
-        self.steps, self.trunks, self._forgets = KeptSteps(), trunks, True
+        """Rebuild components from ``trunks``, checkpoints that all backends of this process share."""
+        self.trunks = trunks
 
     def _stand_before(self, index: int) -> None:
         """Reset to the state before keyframe ``index``, without history: the root hypotheses if it is 0, else none."""
@@ -184,7 +180,7 @@ class Backend:
     def _rebuild(self, lineage: Sequence[LineageStep], length: int) -> Component:
         """Rebuild a component by replaying its lineage, from the root or from the latest checkpoint along it.
 
-        Raises LostComponentError where the lineage is missing, is impossible, or parted before the oldest checkpoint.
+        Raises LostComponentError where the lineage is missing or impossible.
         """
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
@@ -193,8 +189,6 @@ class Backend:
         for stamp_ns, taken in zip(self.steps.stamps_ns[:length], lineage, strict=True):
             numbers.append(next_id(numbers[-1], stamp_ns, taken))
         begin, component = self.trunks.deepest(numbers) or (0, self.association.root(beginning))
-        if begin < self.steps.first:
-            raise LostComponentError("a history parted from the others before the oldest checkpoint")
         self.num_rebuilt, self.num_replayed = self.num_rebuilt + 1, self.num_replayed + length - begin
         for at in range(begin, length):
             step, child = self.steps[at], numbers[at + 1]
@@ -221,8 +215,6 @@ class Backend:
         elif self.trunks.is_due(count) and self.held:
             heaviest = max(sorted(self.held), key=lambda number: self.held[number].log_weight)
             self.trunks.keep(heaviest, self.held[heaviest].component.fork())
-        if self._forgets:
-            self.steps.forget_before(self.trunks.oldest)
 
     def _report(self, keyframe: int, lost: dict[int, str]) -> Components:
         """The answer to a commit: marginals of all components that are held.

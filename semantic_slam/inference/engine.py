@@ -25,6 +25,7 @@ from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.evidence.explanation import Explanation, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.marginals import PassedOver, state_belief
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.copies import Copies, Distinct
@@ -36,12 +37,12 @@ from semantic_slam.inference.pruning import Kinds, Pruned, affordable, prune, wi
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.revision.looking_back import Present
-from semantic_slam.inference.revision.replay import Replay
+from semantic_slam.inference.revision.replay import REACH, Replay
 from semantic_slam.inference.revision.revision import Revision, normalised, with_revised
 from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
 from semantic_slam.inference.statement import Statement
 from semantic_slam.inference.summarised_copies import SummarisedCopies
-from semantic_slam.inference.world.carried import is_carried_lately, new_grounds
+from semantic_slam.inference.world.carried import is_carried_lately
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
@@ -96,7 +97,8 @@ class Engine:
             self.problem.open_world, self.problem.detection_errors, counts_misses=self.association.counts_misses
         )
         association = self.association(self.problem, self.registry)
-        self.steps: list[Step] = []  # of all keyframes so far; filled only if histories may be replayed
+        # Of all keyframes so far; filled only if histories may be replayed.
+        self.steps = KeptSteps(in_memory=REACH * self.problem.history.horizon_keyframes or None)
         dissolves = self.problem.spaces.name == "spatial" or self.problem.revision.second_boxes_every_keyframes > 0
         anew = self.registry if dissolves else None
         replay = Replay(self.problem, association, self.steps, anew)
@@ -127,7 +129,7 @@ class Engine:
         """
         if not self.recovery.is_on:
             return 0.0
-        carried = [own for own in self.live.values() if is_carried_lately(own.lineage) or new_grounds(own.lineage)]
+        carried = [own for own in self.live.values() if is_carried_lately(own.lineage) or own.grounds]
         weights = [own.log_weight for own in carried]
         return float(np.exp(np.logaddexp.reduce(weights))) if weights else 0.0
 

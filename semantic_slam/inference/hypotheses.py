@@ -16,6 +16,7 @@ from semantic_slam.inference.pruning import Pruned
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import Lineage, LineageStep, revised
+from semantic_slam.inference.world.carried import new_grounds
 
 RECENT_KEYFRAMES = 10
 """Number of keyframes in ``discarded_mass_window``: mass discarded before that has shown its effect, or never will."""
@@ -32,6 +33,7 @@ class Hypothesis:
     log_weight: float
     parent_id: int
     lineage: Lineage  # one step for every keyframe
+    grounds: tuple[int, ...] = field(default=(), compare=False)  # keyframes before which it was carried to new ground
     revises: "Hypothesis | None" = None  # when it enters as a revision: the live hypothesis whose history it revises
     replayed: Component | None = field(default=None, compare=False, repr=False)  # its component, if made by a replay
     replicates: Array = field(default_factory=lambda: np.zeros(0), compare=False, repr=False)  # (B,) see ``Bagging``
@@ -174,7 +176,13 @@ class Hypotheses:
 
 def _child(parent: Hypothesis, owner: int, log_weight: float, parent_id: int, step: LineageStep) -> Hypothesis:
     """The continuation of a hypothesis; one whose step changes past associations is a revision of the plain one."""
-    plain = Hypothesis(owner=owner, log_weight=log_weight, parent_id=parent_id, lineage=(*parent.lineage, step))
+    plain = Hypothesis(
+        owner=owner,
+        log_weight=log_weight,
+        parent_id=parent_id,
+        lineage=(*parent.lineage, step),
+        grounds=(*parent.grounds, *new_grounds([step], len(parent.lineage))),
+    )
     if not step.changes:
         return plain
     return replace(plain, lineage=(*revised(parent.lineage, step.changes), step), revises=plain)

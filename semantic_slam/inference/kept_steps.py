@@ -1,18 +1,20 @@
-"""Storage of the keyframes that a backend may have to replay: all, or those since its oldest checkpoint."""
+"""Storage of the keyframes, as any may have to be replayed: those of long ago on disk."""
 
 import pickle
 from array import array
 from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from typing import overload
 
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.nameless_file import NamelessFile
 
 
-class KeptSteps:
+class KeptSteps(Sequence[Step]):
     """Steps by keyframe, and the stamps of all keyframes, which enter the ids of hypotheses."""
 
-    def __init__(self, in_memory: int | None = None) -> None:
+    def __init__(self, steps: Iterable[Step] = (), *, in_memory: int | None = None) -> None:
         """``in_memory``: number of steps kept in memory; older ones go to disk unless it is full. None: all stay."""
         self.stamps_ns = array("q")
         self.disk_fault = ""  # system's error message if steps can no longer be written to disk, else ""
@@ -20,24 +22,17 @@ class KeptSteps:
         self._kept: deque[Step] = deque()
         self._disk = NamelessFile()
         self._ends = array("q", [0])  # byte offset on disk where each step ends
+        for step in steps:
+            self.append(step)
 
     def __len__(self) -> int:
-        """Number of keyframes so far, including those that are forgotten."""
+        """Number of keyframes so far."""
         return len(self.stamps_ns)
 
     @property
     def num_on_disk(self) -> int:
         """Number of keyframes on disk; these are the oldest ones."""
         return len(self._ends) - 1
-
-    @property
-    def first(self) -> int:
-        """Index of the oldest keyframe that is kept; of the next one if none is."""
-        return 0 if self.num_on_disk else self._first_in_memory
-
-    @property
-    def _first_in_memory(self) -> int:
-        return len(self) - len(self._kept)
 
     def append(self, step: Step) -> None:
         """Add the step of the next keyframe."""
@@ -56,11 +51,25 @@ class KeptSteps:
             self._kept.popleft()
             self._ends.append(self._disk.length)
 
-    def __getitem__(self, keyframe: int) -> Step:
-        """The step of a keyframe. Raises IndexError if it is forgotten, LostComponentError if the disk fails."""
-        if keyframe < self.first:
-            raise IndexError(f"keyframe {keyframe} is forgotten; the oldest that is kept is {self.first}")
-        at = keyframe - self._first_in_memory
+    def __iter__(self) -> Iterator[Step]:
+        return (self[keyframe] for keyframe in range(len(self)))
+
+    @overload
+    def __getitem__(self, keyframe: int) -> Step: ...
+
+    @overload
+    def __getitem__(self, keyframe: slice) -> list[Step]: ...
+
+    def __getitem__(self, keyframe: int | slice) -> Step | list[Step]:
+        """The step of a keyframe, counted from the end if it is negative, or those of a slice.
+
+        Raises IndexError if it has not come yet, LostComponentError if the disk fails.
+        """
+        every = range(len(self))[keyframe]
+        return [self._step(own) for own in every] if isinstance(every, range) else self._step(every)
+
+    def _step(self, keyframe: int) -> Step:
+        at = keyframe - self.num_on_disk
         return self._kept[at] if at >= 0 else self._from_disk(keyframe)
 
     def _from_disk(self, keyframe: int) -> Step:
@@ -71,8 +80,3 @@ class KeptSteps:
             raise LostComponentError(f"keyframe {keyframe} cannot be read from disk again ({fault.strerror})") from None
         step: Step = pickle.loads(data)  # safe: only this process can have written the file
         return step
-
-    def forget_before(self, keyframe: int) -> None:
-        """Drop steps in memory before a keyframe; those on disk stay."""
-        while self._kept and self._first_in_memory < keyframe:
-            self._kept.popleft()

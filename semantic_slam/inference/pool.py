@@ -52,9 +52,9 @@ class InProcessPool:
             backend.offer(components)
 
     @property
-    def num_steps_kept(self) -> int:
-        """Number of keyframes that the backends still store and can replay."""
-        return max(len(backend.steps) - backend.steps.first for backend in self._backends)
+    def num_steps_in_memory(self) -> int:
+        """Largest number of keyframes that a backend holds in memory; older ones are on disk."""
+        return max(len(backend.steps) - backend.steps.num_on_disk for backend in self._backends)
 
     def component(self, number: int) -> Component:
         """The component of a live hypothesis, whichever backend holds it. Raises KeyError."""

@@ -18,9 +18,7 @@ from semantic_slam.inference.pruning import Kinds
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.relocation.unplaced import in_map
 from semantic_slam.inference.rounds import HeldComponent
-from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.states.track_scores import existence_beside_rivals
-from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
@@ -44,7 +42,7 @@ class Statement:
     ) -> Mixture:
         """The mixture over the ``live`` hypotheses, in descending order of weight."""
         found = self._as_believed(live, components)
-        rows = [self._in_map(components[n], own.lineage, reported) for n, own in found.items()]
+        rows = [self._in_map(components[n], own, reported) for n, own in found.items()]
         objects = stack_rows([own.objects for own in rows])
         objects = _beside_rivals(found, objects)
         objects = self._as_scored(found, reported.ids, objects)
@@ -60,16 +58,16 @@ class Statement:
             noise=np.array([own.noise for own in rows]),
         )
 
-    def _in_map(self, held: HeldComponent, lineage: Lineage, reported: ReportedObjects) -> HeldComponent:
+    def _in_map(self, held: HeldComponent, own: Hypothesis, reported: ReportedObjects) -> HeldComponent:
         """Express a component in map, adding the frame's uncertainty where its robot is not localised in the map.
 
         A robot that is lost or was kidnapped maps in a local frame, whose pose in map is known only by its prior.
         """
-        starts, grounds = self._problem.starts, new_grounds(lineage) if self._recovery.is_on else ()
-        if grounds:
-            frame, first = self._recovery.frame(grounds), self._registry.first_new_id(grounds[0])
+        starts = self._problem.starts
+        if own.grounds:
+            frame, first = self._recovery.frame(own.grounds), self._registry.first_new_id(own.grounds[0])
             held = in_map(held, frame, np.array([n < first for n in reported.ids], dtype=bool))
-        if starts is None or self._problem.is_placed(lineage):
+        if starts is None or self._problem.is_placed(own.lineage):
             return held
         known = self._problem.map_ids
         return in_map(held, starts, np.array([n in known for n in reported.ids], dtype=bool))

@@ -57,7 +57,7 @@ def held(engine: Engine) -> dict[str, int]:
         "variables": int(isam.getLinearizationPoint().size()),
         "slots": int(graph.size()),
         "factors": int(graph.nrFactors()),
-        "steps": engine.pool.num_steps_kept,
+        "steps": engine.pool.num_steps_in_memory,
         "lineage": len(next(iter(engine.live.values())).lineage),
     }
 

@@ -23,6 +23,5 @@ def robot(name: str, horizon_keyframes: int = 0) -> Configuration:
         semantic_model=replace(base.semantic_model, kind="none"),
         keyframes=replace(base.keyframes, policy="every_detection"),
         history=replace(base.history, horizon_keyframes=horizon_keyframes),
-        revision=replace(base.revision, carried_probability=0.0),  # not for long histories
         initial_pose=replace(base.initial_pose, mean=(0.0, 0.0, 0.0), sigma=(0.01, 0.01, 0.01)),
     )

@@ -1,7 +1,7 @@
 """Merging of near-duplicate hypotheses of an open world, found among the candidates of a keyframe."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Protocol, Self, TypeVar
@@ -13,8 +13,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
 from semantic_slam.inference.states.identity import ROOT_ID
-from semantic_slam.inference.states.lineage import Lineage, LineageStep
-from semantic_slam.inference.world.carried import new_grounds
+from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
@@ -83,6 +82,10 @@ class Survivor(Protocol):
     def lineage(self) -> Lineage:
         """One step for every keyframe."""
 
+    @property
+    def grounds(self) -> tuple[int, ...]:
+        """Keyframes before which it was carried to new ground."""
+
 
 class Placed(Protocol):
     """The interface needed of the objects of a hypothesis."""
@@ -132,7 +135,6 @@ class Copies:
     def __init__(self, problem: Problem):
         self.settings, self._ratio = problem.open_world, float(np.log(problem.pruning.ratio))
         self.num_merged, self._is_spatial = 0, problem.spaces.name == "spatial"
-        self._never_carried = problem.carried is None
         nothing = RecentAssociations(
             objects=np.zeros((0, 3)), classes=np.zeros(0, dtype=int), confirms=np.zeros(0, dtype=bool)
         )
@@ -192,13 +194,12 @@ class Copies:
         registry: ObjectRegistry,
     ) -> None:
         """Record where the objects of the survivors' recent detections are; rows of ``objects`` are as ``reported``."""
-        self._recent = {
-            n: self._recently(survivor.lineage, objects[n], reported, registry) for n, survivor in live.items()
-        }
+        self._recent = {n: self._recently(survivor, objects[n], reported, registry) for n, survivor in live.items()}
 
     def _recently(
-        self, lineage: Sequence[LineageStep], objects: Placed, reported: ReportedObjects, registry: ObjectRegistry
+        self, survivor: Survivor, objects: Placed, reported: ReportedObjects, registry: ObjectRegistry
     ) -> RecentAssociations:
+        lineage = survivor.lineage
         first_new = registry.first_new_id(max(0, len(lineage) - self.settings.merge_keyframes))
         steps = lineage[-self.settings.merge_keyframes :]
         associated = np.array([n for step in steps for n in step.association], dtype=np.int64)
@@ -225,7 +226,7 @@ class Copies:
             sure=sure,
             movers=movers,
             noise=lineage[0].mode,
-            ground=0 if self._never_carried else max(new_grounds(lineage), default=0),
+            ground=max(survivor.grounds, default=0),
             tentative=tentative,
         )
 

@@ -180,7 +180,7 @@ class Placements:
         return self._sightings.log_likelihoods(view, self._detected, self._detected.argmax(axis=1))
 
     def _of_map(self, fits: Sequence[Fit]) -> Array:
-        """(F, P) log likelihoods of detections and misses of the map's objects."""
+        """(F, P) log likelihoods of detections and misses of the map's objects, each of which may have left before."""
         points, _ = self._map_places
         poses = np.column_stack([points, np.zeros(len(points))])
         there = np.array([se2.between(np.broadcast_to(fit.T_map_own, poses.shape), poses)[:, :2] for fit in fits])
@@ -189,8 +189,18 @@ class Placements:
             for own, on_map in fit.names.items():
                 detected[number, on_map] |= self._detected[own]
         view = self._sightings.in_view(there)
-        first = np.full(detected.shape[:2], -1)
-        return np.asarray(self._sightings.log_likelihoods(view, detected, first).sum(axis=1))
+        present = self._sightings.log_likelihoods(view, detected, np.full(detected.shape[:2], -1))
+        log_existence, log_absence = self._log_existence
+        absent = np.where(detected.any(axis=-1), -np.inf, log_absence)
+        return np.asarray(np.logaddexp(log_existence[:, None] + present, absent[..., None]).sum(axis=1))
+
+    @cached_property
+    def _log_existence(self) -> tuple[Array, Array]:
+        """(M,) log probabilities that the map's objects exist when the drive begins, and that they do not."""
+        entries = sorted(self.problem.objects, key=lambda entry: entry.object_id)
+        share = np.array([entry.existence for entry in entries]) * (1.0 - self.problem.open_world.departed_share)
+        with np.errstate(divide="ignore"):
+            return np.log(share), np.log1p(-share)
 
     def _placement(self, fit: Fit, start: int, log_gain: float) -> Placement:
         """The history from a start pose, with map objects in place of the matched ones that the robot had started."""

@@ -20,7 +20,7 @@ from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.relocation.likely_poses import likely_poses, num_seen
 from semantic_slam.inference.relocation.new_ground import NewGround
 from semantic_slam.inference.relocation.places import Account, Places, account
-from semantic_slam.inference.revision.replay import Progress, Replay, Revised
+from semantic_slam.inference.revision.replay import CHECKPOINT, Progress, Replay, Revised
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.carried import is_carried_lately, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -118,6 +118,7 @@ class Recovery:
         self._log_best, self._log_ratio = best.log_weight + log_evidence - self._log_surplus, float(np.log(ratio))
         if not self._replay.problem.is_placed(best.lineage):
             self._pass_over()
+        self._keep_within_reach(best.lineage)
         if self._begins:
             self._begin(live)
             self._weigh(best, log_evidence)
@@ -142,6 +143,7 @@ class Recovery:
                 log_weight=best.log_weight + gains[own.number],
                 parent_id=own.parent_id,
                 lineage=own.lineage,
+                grounds=new_grounds(own.lineage),
                 revises=best,
                 replayed=own.component,
                 replicates=own.replicates + self._log_surplus,
@@ -158,6 +160,13 @@ class Recovery:
     def _begins(self) -> list[int]:
         """Suspects from which new ground is not followed yet; none where the world is a fixed map."""
         return [] if self._new_ground is None else sorted(at for at in self._suspects if at >= self._begun)
+
+    def _keep_within_reach(self, lineage: Lineage) -> None:
+        """Follow the best history every few keyframes where replays begin near the newest one, so that they can."""
+        if self._is_too_late and not self._suspects:
+            return
+        if self._replay.problem.history.is_on and len(self._replay.steps) % CHECKPOINT == 0:
+            self._replay.followed(lineage)
 
     def _weigh(self, best: Hypothesis, log_evidence: float) -> bool:
         """Compute the best live hypothesis's own weight, without merged near copies; whether that is possible.
@@ -204,10 +213,9 @@ class Recovery:
             return
         self._new_ground.go_on(self._log_best)
         followed = {own.since for own in self._new_ground.followed}
-        lineages = [own.lineage for own in live.values()]
-        lineages += [own.progress.lineage for own in self._new_ground.followed]
-        lineages += self._places.lineages
-        held = followed | {at for lineage in lineages for at in new_grounds(lineage)}
+        lineages = [own.progress.lineage for own in self._new_ground.followed] + self._places.lineages
+        grounds = [own.grounds for own in live.values()] + [new_grounds(lineage) for lineage in lineages]
+        held = followed.union(*grounds)
         self._suspects = {at: own for at, own in self._suspects.items() if at in followed}
         self._origins = {at: own for at, own in self._origins.items() if at in held}
 
@@ -220,8 +228,9 @@ class Recovery:
         return None if at is None or due[at] <= self._promised() else at
 
     def _is_open(self, since: int, suspect: _Suspect, now: int) -> bool:
-        """Whether a suspect has looks left; with a fixed map a suspect also expires."""
-        return suspect.looks < len(LOOKS) and (self._new_ground is not None or now - since <= LOOKS[0] + LOOKS[-1])
+        """Whether a suspect has looks left; one of long ago may expire, with a fixed map always."""
+        oldest = self._replay.reach if self._new_ground is not None else now - LOOKS[0] - LOOKS[-1]
+        return suspect.looks < len(LOOKS) and since >= oldest
 
     def _is_due(self, since: int, suspect: _Suspect, now: int) -> bool:
         """Whether a look is due; with a fixed map only where live histories leave unexpected keyframes."""

@@ -17,6 +17,7 @@ from semantic_slam.inference.relocation.stretches import parted, stretches
 from semantic_slam.inference.revision.catching_up import CatchingUp
 from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.states.lineage import Lineage
+from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 AGAIN = 30
@@ -73,6 +74,7 @@ class Relocation:
                     log_weight=log_weight - log_evidence,
                     parent_id=own.parent_id,
                     lineage=own.lineage,
+                    grounds=new_grounds(own.lineage),
                     revises=lost or best,
                     replayed=own.component,
                     replicates=own.replicates + self._lost.log_surplus,

@@ -68,8 +68,8 @@ class CatchingUp:
         now = len(self._replay.steps)
         while self._waiting and count > 0:
             asked, front, against, hopeless = self._waiting.popleft()
-            front = front or [self._replay.resumed(asked)]
             try:
+                front = front or [self._replay.resumed(asked)]
                 while front[0].at < now and count > 0:
                     count -= len(front)
                     front = self._next(asked, front)

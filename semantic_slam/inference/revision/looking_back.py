@@ -28,6 +28,7 @@ from semantic_slam.inference.revision.returns.returns import Returns
 from semantic_slam.inference.revision.tried import Group, Tried
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import Lineage
+from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 HOPELESS_DISTANCE = 8.0
@@ -111,6 +112,7 @@ class LookingBack:
                     log_weight=log_weight,
                     parent_id=own.parent_id,
                     lineage=own.lineage,
+                    grounds=new_grounds(own.lineage),
                     revises=heir,
                     replayed=own.component,
                     replicates=own.replicates + self._log_surplus,

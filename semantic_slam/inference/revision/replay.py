@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.expander import Expander, Expansion
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
 from semantic_slam.inference.smoothing.errors import LostComponentError, UnknownObjectsError
@@ -20,6 +21,8 @@ from semantic_slam.inference.world.problem import Problem
 
 CHECKPOINT = 10
 """Keyframes between components that are kept along a replay (checkpoints)."""
+REACH = 2
+"""Horizons (``history.horizon_keyframes``) that a replay may begin ago."""
 CLOSE = 4
 """Number of checkpoints at full density at the end of a replay; spacing doubles as age doubles before that."""
 
@@ -66,10 +69,11 @@ class Replay:
 
     problem: Problem
     association: AssociationStrategy
-    steps: list[Step] = field(default_factory=list)  # every keyframe so far
+    steps: KeptSteps = field(default_factory=KeptSteps)  # every keyframe so far
     registry: ObjectRegistry | None = None  # gives new ids to dropped objects that a history names; None: impossible
     _kept: dict[int, Progress] = field(default_factory=dict)  # checkpoints of the history followed last
     _beside: dict[int, Progress] = field(default_factory=dict)  # checkpoints of other histories replayed since
+    _numbered: tuple[Lineage, list[int]] = ((), [])  # the history numbered last, and its ids: the next one shares most
 
     @property
     def may_move(self) -> bool:
@@ -82,8 +86,8 @@ class Replay:
 
         Its checkpoints are kept, and those of other histories that it does not share are dropped.
         """
-        own = self.resumed(lineage)
         try:
+            own = self.resumed(lineage)
             while own.at < len(self.steps):
                 own = self.further(own)
         except LostComponentError:
@@ -98,7 +102,7 @@ class Replay:
         self._kept = {
             number: own
             for number, own in known.items()
-            if number in along and (stays(own.at, now) or own.at >= now - 1)
+            if number in along and own.at >= self.reach and (stays(own.at, now) or own.at >= now - 1)
         }
         self._beside.clear()
 
@@ -132,10 +136,22 @@ class Replay:
         return own
 
     def resumed(self, lineage: Lineage) -> Progress:
-        """A history at the latest checkpoint along it, or else before the first keyframe."""
+        """A history at the latest checkpoint along it, or else before the first keyframe.
+
+        Raises LostComponentError where that is before the reach of replays.
+        """
         known = self._kept | self._beside
         number = next((number for number in reversed(self._numbers(lineage)) if number in known), None)
-        return self.begun(lineage) if number is None else replace(known[number], lineage=lineage)
+        own = self.begun(lineage) if number is None else replace(known[number], lineage=lineage)
+        if own.at < self.reach:
+            raise LostComponentError("a history parted from the others too long ago")
+        return own
+
+    @property
+    def reach(self) -> int:
+        """Least number of keyframes after which a replay may begin: above 0 where old poses are marginalised."""
+        horizon = self.problem.history.horizon_keyframes
+        return max(len(self.steps) - REACH * horizon, 0) if horizon else 0
 
     def further(self, own: Progress) -> Progress:
         """A history after one more keyframe; checkpoints are kept, as it may be followed from now on.
@@ -175,8 +191,8 @@ class Replay:
 
     def before(self, lineage: Lineage, keyframe: int) -> Progress | None:
         """A history just before a keyframe, which becomes a checkpoint; None where it is impossible."""
-        own = self.resumed(lineage[:keyframe])
         try:
+            own = self.resumed(lineage[:keyframe])
             while own.at < keyframe:
                 own = self.advanced(own, 1, in_place=not self._is_kept(own))
         except LostComponentError:
@@ -242,9 +258,13 @@ class Replay:
 
     def _numbers(self, lineage: Lineage) -> list[int]:
         """Ids of the hypotheses along a history, the root's first."""
-        numbers = [ROOT_ID + self.problem.beginning(lineage)]
-        for step, taken in zip(self.steps, lineage, strict=False):
-            numbers.append(next_id(numbers[-1], step.stamp_ns, taken))
+        known, ids = self._numbered
+        pairs = enumerate(zip(known, lineage, strict=False))
+        shared = next((at for at, (one, other) in pairs if one is not other), min(len(known), len(lineage)))
+        numbers = ids[: shared + 1] if shared else [ROOT_ID + self.problem.beginning(lineage)]
+        for stamp_ns, taken in zip(self.steps.stamps_ns[shared:], lineage[shared:], strict=False):
+            numbers.append(next_id(numbers[-1], stamp_ns, taken))
+        self._numbered = lineage, numbers
         return numbers
 
 

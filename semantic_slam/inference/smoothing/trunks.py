@@ -29,11 +29,6 @@ class Trunks:
         """What went wrong with checkpoints, by reason."""
         return Counter()
 
-    @property
-    def oldest(self) -> int:
-        """Number of keyframes behind the oldest checkpoint; 0 without any."""
-        return min((component.keyframe + 1 for component in self._kept.values()), default=0)
-
     def learn(self, step: Step) -> None:
         """Note the next keyframe; checkpoints in memory need nothing of it."""
 

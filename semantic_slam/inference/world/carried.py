@@ -97,9 +97,9 @@ def is_carried_lately(lineage: Sequence[LineageStep]) -> bool:
     return any(map(carried_to, lineage[max(len(lineage) - SOON, 1) :]))
 
 
-def new_grounds(lineage: Sequence[LineageStep]) -> tuple[int, ...]:
-    """The keyframes before which the robot of a history was set down on new ground."""
-    return tuple(k for k, step in enumerate(lineage) if k and carried_to(step) == NEW_GROUND)
+def new_grounds(lineage: Sequence[LineageStep], first: int = 0) -> tuple[int, ...]:
+    """The keyframes before which the robot was set down on new ground, in a history from keyframe ``first`` on."""
+    return tuple(k for k, step in enumerate(lineage, start=first) if k and carried_to(step) == NEW_GROUND)
 
 
 def with_carried(step: LineageStep, point: int) -> LineageStep:

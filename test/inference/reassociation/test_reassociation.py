@@ -13,6 +13,7 @@ from semantic_slam import Engine, HybridBelief
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.evaluation.history import histories
 from semantic_slam.inference.building import make_run_configuration, start_of_run
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.reassociation.joint_pairs import JointPairs
@@ -84,7 +85,7 @@ def test_a_change_weighs_in_closed_form_what_a_replay_of_the_drive_says(kind: st
     found, times = looks._changes(steps[LOOK], held.component), Counter(Sighted.of(held.component.smoother).objects)
     changes = [own for own in found if times[own[3]] > 1]
     own, lineage = looks.revised(steps[LOOK], held.component, changes), next(iter(engine.live.values())).lineage
-    replay = Replay(engine.problem, association, steps[:LOOK])
+    replay = Replay(engine.problem, association, KeptSteps(steps[:LOOK]))
     before, after = map(replay.followed, (lineage, revised(lineage, changes)))
     assert own.log_gain == pytest.approx(after.log_joint - before.log_joint, abs=BOUND)
     assert own.log_gain > 30.0

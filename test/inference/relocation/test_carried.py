@@ -15,6 +15,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.relocation.places import Account
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.revision.replay import Replay
@@ -165,7 +166,8 @@ def test_such_a_history_weighs_what_the_integral_over_all_places_does() -> None:
     steps = [engine.problem.reader.step(keyframe) for keyframe in keyframes]
     for step in steps:
         association.introduce(engine.registry, step)
-    replay, carried, (names,) = Replay(engine.problem, association, steps), engine.problem.carried, after.names
+    replay, carried = Replay(engine.problem, association, KeptSteps(steps)), engine.problem.carried
+    (names,) = after.names
     assert carried is not None and len(names) == 3
     first = LineageStep((), ())
     begun = replay.before((first,), 1)

@@ -28,6 +28,12 @@ def test_a_lost_robot_finds_itself_among_points_that_look_alike() -> None:
     assert {n for n, _ in named} <= set(range(len(PLACES)))
 
 
+def test_a_lost_robot_finds_itself_though_a_quarter_of_what_is_on_the_map_has_left() -> None:
+    world = make_world(START, 12, places=np.delete(PLACES, [2, 3], axis=0))
+    _, beliefs = run(world, configuration(rates={"departed_share": 0.05}))
+    assert np.exp(beliefs[-1].log_weights)[errors(beliefs[-1], world.truth[-1]) < 0.5].sum() > 0.5
+
+
 def test_beliefs_tell_the_history_of_a_robot_that_was_placed() -> None:
     engine, beliefs = run(make_world(START, 8), configuration())
     told = histories(beliefs)

@@ -10,6 +10,7 @@ from semantic_slam import Engine
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import Lineage, LineageStep
@@ -115,7 +116,7 @@ def _replay(engine: Engine, keyframes: list) -> Replay:
     steps = [engine.problem.reader.step(keyframe) for keyframe in keyframes]
     for step in steps:
         association.introduce(engine.registry, step)
-    return Replay(engine.problem, association, steps)
+    return Replay(engine.problem, association, KeptSteps(steps))
 
 
 def _named(world: LostWorld) -> Lineage:

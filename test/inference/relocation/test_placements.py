@@ -12,6 +12,7 @@ from semantic_slam.geometry import se2
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.open_world.planar.sightings import Sightings
 from semantic_slam.inference.relocation.constellation import Fitting, Places, positions
+from semantic_slam.inference.relocation.placements import Placements
 from semantic_slam.inference.relocation.stretches import parted, stretches
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -134,3 +135,28 @@ def test_a_history_that_ends_is_followed_where_it_is_likeliest_to_go_on() -> Non
     assert found.lineage[: len(lost.lineage)] == lost.lineage
     assert len(found.lineage) == len(engine.steps)
     assert not engine.problem.is_placed(found.lineage)
+
+
+def test_what_a_placement_promises_is_what_it_weighs_though_objects_of_the_map_have_left() -> None:
+    world = make_world(np.array([4.0, -7.0, 1.9]), 12, places=np.delete(PLACES, [2, 3], axis=0))
+    never_looks = {"lost_every_keyframes": 100}
+    engine = Engine(configuration(rates={"departed_share": 0.05}, revision=never_looks), map_of())
+    for keyframe in world.keyframes:
+        engine.process(keyframe)
+    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), engine.steps)
+    lost, starts = replay.followed(next(iter(engine.live.values())).lineage), engine.problem.starts
+    assert lost is not None and starts is not None
+    placements = Placements(
+        problem=engine.problem,
+        starts=starts,
+        steps=engine.steps,
+        lineage=lost.lineage,
+        component=lost.component,
+        expected_births=lost.expected_births,
+    )
+    found = placements.best(4, set())
+    assert len(found) > 1
+    for own in found:
+        replayed = replay.followed(own.lineage)
+        assert replayed is not None
+        assert replayed.log_joint - lost.log_joint == pytest.approx(own.log_gain, abs=1.0)

@@ -7,6 +7,7 @@ from worlds.scenes.lost_world import configuration, make_world, map_of
 from semantic_slam import Engine
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.lineage import LineageStep
@@ -82,7 +83,7 @@ def test_a_history_weighs_what_the_integral_over_all_initial_poses_does() -> Non
     step = engine.problem.reader.step(keyframe)
     association = engine.association(engine.problem, engine.registry)
     association.introduce(engine.registry, step)
-    replay = Replay(engine.problem, association, [step])
+    replay = Replay(engine.problem, association, KeptSteps([step]))
     number = starts.number(start)
     assert number is not None
     lineage = (LineageStep(names, (-1, -1, -1), engine.problem.with_start(0, number)),)

@@ -178,7 +178,7 @@ def test_a_history_that_is_followed_again_goes_on_from_where_it_stood(monkeypatc
     """Every keyframe of it is replayed once, and the weight is that of a replay from the start."""
     engine = driven({"every_keyframes": 50}, **ONE)
     lineage = next(iter(engine.live.values())).lineage
-    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), [])
+    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry))
     replayed = list[int]()
     advance = Replay.advanced
 

@@ -14,6 +14,7 @@ from semantic_slam import Configuration, Engine, Keyframe
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
 from semantic_slam.inference.backend import Backend
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.open_world.keyframe.open_association import OpenAssociation
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Commit, Components
@@ -128,7 +129,7 @@ def followed_in_a_room(num_keyframes: int) -> tuple[Engine, Replay]:
     for keyframe in room.keyframes:
         engine.process(keyframe)
         steps.append(engine.problem.reader.step(keyframe))
-    return engine, Replay(engine.problem, engine.association(engine.problem, engine.registry), steps)
+    return engine, Replay(engine.problem, engine.association(engine.problem, engine.registry), KeptSteps(steps))
 
 
 def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> None:
@@ -156,7 +157,7 @@ def test_a_history_is_replayed_as_it_says_where_other_objects_fit_better() -> No
     found = []
     for limit in (2, 30):
         problem = replace(engine.problem, open_world=replace(engine.problem.open_world, max_joint_objects=limit))
-        replay = Replay(problem, OpenAssociation(problem, engine.registry), steps, engine.registry)
+        replay = Replay(problem, OpenAssociation(problem, engine.registry), KeptSteps(steps), engine.registry)
         found.append(replay.followed(wrong))
     cut, whole = found
     assert cut is not None and whole is not None and cut.lineage == whole.lineage == wrong

@@ -124,7 +124,7 @@ def test_a_horizon_that_something_else_asks_beyond_is_refused() -> None:
         {"history": {"horizon_keyframes": 5}},
         {"history": {"horizon_keyframes": 100}, "association": "open", "revision": {"every_keyframes": 10}},
         {"history": {"horizon_keyframes": 100}, "semantic_model": {"kind": "latent"}},
-        {"history": {"horizon_keyframes": 100}, "association": "open", "revision": {"carried_probability": 1e-3}},
+        {"history": {"horizon_keyframes": 30}, "association": "open", "revision": {"carried_probability": 1e-3}},
         {
             "history": {"horizon_keyframes": 100},
             "open_world": {"iterate_updates": False},

@@ -2,6 +2,7 @@
 
 from semantic_slam.configuration import Configuration, HistoryConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.inference.world.carried import SOON
 
 SHARE = 4
 """Marginalisations per horizon: one costs as much as several updates."""
@@ -25,10 +26,10 @@ def check_horizon(configuration: Configuration) -> None:
             f"history.horizon_keyframes is {horizon}: histories are revised up to keyframe {revision.horizon};"
             " set it to revision.horizon or more"
         )
-    if revision.carried_probability > 0.0:
+    if revision.carried_probability > 0.0 and horizon < SOON:
         raise InputError(
-            "history.horizon_keyframes is not for a robot that may be carried, of which all keyframes are replayed;"
-            " set revision.carried_probability: 0, or the horizon to 0"
+            f"history.horizon_keyframes is {horizon}: a robot that was carried is searched for over {SOON} keyframes;"
+            f" set it to {SOON} or more, or revision.carried_probability: 0"
         )
     if configuration.semantic_model.kind in ASK_OLD_POSES:
         raise InputError(

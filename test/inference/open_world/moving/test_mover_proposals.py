@@ -4,6 +4,7 @@ import pytest
 from worlds.drives.moving_world import configuration, make_world, objects_of, run
 
 from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.open_world.moving.mover_proposals import (
     mover_proposals,
@@ -27,7 +28,7 @@ def test_what_a_blind_history_took_for_ghosts_is_proposed_and_weighs_more(seed: 
     moving = Moving(configuration(0.1).moving)
     groups = mover_proposals(lineage, steps, world.truth, 0, moving, blind.problem.open_world)
     assert {name for group in groups[:2] for n in group for name in names[n]} & {10, 11}
-    replay = Replay(knowing.problem, knowing.association(knowing.problem, blind.registry), steps)
+    replay = Replay(knowing.problem, knowing.association(knowing.problem, blind.registry), KeptSteps(steps))
     before, after = map(replay.followed, (lineage, with_mover(lineage, groups[0])))
     assert before is not None and after is not None
     assert after.log_joint > before.log_joint + 10.0
@@ -78,7 +79,7 @@ def test_what_stands_and_was_taken_to_move_is_proposed_to_stand_and_weighs_more(
     wrong = with_mover(lineage, (posts[0],))
     right = with_standing(wrong, (posts[0],))
     assert right == lineage
-    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), steps)
+    replay = Replay(engine.problem, engine.association(engine.problem, engine.registry), KeptSteps(steps))
     before, after = map(replay.followed, (wrong, right))
     assert before is not None and after is not None and after.log_joint > before.log_joint
     assert standing_proposals(wrong, movers_in(before)) == [(posts[0],)]
