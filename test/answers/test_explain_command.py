@@ -11,7 +11,7 @@ from worlds.bags.places import place_entries
 
 from semantic_slam.answers.explain.explanation import explain
 from semantic_slam.cli.commands import main
-from semantic_slam.configuration import Configuration, load_configuration
+from semantic_slam.configuration import Configuration
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
@@ -94,17 +94,3 @@ def test_what_cannot_be_explained_is_one_line_with_a_remedy(words, fault, folder
     assert call(monkeypatch, folder / words[0], *words[1:]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert fault in line
-
-
-@pytest.mark.slow
-def test_a_desk_of_the_shipped_room_is_told_from_a_chest_by_the_first_view_of_its_front(tmp_path):
-    configuration = load_configuration(ROOT / "config" / "default.yaml")
-    run_bag(ROOT / "bags" / "aliased_room", tmp_path / "belief", configuration, max_keyframes=38)
-    told = explain(tmp_path / "belief", "object_5")
-    best, pair = told.histories[0], told.histories[0].pair
-    assert [told.belief.class_names[cls] for cls in told.classes] == ["desk", "chest"]
-    assert told.run.is_same and pair.total == pytest.approx(pair.log_odds, abs=1e-6)
-    before = pair.views[np.isfinite(pair.views)]
-    assert len(before) == 3 and np.abs(before).max() < 0.2  # from its back the two are alike
-    assert pair.until + 1 == 36 and pair.last_nats > 4.5 and pair.gone > np.log(150.0)
-    assert 280.0 < np.rad2deg(best.views[3].direction_rad) % 360.0 < 320.0

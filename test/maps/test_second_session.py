@@ -22,8 +22,16 @@ MOVED, GONE, NEW = {4: (0.5, -0.5), 5: (-0.6, 0.5)}, 6, (1.4, 4.9)
 """Objects by number, and how far; the new one is where it is seen, of a class that none of these has."""
 
 
-def map_of(room: ClosedRoom, configuration: Configuration, prior: MapPrior | None) -> SavedMap:
-    engine = Engine(configuration, prior, initial_pose=room.truth[0], initial_covariance=np.diag([0.1, 0.1, 0.05]) ** 2)
+KNOWN, LOST = np.array([0.1, 0.1, 0.05]), np.array([10.0, 10.0, np.pi])
+"""Standard deviations of where a session begins: x, y [m] and yaw [rad]."""
+OFF = np.array([6.0, -5.0, 2.0])
+
+
+def map_of(
+    room: ClosedRoom, configuration: Configuration, prior: MapPrior | None, sigmas: np.ndarray = KNOWN, off: float = 0.0
+) -> SavedMap:
+    start = room.truth[0] + off * OFF
+    engine = Engine(configuration, prior, initial_pose=start, initial_covariance=np.diag(sigmas**2))
     assert isinstance(engine.pool, InProcessPool)
     for keyframe in room.keyframes:
         belief = engine.process(keyframe)
@@ -61,4 +69,13 @@ def test_all_that_changed_is_named_on_the_map_and_by_a_robot_that_does_not_know_
     lost = map_of(replace(later, truth=later.truth * 0.0), session(), None)
     told = difference(Comparison.of(old, lost))
     assert not told.same_frame
+    check(told)
+
+
+def test_so_it_is_by_a_robot_that_is_lost_on_the_map_and_does_not_know_its_heading() -> None:
+    room = make_room(SEED, KEYFRAMES)
+    old, later = map_of(room, Configuration(), room.prior), second_room(room)
+    found = map_of(later, session(), map_prior_of(old), LOST, off=1.0)
+    told = difference(Comparison.of(old, found))
+    assert told.same_frame
     check(told)

@@ -9,7 +9,7 @@ import pytest
 from semantic_slam_lab.commands import run_study
 from semantic_slam_lab.simulation.layout import draw_layout
 from semantic_slam_lab.studies.second_session.changes import CLEAR_M, changed
-from semantic_slam_lab.studies.second_session.sessions import Judged
+from semantic_slam_lab.studies.second_session.sessions import STARTS, Judged
 from semantic_slam_lab.studies.second_session.study import claims_of
 
 RIGHT = Judged(displaced=(0.98, 0.97), gone=0.95, new=0.99, wrong=0, displacement_error_m=0.03)
@@ -27,11 +27,11 @@ def test_two_are_moved_one_is_gone_and_one_is_new() -> None:
 
 
 def test_a_room_is_right_with_all_four_and_nothing_else() -> None:
-    rooms = {n: {"known_start": RIGHT, "lost": RIGHT} for n in range(10)}
+    rooms = {n: dict.fromkeys(STARTS, RIGHT) for n in range(10)}
     assert all(claim.holds for claim in claims_of(rooms))
     for wrong in (replace(RIGHT, gone=0.8), replace(RIGHT, wrong=1)):
-        claims = claims_of({**rooms, 0: {"known_start": wrong, "lost": RIGHT}})
-        assert [claim.holds for claim in claims] == [False, True, True, True]
+        claims = claims_of({**rooms, 0: {**rooms[0], "known_start": wrong}})
+        assert [claim.holds for claim in claims] == [False, True, True, True, True, True]
 
 
 @pytest.mark.slow
@@ -40,6 +40,6 @@ def test_the_shipped_room_is_told_apart_from_what_it_was(tmp_path: Path, monkeyp
     monkeypatch.setattr("sys.argv", ["run_study", "second_session", "--quick", "--out", str(tmp_path / "out")])
     run_study.command()
     result = json.loads((tmp_path / "out" / "result.json").read_text())
-    for start in ("known_start", "lost"):
+    for start in STARTS:
         assert result["summary"][start]["shipped_least_probability"] >= 0.9
         assert result["rooms"]["0"][start]["wrong"] == 0

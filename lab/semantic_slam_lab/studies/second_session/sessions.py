@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.configuration import Configuration, load_configuration
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
@@ -22,8 +23,8 @@ from semantic_slam_lab.studies.second_session.changes import Change, changed
 SURVEY_SIGMA = np.array([0.2236, 0.2236, 0.0224])
 """Standard deviations of the first session's map, x, y [m], yaw [rad], as in the shipped bag; it knows no classes."""
 LOST_SIGMA, KNOWN_SIGMA = np.array([10.0, 10.0, 0.2]), np.array([0.1, 0.1, 0.05])
-STARTS = ("known_start", "lost")
-"""Where the second session begins: at its place on the map, or wherever it is, without the map."""
+STARTS = ("known_start", "lost_on_map", "lost")
+"""Where the second session begins: at its place on the map, lost on it, or wherever it is, without the map."""
 NEAR_M = 0.4
 """What stands nearer than that to the truth is it."""
 STATED = 0.5
@@ -46,18 +47,28 @@ class Judged:
 
 
 def sessions(number: int, seed: int) -> dict[str, Judged]:
-    """In the room of a number: the second one starting at its place on the map, or lost."""
+    """In the room of a number: the second one starting at its place on the map, or lost, with the map and without."""
     change = changed(number)
     before, after = record_scene(number), record_scene(number, objects=change.objects)
     random = np.random.default_rng([number, seed, 32])
     old = _map(before, Configuration(), _survey(before, random), _start(before, LOST_SIGMA, random), LOST_SIGMA)
     on_map, without = (load_configuration(configuration_file(name)) for name in ("second_session", "open_world"))
     here = _map(after, on_map, map_prior_of(old), _start(after, KNOWN_SIGMA, random), KNOWN_SIGMA)
-    lost = _map(after, without, None, _start(after, LOST_SIGMA, random), LOST_SIGMA)
+    anywhere = _start(after, LOST_SIGMA, random)
+    found = _found_on(old, after, on_map, anywhere)
+    lost = _map(after, without, None, anywhere, LOST_SIGMA)
     return {
         name: judged(difference(Comparison.of(old, new)), change, before)
-        for name, new in zip(STARTS, (here, lost), strict=True)
+        for name, new in zip(STARTS, (here, found, lost), strict=True)
     }
+
+
+def _found_on(old: SavedMap, room: Recording, configuration: Configuration, start: Array) -> SavedMap:
+    """The map at the end of a drive that began lost on ``old``; that one itself where the robot did not find itself."""
+    try:
+        return _map(room, configuration, map_prior_of(old), start, LOST_SIGMA)
+    except InputError:
+        return old
 
 
 def _survey(room: Recording, random: np.random.Generator) -> MapPrior:
