@@ -8,7 +8,6 @@ import time
 import traceback
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
@@ -18,23 +17,13 @@ import numpy as np
 from semantic_slam.cli.exit_codes import CommandParser
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam_lab.fuzz.limits import bound_address_space, limited
+from semantic_slam_lab.fuzz.results import Finding, Fuzzed, write_fuzzed
 
 HANG_S = 90.0
 """A worker that tells nothing for so long, on a busy machine, is stuck outside Python."""
 Case = Callable[[np.random.Generator], None]
 Target = Callable[[Path], Case]
 """Makes, once per worker, a function that draws one case and feeds it to a real reader; the folder is for files."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """A case that ended otherwise than well, or with an error of ours."""
-
-    target: str
-    index: int
-    what: str  # one line
-    where: str  # file:line of the deepest frame of this package
-    trace: str = ""
 
 
 def parse(targets: dict[str, Target]) -> argparse.Namespace:
@@ -51,6 +40,7 @@ def parse(targets: dict[str, Target]) -> argparse.Namespace:
     parser.add_argument("--messages", type=int, default=2000, help="forgeries of --live (default: %(default)s)")
     parser.add_argument("--bag", type=Path, default=Path("bags/aliased_room"), help="bag of --live")
     parser.add_argument("--config", type=Path, default=Path("config/default.yaml"), help="configuration of --live")
+    parser.add_argument("--out", type=Path, help="folder for result.json and a page; none without")
     return parser.parse_args()
 
 
@@ -60,34 +50,29 @@ def run(targets: dict[str, Target], arguments: argparse.Namespace) -> int:
     if arguments.index is not None:
         return _again(chosen, arguments)
     with TemporaryDirectory(prefix="fuzz_") as folder:
-        cases, findings = _all_work(chosen, arguments, Path(folder))
-    for same in findings.values():
-        first = same[0]
-        print(f"{first.target} --index {first.index} ({len(same)} times): {first.what} at {first.where}")
-    print(f"{cases} cases, {len(findings)} findings")
-    return 1 if findings or not cases else 0
+        found = _all_work(chosen, arguments, Path(folder))
+    for line in found.lines:
+        print(line)
+    if arguments.out is not None:
+        write_fuzzed(arguments.out, found, arguments.seed, arguments.seconds)
+    print(f"{found.num_cases} cases, {len(found.findings)} findings")
+    return 1 if found.findings or not found.num_cases else 0
 
 
-def _all_work(
-    targets: dict[str, Target], arguments: argparse.Namespace, folder: Path
-) -> tuple[int, dict[tuple[str, str, str], list[Finding]]]:
-    """How many cases workers have run in the time, and what they have found: what is alike under one key."""
+def _all_work(targets: dict[str, Target], arguments: argparse.Namespace, folder: Path) -> Fuzzed:
+    """What workers have run in the time, and what they have found."""
     give_up = time.monotonic() + arguments.seconds
     workers = [Worker(targets, arguments.seed, number, arguments.jobs, folder) for number in range(arguments.jobs)]
-    findings: dict[tuple[str, str, str], list[Finding]] = {}
-    cases = 0
+    found = Fuzzed()
     try:
         while time.monotonic() < give_up:
             for worker in workers:
-                for finding in worker.poll(0.2):
-                    cases += 1
-                    if finding is not None:
-                        key = (finding.target, finding.what.split(":")[0], finding.where)
-                        findings.setdefault(key, []).append(finding)
+                for name, finding in worker.poll(0.2):
+                    found.note(name, finding)
     finally:
         for worker in workers:
             worker.stop()
-    return cases, findings
+    return found
 
 
 class Worker:
@@ -111,13 +96,13 @@ class Worker:
         self._process.start()
         theirs.close()
 
-    def poll(self, patience_s: float) -> Iterator[Finding | None]:
-        """What has become of cases since the last call: None, or what was found."""
+    def poll(self, patience_s: float) -> Iterator[tuple[str, Finding | None]]:
+        """Targets of the cases run since the last call, and what became of each: None, or what was found."""
         try:
             while self._pipe.poll(patience_s):
                 number, finding = self._pipe.recv()
                 self._next, self._last_s, patience_s = number + self._jobs, time.monotonic(), 0.0
-                yield finding
+                yield _place(self._targets, number)[0], finding
         except EOFError:
             self._process.join()
             yield self._died(f"the process died with {self._process.exitcode}")
@@ -127,11 +112,11 @@ class Worker:
             self._process.join()
             yield self._died(f"nothing for {HANG_S:.0f} s")
 
-    def _died(self, what: str) -> Finding:
+    def _died(self, what: str) -> tuple[str, Finding]:
         name, index = _place(self._targets, self._next)
         self._next += self._jobs
         self._start()
-        return Finding(target=name, index=index, what=what, where="?")
+        return name, Finding(target=name, index=index, what=what, where="?")
 
     def stop(self) -> None:
         self._process.kill()

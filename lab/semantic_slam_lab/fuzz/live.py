@@ -16,6 +16,7 @@ import numpy as np
 
 from semantic_slam_lab.fuzz.asker import Asker
 from semantic_slam_lab.fuzz.forger import Forger, forger
+from semantic_slam_lab.fuzz.results import Forged, write_forged
 from semantic_slam_lab.kills.comparison import TOLERANCE, largest_difference
 from semantic_slam_lab.kills.demo import Demo
 from semantic_slam_lab.kills.trials import run_killing
@@ -42,14 +43,17 @@ def run_live(arguments: argparse.Namespace) -> int:
         findings = [*deaths, *uncounted(forging), *asking.findings()]
         if difference > TOLERANCE:
             findings.append(f"beliefs differ by {difference:.3g}")
-    for (node, topic, kind), number in sorted(forging.owed.items()):
-        print(f"{node}: {number} x {topic}: {kind}")
-    for service, number in sorted(asking.refused().items()):
-        print(f"{service}: refused {number} times")
-    print(f"largest difference of beliefs {difference:.3g}")
-    for finding in findings:
-        print(finding)
-    print(f"{forging.num_sent + asking.num_asked} messages, {len(findings)} findings")
+    found = Forged(
+        num_messages=forging.num_sent + asking.num_asked,
+        counted=forging.owed,
+        refused=asking.refused(),
+        largest_difference=difference,
+        findings=findings,
+    )
+    if arguments.out is not None:
+        write_forged(arguments.out, found, arguments.seed)
+    for line in found.lines:
+        print(line)
     return int(bool(findings))
 
 

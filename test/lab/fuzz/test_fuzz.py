@@ -90,7 +90,7 @@ def test_a_worker_that_dies_is_a_finding_and_the_rest_goes_on(capfd: pytest.Capt
 
         return case
 
-    arguments = argparse.Namespace(seconds=4.0, seed=0, jobs=1, target=None, index=None)
+    arguments = argparse.Namespace(out=None, seconds=4.0, seed=0, jobs=1, target=None, index=None)
     assert run({"dying": dying}, arguments) == 1
     lines = capfd.readouterr().out.splitlines()
     cases, findings = (int(word) for word in lines[-1].replace(",", "").split() if word.isdigit())
@@ -106,7 +106,7 @@ def test_a_worker_that_hangs_is_killed_and_the_next_has_a_folder_of_its_own_of_w
         return lambda chance: time.sleep(60.0)
 
     monkeypatch.setattr(harness, "HANG_S", 0.3)
-    arguments = argparse.Namespace(seconds=2.0, seed=0, jobs=2, target=None, index=None)
+    arguments = argparse.Namespace(out=None, seconds=2.0, seed=0, jobs=2, target=None, index=None)
     assert run({"hanging": hanging}, arguments) == 1
     *findings, last = capfd.readouterr().out.splitlines()
     assert len(findings) == 1 and "nothing for" in findings[0] and int(last.split()[0]) > 2
