@@ -7,9 +7,9 @@ standard normal in each component, is a Gaussian process over viewing geometry w
 
 where p are places relative to the robot (:func:`lasting_places`), c the share that a whole frame has in common
 (heading, clock, scale of ranges), and rho = exp(-metres / m - radians / a) decays with the motion between two frames:
-Gauss-Markov along the drive. A robot at rest thus learns a place no better than the variance of f allows. Dependence on
-earlier frames passes through the newest frame with detections alone: exact while the same places are in view; places
-out of view for a frame are forgotten.
+Gauss-Markov along the drive. A robot at rest thus learns a place no better than the variance of f allows. The state
+that passes from frame to frame is f at the places of the newest detections and at those detected shortly before, for
+detectors miss things: exact for as long as these are kept (``MOST_UNSEEN``, ``LEAST_LEFT``).
 
 Constant sensor errors, a range offset and a yaw of the mount, persist: with g ~ N(0, I) in units of their standard
 deviations, H_i g is added to f_i. g is a further entry behind those of the detections, and drifts as the biases of
@@ -38,7 +38,11 @@ OWN_SHARE = 1e-4
 CHANGE_OF_SENSOR = CHANGE / np.sqrt(STRETCH)
 """Standard deviation of the change of g from one frame to the next."""
 SAME_PLACE = 16.0
-"""Squared Mahalanobis distance in range and bearing below which a detection may be at a place of the frame before."""
+"""Squared Mahalanobis distance in range and bearing below which a detection may be at a place of a frame before."""
+MOST_UNSEEN = 8
+"""Largest number of places that are carried though a frame has no detection there."""
+LEAST_LEFT = 0.1
+"""Correlation with its last detection below which an unseen place is no longer carried."""
 
 
 def sensor_sigmas(settings: DetectionErrorsConfiguration) -> Array:
@@ -68,16 +72,18 @@ def correlation(settings: DetectionErrorsConfiguration, one: Array, other: Array
 
 def lasting_places(
     settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, detections: Sequence[Any]
-) -> Array:
+) -> tuple[Array, Index]:
     """(D, 2) places [m] of D detections in the body frame, for the kernel, which is over true places.
 
     What stands still has, relative to the robot, the place that its last detection had, moved by odometry. Detections
     are matched with these places one to one, and keep them except for the share of their errors that the motion has
     renewed: otherwise the white noise of a measured place would count as motion.
+
+    Returns also the (U,) carried places that no detection is at and that are carried further, latest seen first.
     """
     places = np.array([own.place for own in detections])
     if carried is None:
-        return places
+        return places, np.zeros(0, dtype=int)
     from scipy.optimize import linear_sum_assignment  # deferred: the import takes 0.2 s
 
     ranged = np.array([own.has_range for own in detections], dtype=bool)
@@ -90,7 +96,9 @@ def lasting_places(
     rows, columns = linear_sum_assignment(np.minimum(squared, SAME_PLACE))
     same = squared[rows, columns] < SAME_PLACE
     places[rows[same]] += carried.left * (carried.places[columns[same]] - places[rows[same]])
-    return places
+    unseen = carried.left * carried.left_of_each >= LEAST_LEFT
+    unseen[columns[same]] = False
+    return places, np.flatnonzero(unseen)[:MOST_UNSEEN]
 
 
 def _polar(places: Array) -> Array:
@@ -163,25 +171,31 @@ def _with_sensor(matrix: Array, noise: Array, now: Array, before: Array | None) 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorTransition:
-    """Transition of f and g to a frame's D detections from n before: f_k = A f + v, v ~ N(0, Q); d is 2 with g, else 0.
+    """Transition of f and g from n places to the m of a frame's detections, which come first, and of unseen ones.
 
-    The vector (f, g) is (2 D + d,).
+    f_k = A f + v, v ~ N(0, Q); d is 2 with g, else 0. The vector (f, g) is (2 m + d,).
     """
 
     white: WhiteResidual
-    before: int  # keyframe of the n detections before
-    matrix: Array  # A (2 D + d, 2 n + d)
-    noise: Array  # Q (2 D + d, 2 D + d)
-    mean: Array  # (2 D + d,) predicted
-    places: Array  # (D, 2)
-    by_sensor: Array  # H (2 D, d)
+    before: int  # keyframe of the detections before
+    matrix: Array  # A (2 m + d, 2 n + d)
+    noise: Array  # Q (2 m + d, 2 m + d)
+    mean: Array  # (2 m + d,) predicted
+    places: Array  # (m, 2)
+    by_sensor: Array  # H (2 m, d)
+    left_of_each: Array  # (m,) correlation with the last detection at each place
 
     @classmethod
     def of(
         cls, settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, detections: Sequence[Any]
     ) -> Self:
         """The transition to detections in the body frame; ``carried`` is already expressed at the newest keyframe."""
-        places, by_sensor = lasting_places(settings, carried, detections), sensor_slopes(settings, detections)
+        places, unseen = lasting_places(settings, carried, detections)
+        by_sensor, left = sensor_slopes(settings, detections), np.ones(len(detections))
+        if carried is not None:
+            places = np.concatenate([places, carried.places[unseen]])
+            by_sensor = np.concatenate([by_sensor, carried.slopes_at(unseen)])
+            left = np.append(left, carried.left * carried.left_of_each[unseen])
         matrix, noise = _repeated(settings, carried, places)
         matrix, noise = _with_sensor(matrix, noise, by_sensor, None if carried is None else carried.by_sensor)
         return cls(
@@ -192,6 +206,7 @@ class ErrorTransition:
             mean=np.zeros(len(matrix)) if carried is None else matrix @ carried.mean,
             places=places,
             by_sensor=by_sensor,
+            left_of_each=left,
         )
 
     @property
@@ -201,10 +216,16 @@ class ErrorTransition:
 
     def after(self, keyframe: int, mean: Array) -> CarriedErrors:
         """The errors of this frame, ``keyframe``, with this ``mean``."""
-        return CarriedErrors(keyframe=keyframe, places=self.places, by_sensor=self.by_sensor, mean=mean)
+        return CarriedErrors(
+            keyframe=keyframe,
+            places=self.places,
+            by_sensor=self.by_sensor,
+            left_of_each=self.left_of_each,
+            mean=mean,
+        )
 
     def factor(self, before: Sequence[int], now: Sequence[int]) -> Any:
-        """GTSAM factor of the transition, on the variables that hold the errors of n and of D detections."""
+        """GTSAM factor of the transition, on the variables that hold the errors at n and at m places."""
         inverse = solve_triangular(np.linalg.cholesky(self.noise), np.eye(len(self.noise)), lower=True)
         whole = np.concatenate([-inverse @ self.matrix, inverse], axis=1)
         keys = [*before, *now]
@@ -230,8 +251,8 @@ class PredictedErrors:
 
     transition: ErrorTransition
     slopes: Array  # (D, 2) derivatives of the residuals
-    covariance: Array  # (2 D + d, 2 D + d)
-    cross: Array  # (r + M l, 2 D + d) with robot and objects
+    covariance: Array  # (2 m + d, 2 m + d)
+    cross: Array  # (r + M l, 2 m + d) with robot and objects
 
     @property
     def mean(self) -> Array:

@@ -101,7 +101,7 @@ def _local_at(local: LocalMap, ids: Index, robot: Array, objects: Array) -> Loca
 def _errors_after(
     smoother: Smoother, keyframe: int, before: TrackedStates, update: ComponentUpdate
 ) -> CarriedErrors | None:
-    """The correlated errors of the newest frame with detections."""
+    """The correlated errors, as of the newest frame with detections."""
     if update.errors is None:
         return before.errors if update.carried_errors is None else update.carried_errors
     keys = error_keys(keyframe, update.errors.count)

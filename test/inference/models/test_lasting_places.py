@@ -7,7 +7,12 @@ import pytest
 
 from semantic_slam.configuration import DetectionErrorsConfiguration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.models.correlated_errors import ErrorTransition, lasting_places
+from semantic_slam.inference.models.correlated_errors import (
+    LEAST_LEFT,
+    MOST_UNSEEN,
+    ErrorTransition,
+    lasting_places,
+)
 from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 
@@ -87,15 +92,18 @@ class Drive:
     def _whole(self, repeated: Array) -> Array:
         return self.share * repeated + (1.0 - self.share) * np.eye(len(repeated))
 
-    def found(self) -> Array:
-        """The covariance by the transitions from frame to frame."""
-        chain, carried = Chain(), None
+    def found(self, is_seen: Array | None = None) -> Array:
+        """The covariance by the transitions from frame to frame; ``is_seen`` (frames, objects): all are if None."""
+        chain, carried, rows = Chain(), None, list[int]()
         for k, polar in enumerate(self.polar):
             carried = None if carried is None else carried.moved(self.control, self.settings)
-            step = ErrorTransition.of(self.settings, carried, [detected(own, self.sigma_m) for own in polar])
-            chain.extend(step.matrix, step.noise)
-            carried = step.after(k, np.zeros(len(step.mean)))
-        return self._whole(chain.covariance)
+            seen = [detected(own, self.sigma_m) for own in (polar if is_seen is None else polar[is_seen[k]])]
+            if seen:
+                step = ErrorTransition.of(self.settings, carried, seen)
+                rows += range(len(chain.covariance), len(chain.covariance) + 2 * len(seen))
+                chain.extend(step.matrix, step.noise)
+                carried = step.after(k, np.zeros(len(step.mean)))
+        return self._whole(chain.covariance[np.ix_(rows, rows)])
 
     def over_measured_places(self) -> Array:
         """The covariance if the kernel is evaluated at measured places."""
@@ -147,14 +155,21 @@ def test_errors_of_a_drive_are_nearer_to_those_over_true_places_than_over_measur
 
 
 def carried(places: Array, left: float = 1.0) -> CarriedErrors:
-    nothing = np.zeros((2 * len(places), 0))
-    return CarriedErrors(keyframe=0, places=places, by_sensor=nothing, mean=np.zeros(2 * len(places)), left=left)
+    return CarriedErrors(
+        keyframe=0,
+        places=places,
+        by_sensor=np.zeros((2 * len(places), 0)),
+        left_of_each=np.ones(len(places)),
+        mean=np.zeros(2 * len(places)),
+        left=left,
+    )
 
 
 def test_places_are_kept_one_to_one_in_any_order() -> None:
     settings, before = DetectionErrorsConfiguration(correlated_share=0.5), points_of(np.array([[3.0, 0.1], [4.0, 0.4]]))
     seen = [detected(np.array(own), 0.1) for own in ([4.05, 0.41], [3.1, 0.09], [3.15, 0.1])]
-    found = lasting_places(settings, carried(before), seen)
+    found, unseen = lasting_places(settings, carried(before), seen)
+    assert not unseen.size
     np.testing.assert_allclose(found[:2], before[::-1])
     np.testing.assert_allclose(found[2], seen[2].place)
 
@@ -162,12 +177,34 @@ def test_places_are_kept_one_to_one_in_any_order() -> None:
 def test_what_is_elsewhere_has_a_place_of_its_own() -> None:
     settings, before = DetectionErrorsConfiguration(correlated_share=0.5), points_of(np.array([[3.0, 0.1]]))
     for seen in (detected(np.array([3.5, 0.1]), 0.1), detected(np.array([3.0, 0.1]), 0.1, has_range=False)):
-        np.testing.assert_allclose(lasting_places(settings, carried(before), [seen]), [seen.place])
+        found, unseen = lasting_places(settings, carried(before), [seen])
+        np.testing.assert_allclose(found, [seen.place])
+        assert unseen.tolist() == [0]
 
 
 def test_places_are_measured_anew_as_errors_are_after_a_motion() -> None:
     settings, before = DetectionErrorsConfiguration(correlated_share=0.5), points_of(np.array([[3.0, 0.1]]))
     seen = detected(np.array([3.1, 0.09]), 0.1)
     for left in (1.0, 0.4, 0.0):
-        found = lasting_places(settings, carried(before, left), [seen])
+        found, _ = lasting_places(settings, carried(before, left), [seen])
         np.testing.assert_allclose(found, left * before + (1.0 - left) * seen.place[None])
+
+
+@pytest.mark.parametrize("step_m", [0.0, 0.1])
+def test_errors_are_those_over_all_frames_though_every_frame_misses_half_of_what_is_there(step_m: float) -> None:
+    """With places measured to a millimetre, whose kernel is the true one."""
+    drive = Drive(0.9, 1e-3, step_m, OBJECTS, seed=4, num_frames=30)
+    is_seen = np.random.default_rng(0).random((drive.num_frames, len(OBJECTS))) < 0.5
+    true = drive.true[np.ix_(*[np.flatnonzero(np.repeat(is_seen.ravel(), 2))] * 2)]
+    np.testing.assert_allclose(drive.found(is_seen), true, atol=0.02)
+
+
+def test_the_places_seen_last_are_carried_and_none_for_ever() -> None:
+    settings = DetectionErrorsConfiguration(correlated_share=0.5)
+    rows = np.array([[1.0 + 0.5 * n, 0.0] for n in range(MOST_UNSEEN + 3)])
+    far = [detected(np.array([30.0, 0.5]), 0.1)]
+    step = ErrorTransition.of(settings, carried(rows), far)
+    np.testing.assert_allclose(step.places[1:], rows[:MOST_UNSEEN])
+    after = step.after(1, np.zeros(len(step.mean)))
+    driven = after.moved(np.array([-settings.motion_m * np.log(LEAST_LEFT) + 0.1, 0.0, 0.0]), settings)
+    assert len(ErrorTransition.of(settings, driven, far).places) == 1

@@ -9,16 +9,21 @@ from semantic_slam.geometry.arrays import Array
 
 OWN = 1e-4
 """Share that no two detections have in common."""
+SAME_M = 0.05
+"""Distance below which two places are one."""
+LEAST_LEFT = 0.02
+"""Correlation below which a place that was detected before is forgotten."""
 
 
 @dataclass
 class RepeatedErrors:
-    """f of the newest frame with detections: Gauss-Markov from one such frame to the next."""
+    """f at all places detected so far, also those that a frame misses: Gauss-Markov from one frame to the next."""
 
     settings: DetectionErrorsConfiguration
-    places: Array = field(default_factory=lambda: np.zeros((0, 2)))  # of that frame, in the body frame of the newest
+    places: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) in the body frame of the newest frame
     values: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) of range and bearing
-    left: float = 1.0  # correlation that the motion since has left
+    left_of_each: Array = field(default_factory=lambda: np.zeros(0))  # (n,) correlation with the last detection there
+    left: float = 1.0  # correlation that the motion since the newest detections has left
 
     def move(self, control: Array) -> None:
         """The robot moves by (3,)."""
@@ -31,9 +36,13 @@ class RepeatedErrors:
     def draw(self, places: Array, random: np.random.Generator) -> Array:
         """(D, 2) of a new frame with detections at ``places`` (D, 2) in the body frame."""
         common = (self.settings.common_range_share, self.settings.common_bearing_share)
-        drawn = np.stack([self._component(places, at, share, random) for at, share in enumerate(common)], axis=1)
-        self.places, self.values, self.left = places, drawn, 1.0
-        return drawn
+        apart = np.linalg.norm(self.places[:, None] - places, axis=-1).min(axis=1, initial=np.inf) > SAME_M
+        missed = apart & (self.left * self.left_of_each > LEAST_LEFT)
+        every = np.concatenate([places, self.places[missed]])
+        drawn = np.stack([self._component(every, at, share, random) for at, share in enumerate(common)], axis=1)
+        self.left_of_each = np.append(np.ones(len(places)), self.left * self.left_of_each[missed])
+        self.places, self.values, self.left = every, drawn, 1.0
+        return drawn[: len(places)]
 
     def _component(self, places: Array, at: int, common: float, random: np.random.Generator) -> Array:
         own = self._kernel(places, places, common) + OWN * np.eye(len(places))

@@ -167,7 +167,7 @@ class LinearisedEvidence:
     @staticmethod
     def _with_sensor(errors: PredictedErrors, joint: JointInnovation, seen: Index, places: Index) -> Array:
         """(G, m, d) covariance of the residuals of detections ``seen`` (G, n) with the constant sensor errors."""
-        rows, sensor = _components(seen), slice(2 * len(errors.slopes), None)
+        rows, sensor = _components(seen), slice(len(errors.transition.by_sensor), None)
         repeated = errors.slopes.ravel()[rows][..., None] * errors.covariance[rows, sensor]
         return np.asarray(joint.jacobian @ errors.cross[places, sensor] + repeated)
 
