@@ -1,5 +1,6 @@
 """Errors of detections that repeat: against the joint Gaussian of a whole drive, and what they leave unknown."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -231,3 +232,24 @@ def test_only_single_steps_know_of_them() -> None:
 def test_what_a_sensor_always_gets_wrong_needs_errors_that_repeat() -> None:
     with pytest.raises(InputError, match="sigma_yaw_rad need"):
         make_room(1, detection_errors={"sigma_yaw_rad": 0.03}, open_world={"iterate_updates": False})
+
+
+@pytest.mark.parametrize("seen", ["ab", "a", "a b", "ab b", "a b  ab"])
+def test_a_robot_at_rest_learns_a_place_no_better_though_frames_miss_it(seen: str) -> None:
+    """What every few frames see, over and over: words of names, one for each frame."""
+    places, sigmas = {"a": (2.0, 0.6), "b": (3.5, -0.8)}, np.array([0.1, 0.05])
+    settings = configuration({"correlated_share": 0.9}, field_of_view_rad=3.0)
+    known = replace(settings, association="given")
+    engine = Engine(known, initial_pose=np.zeros(3), initial_covariance=1e-8 * np.eye(3))
+    frames = seen.split(" ")
+    for k in range(40):
+        names = frames[k % len(frames)]
+        found = [
+            Detection(range_m=r, bearing_rad=b, covariance=np.diag(sigmas**2), track_id=name)
+            for name, (r, b) in places.items()
+            if name in names
+        ]
+        belief = engine.process(Keyframe.planar(k, detections=found, motion_sigmas=(1e-6,) * 3))
+    along = np.array([np.cos(places["a"][1]), np.sin(places["a"][1])])
+    covariance = planar_from_covariance(belief.object_covariances[belief.object_names.index("a")])[:2, :2]
+    assert along @ covariance @ along / sigmas[0] ** 2 == pytest.approx(0.9, rel=0.02)
