@@ -4,10 +4,10 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.building.association_settings import moving_of
+from semantic_slam.inference.building.horizon_check import check_horizon
 from semantic_slam.inference.building.spatial_checks import check_space
 from semantic_slam.inference.building.views import sees_places_in_single_steps, semantics_name
 from semantic_slam.inference.models.noise.noise_settings import DEPTH, DISTANCE
-from semantic_slam.inference.smoothing.past.horizon import check_horizon
 from semantic_slam.inference.world.departures import Departures
 
 SHORTEST_HALF_RANGE_M = 1e-3  # shorter ones would be of no sensor, and their squares underflow
