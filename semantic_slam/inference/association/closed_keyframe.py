@@ -253,7 +253,9 @@ class ClosedKeyframe:
     def _with_evidence(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Add the evidence, as configured: by importance sampling and mode splitting, Laplace, or prior samples."""
         weights, (problem, mode) = self.problem.weights, candidates.solved()
-        method = "laplace" if weights.method == "importance" and self._has_named_rivals else weights.method
+        is_cut_off = self._is_cut_off
+        unsampled = self._has_named_rivals and not is_cut_off
+        method = "laplace" if weights.method == "importance" and unsampled else weights.method
         if method == "importance":
             unsplit = UnsplitCandidates(
                 step=self.step,
@@ -262,6 +264,7 @@ class ClosedKeyframe:
                 candidates=candidates,
                 used=self.used,
                 new=self._new,
+                is_cut_off=is_cut_off,
             )
             return split_modes(unsplit, weights, self.path.mode if self.path is not None else None)
         if method == "laplace":
@@ -271,6 +274,13 @@ class ClosedKeyframe:
             )
         log_evidence, effective = sample_evidence(problem, weights.num_samples, self._generators(candidates))
         return candidates.gaining(log_evidence=log_evidence, effective_sample_sizes=effective)
+
+    @property
+    def _is_cut_off(self) -> bool:
+        """Whether limits of visibility cut Gaussians off, of mapped objects alone: samples can show that of these."""
+        if self.problem.model.sees_everywhere:
+            return False
+        return self.identities is None or self.problem.map_ids.issuperset(self.identities)
 
     @property
     def _has_named_rivals(self) -> bool:
