@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from semantic_slam.configuration import Configuration
+from semantic_slam.class_models.viewpoint_models import load_model
+from semantic_slam.configuration import Configuration, SemanticModelConfiguration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -24,9 +25,13 @@ def _moments(
             ObjectPrior.planar(n, *place, sigma_m=1e-3, sigma_rad=0.1, name=names[n]) for n, place in enumerate(places)
         )
     )
-    settings = {"association": "enumerated", "closed_world": {"clutter_per_frame": 0.0}, **sections}
+    settings = {
+        "association": "enumerated",
+        "semantic_model": {"kind": "none"},
+        "closed_world": {"clutter_per_frame": 0.0},
+        **sections,
+    }
     configuration = Configuration.of(
-        semantic_model={"kind": "none"},
         visibility={"max_range_m": reach},
         open_world={"iterate_updates": True},
         **settings,
@@ -65,6 +70,15 @@ def _exact(*limits: float) -> tuple[float, float]:
 def test_one_hypothesis_by_itself_knows_that_its_robot_sees_the_object(sections: dict[str, object]) -> None:
     (moments,) = _moments(SEEN, **sections)
     assert moments == pytest.approx(_exact(0.0), abs=0.04)
+
+
+def test_correlated_views_which_know_no_clutter_leave_the_limit_as_it_is() -> None:
+    """Even scores of an object of unknown heading say next to nothing; tracks are few samples of the pose."""
+    model = load_model(SemanticModelConfiguration())
+    assert model is not None
+    seen = Detection(range_m=None, bearing_rad=0.0, class_scores=dict.fromkeys(model.class_names, 0.2))
+    (moments,) = _moments((seen,), semantic_model={"kind": "gp_correlated"})
+    assert moments == pytest.approx(_exact(0.0), abs=0.15)
 
 
 def test_what_was_seen_still_holds_where_nothing_is_seen() -> None:
