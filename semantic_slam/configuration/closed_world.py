@@ -25,8 +25,8 @@ class ClosedWorldConfiguration:
     )
     displaced_share: float = parameter(
         0.0,
-        "enumerated and given: share of the map's objects that were moved since the map was made; above 0: the belief"
-        " says which (moved), and with enumerated these pull no pose",
+        "enumerated, and given with iterate_updates: share of the map's objects that were moved since the map was made;"
+        " above 0: the belief says which (moved), and these pull no pose",
         minimum=0.0,
         maximum=0.5,
     )

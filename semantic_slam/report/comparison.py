@@ -91,6 +91,7 @@ def _row(main: Analysis, run: Run) -> dict[str, Any]:
         "keyframes": [belief.keyframe for belief in run.beliefs],
         "association_entropy": [belief.association_entropy for belief in run.beliefs],
         "discarded_mass": last.discarded_mass,
+        "discarded_mass_window": last.discarded_mass_window,
         "ate_m": run.ate_m,
         "objects": [_object_row(run, course) for course in courses(main, run)],
     }

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.answers.explain.explanation import Explanation
+from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
 from semantic_slam.report.comparison import Run
 from semantic_slam.report.drawing.charts import time_charts, truth_charts
 from semantic_slam.report.drawing.explanation_charts import explanation_charts
@@ -46,7 +47,8 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
             bag=analysis.bag,
             run=record.run,
             seed=analysis.configuration.get("seed"),
-            last=record.beliefs[-1],
+            last=last,
+            recent_keyframes=RECENT_KEYFRAMES,
             duration_s=(record.beliefs[-1].stamp_ns - record.beliefs[0].stamp_ns) * 1e-9,
             most_hypotheses=max(len(belief.hypothesis_ids) for belief in record.beliefs),
             detections=sum(len(belief.detection_ids) for belief in record.beliefs),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
 from semantic_slam.report.metrics_table import MEANINGS
 from semantic_slam.report.plain_json import to_text
 from semantic_slam.report.rendering import environment
@@ -27,7 +28,8 @@ class SummaryRow:
     objects: int | None = None  # that exist with EXISTS or more
     hypotheses: int | None = None  # at the end
     unexplained: float | None = None  # share of the keyframes whose data the belief does not explain
-    discarded_mass: float | None = None
+    discarded_mass: float | None = None  # since the start; it only grows
+    discarded_mass_window: float | None = None  # of the last keyframes; None in beliefs of older versions, too
     dropped: int | None = None  # messages and detections, for all reasons
     metrics: dict[str, float | int | None]  # SHOWN_METRICS, against the truth
 
@@ -50,6 +52,7 @@ def summary_row(name: str, bag: Path, folder: Path | None, fault: str) -> Summar
         hypotheses=last["n_hypotheses"],
         unexplained=sum((own.get("unexplained") or 0.0) > UNEXPLAINED for own in keyframes) / len(keyframes),
         discarded_mass=last["discarded_mass"],
+        discarded_mass_window=last.get("discarded_mass_window"),
         dropped=sum(document["dropped"].values()),
         metrics={metric: metrics.get(metric) for metric in SHOWN_METRICS if metric in metrics},
     )
@@ -58,5 +61,6 @@ def summary_row(name: str, bag: Path, folder: Path | None, fault: str) -> Summar
 def summary_files(rows: Sequence[SummaryRow]) -> dict[str, str]:
     """The texts of ``index.html`` and ``summary.json``. Whatever comes from bags is escaped."""
     shown = [metric for metric in SHOWN_METRICS if any(metric in row.metrics for row in rows)]
-    page = environment().get_template("summary.html").render(rows=rows, shown=shown, meanings=MEANINGS)
+    template = environment().get_template("summary.html")
+    page = template.render(rows=rows, shown=shown, meanings=MEANINGS, recent_keyframes=RECENT_KEYFRAMES)
     return {"index.html": page, "summary.json": to_text({"schema_version": 1, "bags": [asdict(row) for row in rows]})}

@@ -7,12 +7,15 @@ import numpy as np
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.shown.objects import CERTAIN, ObjectView
 from semantic_slam.report.wording import known, listed, number, percent
 
 NAMED = 4
 """Ambiguous objects that are named one by one."""
+MUCH_DISCARDED = 0.05
+"""Probability mass discarded in the last keyframes above which the reader is warned."""
 
 
 def verdict(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
@@ -40,10 +43,10 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
             f"More views of object{'s' if len(outside) > 1 else ''} {listed(outside)} lay outside what the class models"
             " were fitted on than false alarms explain; their probabilities deserve less trust."
         )
-    mass = analysis.record.beliefs[-1].discarded_mass
-    if mass > 0.05:
+    mass = analysis.record.beliefs[-1].discarded_mass_window
+    if mass > MUCH_DISCARDED:
         found.append(
-            f"{percent(mass)} of the probability mass was discarded on the way;"
+            f"{percent(mass)} of the probability mass was discarded in the last {RECENT_KEYFRAMES} keyframes;"
             " the stated probabilities are no better than that."
         )
     return found

@@ -186,10 +186,13 @@ class ClosedKeyframe:
         predicted = predict(self.parents.components, self.step.motion, near, self._new)
         if self.identities is None:
             return enumerate_associations(setting, predicted)
-        named = np.array(self.identities, dtype=int)[:, None] == object_ids  # (n, O)
-        if self.log_clutter is None:
+        on_map = self.problem.displaced.on_map
+        named = np.array(self.identities, dtype=int)[:, None] == [on_map.get(int(n), int(n)) for n in object_ids]
+        if self.log_clutter is None and not on_map:
             return fixed_association(setting, predicted, np.nonzero(named)[1])
-        admitted = np.broadcast_to(named, (len(self.parents), *named.shape))
+        admitted = np.broadcast_to(named, (len(self.parents), *named.shape))  # (P, n, O)
+        if setting.admitted is not None:
+            admitted = admitted & setting.admitted
         found = enumerate_associations(replace(setting, admitted=admitted, distinct=False), predicted)
         assert found.problem is not None and found.start is not None
         return replace(found, mode=find_modes(found.problem, found.start))
@@ -253,7 +256,9 @@ class ClosedKeyframe:
     def _with_evidence(self, candidates: WeighedAssociations) -> WeighedAssociations:
         """Add the evidence, as configured: by importance sampling and mode splitting, Laplace, or prior samples."""
         weights, (problem, mode) = self.problem.weights, candidates.solved()
-        method = "laplace" if weights.method == "importance" and self._has_named_rivals else weights.method
+        is_cut_off = self._is_cut_off
+        unsampled = self._has_named_rivals and not is_cut_off
+        method = "laplace" if weights.method == "importance" and unsampled else weights.method
         if method == "importance":
             unsplit = UnsplitCandidates(
                 step=self.step,
@@ -262,6 +267,7 @@ class ClosedKeyframe:
                 candidates=candidates,
                 used=self.used,
                 new=self._new,
+                is_cut_off=is_cut_off,
             )
             return split_modes(unsplit, weights, self.path.mode if self.path is not None else None)
         if method == "laplace":
@@ -273,14 +279,28 @@ class ClosedKeyframe:
         return candidates.gaining(log_evidence=log_evidence, effective_sample_sizes=effective)
 
     @property
+    def _is_cut_off(self) -> bool:
+        """Whether limits of visibility cut Gaussians off, of mapped objects alone: samples can show that of these."""
+        return not self.problem.model.sees_everywhere and (self.identities is None or self._names_the_map_alone)
+
+    @property
     def _has_named_rivals(self) -> bool:
         """Whether candidates compete over given identities: a wrong one, or a first view of a new object as an outlier.
+
+        Or over what was moved, in a keyframe that names an object which the map lacks.
 
         A named object that was seen once has too broad a prior to be sampled; Laplace's approximation is used instead.
         """
         if self.identities is None:
             return False
-        return self.log_clutter is not None or (any(self._new) and self._log_outlier is not None)
+        if self.log_clutter is not None or (any(self._new) and self._log_outlier is not None):
+            return True
+        return bool(self.problem.displaced.elsewhere) and not self._names_the_map_alone
+
+    @property
+    def _names_the_map_alone(self) -> bool:
+        """Whether all identities are of mapped objects."""
+        return self.problem.map_ids.issuperset(self.identities or ())
 
     @cached_property
     def _log_outlier(self) -> Array | None:

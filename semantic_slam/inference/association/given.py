@@ -17,7 +17,8 @@ from semantic_slam.inference.world.problem import Problem
 class GivenAssociation(ClosedWorld):
     """Strategy ``given``: each detection names its object; a new name is a new object, no name means clutter.
 
-    Each identity may be wrong, with a small probability; the detection then counts as clutter.
+    Each identity may be wrong, with a small probability; the detection then counts as clutter. What was moved since the
+    map was made is the named object's displaced twin.
     """
 
     needs_map, wants_identities = False, True
@@ -34,7 +35,8 @@ class GivenAssociation(ClosedWorld):
         used = np.array([i for i, number in enumerate(identities) if number >= 0], dtype=int)
         named = sorted({identities[i] for i in used})
         known = [n for n in named if n in parents.components[0].object_ids]
-        known = expected_along(path, known)
+        elsewhere = self.problem.displaced.elsewhere
+        known = expected_along(path, [*known, *(elsewhere[n] for n in known if n in elsewhere)])
         unknown = [n for n in named if n not in parents.components[0].object_ids]
         return ClosedKeyframe(
             problem=self.problem,

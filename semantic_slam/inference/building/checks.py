@@ -24,6 +24,7 @@ def check_settings(configuration: Configuration, association: type[AssociationSt
     _check_rates(configuration)
     _check_revision(configuration, association)
     _check_moving(configuration, association)
+    _check_displaced(configuration, association)
     _check_existence(configuration)
     check_horizon(configuration)
 
@@ -118,6 +119,14 @@ def _check_revision(configuration: Configuration, association: type[AssociationS
         raise InputError("revision.reassociate_every_keyframes is for association: open; set that, or set it to 0")
     if revision.lost_every_keyframes > 0 and not tracks:
         raise InputError("revision.lost_every_keyframes is for association: open; set that, or set it to 0")
+
+
+def _check_displaced(configuration: Configuration, association: type[AssociationStrategy]) -> None:
+    if configuration.closed_world.displaced_share > 0.0 and association.tracks_objects:
+        raise InputError(
+            "closed_world.displaced_share is for association: enumerated, or given with open_world.iterate_updates:"
+            " true; set these, or it to 0"
+        )
 
 
 def _check_existence(configuration: Configuration) -> None:

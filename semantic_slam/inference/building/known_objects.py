@@ -68,9 +68,9 @@ def _unmapped(configuration: Configuration, prior: MapPrior) -> tuple[ObjectPrio
 def _with_displaced(
     configuration: Configuration, prior: MapPrior, unmapped: Sequence[ObjectPrior]
 ) -> tuple[MapPrior, Displaced]:
-    """The map with displaced twins of its objects, in a closed world."""
+    """The map with displaced twins of its objects, in a closed world; unchanged without objects."""
     settings = configuration.closed_world
-    if not _is_associated_with_map(configuration):
+    if strategy_of(configuration).tracks_objects or not prior.objects:
         return prior, Displaced()
     first = 1 + max(item.object_id for item in (*prior.objects, *unmapped))
     return with_displaced(prior, settings.displaced_share, settings.displaced_sigma_m, first)

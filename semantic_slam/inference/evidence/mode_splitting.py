@@ -45,6 +45,7 @@ class UnsplitCandidates:
     candidates: WeighedAssociations
     used: Index  # (n,) detections that the candidates are about
     new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
+    is_cut_off: bool = False  # whether limits of visibility cut Gaussians off, which samples are to show
 
     @property
     def stack(self) -> KeyframeProblem:
@@ -92,8 +93,9 @@ def split_modes(
     log_visible = expanded.stack.log_visibility(expanded.mode.y, soft=True)
     log_evidence = expanded.mode.log_evidence + log_visible
     effective = np.full(len(log_evidence), np.nan)
-    heavy = _heavy(expanded, log_evidence, weights.importance_gate, path_mode)
     has_window = np.array([parent.window is not None for parent in expanded.parents])[expanded.stack.rows.parents]
+    is_cut = ((log_visible < 0.0) | has_window) & expanded.is_cut_off
+    heavy = _heavy(expanded, log_evidence, is_cut, weights.importance_gate, path_mode)
     plain = heavy & ~has_window
     shares = np.zeros(len(log_evidence))
     if plain.any():
@@ -114,8 +116,18 @@ def split_modes(
     return _at_posterior_modes(expanded, origin, expanded.candidates.assignments.take(origin).gaining(**columns))
 
 
-def _heavy(expanded: UnsplitCandidates, log_evidence: Array, gate: float, path_mode: int | None) -> NDArray[np.bool_]:
-    """(K,) whether a candidate is heavy enough that its weight should be exact; never for one without a rival."""
+def _heavy(
+    expanded: UnsplitCandidates,
+    log_evidence: Array,
+    is_cut: NDArray[np.bool_],
+    gate: float,
+    path_mode: int | None,
+) -> NDArray[np.bool_]:
+    """(K,) whether a candidate is heavy enough that its weight, or the moments of one without a rival, be exact.
+
+    The weight of one without a rival is known; it is sampled only where limits of visibility cut its Gaussian, see
+    ``is_cut`` (K,).
+    """
     if path_mode is not None:
         return np.full(len(log_evidence), path_mode > 0)
     parents = expanded.stack.rows.parents
@@ -125,7 +137,7 @@ def _heavy(expanded: UnsplitCandidates, log_evidence: Array, gate: float, path_m
     heavy = expanded.log_parent_weights[parents] + score - best[parents] >= -gate
     alone = np.bincount(parents, minlength=len(best)) == 1
     certain = expanded.log_parent_weights >= np.log1p(-1e-9)
-    return np.asarray(heavy & ~(alone & certain)[parents])
+    return np.asarray(heavy & (is_cut | ~(alone & certain)[parents]))
 
 
 def _screened(expanded: UnsplitCandidates, rows: Index, laplace: Array, count: int) -> tuple[Array, Array]:

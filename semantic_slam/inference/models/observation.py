@@ -115,6 +115,10 @@ class ObservationModel(Protocol):
         heading have no turn.
         """
 
+    @property
+    def sees_everywhere(self) -> bool:
+        """Whether P(beta | x, o) is constant, as there are no limits of visibility."""
+
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """(B,) log P(beta | x, o), up to a constant that is equal for all beta."""
 

@@ -67,8 +67,9 @@ class ObjectRegistry:
         self._displaced = Displaced() if displaced is None else displaced
         self._unknown = class_shares
         self._known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
-        self._by_name = {entry.name: entry.object_id for entry in entries}
-        self._by_name |= {str(entry.object_id): entry.object_id for entry in entries}
+        named = [entry for entry in entries if entry.object_id not in self._displaced.on_map]
+        self._by_name = {entry.name: entry.object_id for entry in named}
+        self._by_name |= {str(entry.object_id): entry.object_id for entry in named}
         self._first_new = array("q", [max(self._known, default=-1) + 1])  # first reserved id of each keyframe
         self._labels: list[tuple[str, ...]] = []  # labels of each keyframe's detections; () where none has one
         self._alive: frozenset[int] = frozenset()

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from semantic_slam.evaluation.evaluate import Evaluation, class_rows
 from semantic_slam.geometry.chi_squared import chi_squared_quantile
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.drawing.plot import Plot
 from semantic_slam.report.wording import known
 
 SHOWN_COLUMNS = 10
 """Hypotheses drawn one by one in a column of weights; lighter ones share the rest."""
+DISCARDED = "discarded_mass", "discarded_mass_window"
 INK, GREYS = "#14212b", ("#9fabb5", "#c3ccd3")
 
 
@@ -120,13 +122,18 @@ def _counts(beliefs: tuple[HybridBelief, ...]) -> Chart:
 
 def discarded_chart(beliefs: tuple[HybridBelief, ...]) -> Chart:
     """What was given up of the probability."""
-    mass = [belief.discarded_mass for belief in beliefs]
+    mass, lately = ([getattr(belief, name) for belief in beliefs] for name in DISCARDED)
     high = max(0.01, float(np.nanmax(mass)) * 1.15)
     plot = time_plot(beliefs, 0.0, min(high, 1.0), "discarded probability mass")
     plot.axes()
-    plot.line(keyframes(beliefs), mass, "line first")
-    text = "Accumulated probability that was pruned or never enumerated: 1 − ∏(1 − d)."
-    return Chart("Discarded mass", text, [Key("first", "discarded", mass)], plot.svg())
+    plot.line(keyframes(beliefs), mass, "line second")
+    plot.line(keyframes(beliefs), lately, "line first")
+    text = (
+        "Probability that was pruned or never enumerated, 1 − ∏(1 − d). Stated probabilities are no better than what"
+        f" was discarded in the last {RECENT_KEYFRAMES} keyframes; the sum since the start only grows."
+    )
+    keys = [Key("first", f"last {RECENT_KEYFRAMES} keyframes", lately), Key("second", "since the start", mass)]
+    return Chart("Discarded mass", text, keys, plot.svg())
 
 
 def _true_association(evaluation: Evaluation, beliefs: tuple[HybridBelief, ...]) -> Chart:

@@ -27,6 +27,7 @@ class RunRow:
     name: str
     ate_m: float
     association_entropy: float
+    discarded_mass_window: float
     discarded_mass: float
     differences: str  # from the main run's configuration
 
@@ -140,7 +141,15 @@ def _key(main: Run, run: Run, kind: str, values: Any) -> Key:
 def _run_row(main: Run, run: Run, kind: str) -> RunRow:
     last = run.beliefs[-1]
     differing = _differences(main.analysis.configuration, run.analysis.configuration)
-    return RunRow(kind, run.name, run.ate_m, last.association_entropy, last.discarded_mass, ", ".join(differing))
+    return RunRow(
+        kind=kind,
+        name=run.name,
+        ate_m=run.ate_m,
+        association_entropy=last.association_entropy,
+        discarded_mass_window=last.discarded_mass_window,
+        discarded_mass=last.discarded_mass,
+        differences=", ".join(differing),
+    )
 
 
 def _differences(main: dict[str, Any], other: dict[str, Any], prefix: str = "") -> list[str]:

@@ -95,7 +95,7 @@ function tiles(i, frame) {
   const share = value => value === null ? "–" : percent(value);
   const values = [[frame.k, frame.t.toFixed(0) + " s"], [frame.n, frame.num_candidates + " weighed"], [objects, ""],
     [frame.association_entropy === null ? "–" : frame.association_entropy.toFixed(2), "nats"], [share(frame.unexplained), ""],
-    [share(frame.discarded_mass), frame.discarded_mass_window === null ? "" : share(frame.discarded_mass_window) + " of late"], [frame.dropped, ""]];
+    [share(frame.discarded_mass_window), share(frame.discarded_mass) + " since the start"], [frame.dropped, ""]];
   document.querySelectorAll("#tiles dd").forEach((tile, n) => {
     tile.textContent = values[n][0];
     html(tile, "small", "", values[n][1]);

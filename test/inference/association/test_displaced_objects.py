@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from worlds.exact.object_quadrature import ObjectQuadrature
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.belief import HybridBelief
@@ -43,30 +44,6 @@ def _run(
     return [engine.process(Keyframe.planar(k, detections=own, motion_sigmas=still)) for k, own in enumerate(frames)]
 
 
-class _Quadrature:
-    """Evidence of detections of one object, by sums over a grid of its places, the robot being at the origin."""
-
-    def __init__(self) -> None:
-        side = np.linspace(-5.0, 5.0, 1001)
-        self.offsets = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1)
-        self.cell = (side[1] - side[0]) ** 2
-        self.perception = Configuration().perception
-
-    def moments(self, place: np.ndarray, sigma: float, seen: Sequence[Detection]) -> tuple[float, np.ndarray]:
-        """Evidence, and the posterior mean of the place."""
-        places = place + self.offsets
-        density = np.exp(-0.5 * (self.offsets**2).sum(axis=-1) / sigma**2) / (2.0 * np.pi * sigma**2) * self.cell
-        for own in seen:
-            ranges, bearings = np.hypot(places[..., 0], places[..., 1]), np.arctan2(places[..., 1], places[..., 0])
-            for off, scale in (
-                (ranges - own.range_m, self.perception.sigma_range_m),
-                (bearings - own.bearing_rad, self.perception.sigma_bearing_rad),
-            ):
-                density = density * np.exp(-0.5 * (off / scale) ** 2) / (np.sqrt(2.0 * np.pi) * scale)
-        total = float(density.sum())
-        return total, (density[..., None] * places).sum(axis=(0, 1)) / total
-
-
 def _log_clutter(seen: Detection) -> float:
     region = Configuration().open_world
     area = 0.5 * region.field_of_view_rad * (region.max_range_m**2 - region.min_range_m**2)
@@ -76,7 +53,7 @@ def _log_clutter(seen: Detection) -> float:
 
 def _exact(frames: Sequence[Sequence[Detection]]) -> tuple[np.ndarray, np.ndarray]:
     """Probability that each object was moved, and the mean of its place: all histories, all sets of moved objects."""
-    quadrature, flat = _Quadrature(), [(k, i) for k, own in enumerate(frames) for i in range(len(own))]
+    quadrature, flat = ObjectQuadrature(), [(k, i) for k, own in enumerate(frames) for i in range(len(own))]
     wide = float(np.hypot(SIGMA_MAP, SIGMA))
     known: dict[tuple[int, bool, tuple[tuple[int, int], ...]], tuple[float, np.ndarray]] = {}
     weight, moved, mean = 0.0, np.zeros(2), np.zeros((2, 2))

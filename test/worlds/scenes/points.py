@@ -86,6 +86,8 @@ class BodyPointObservation:
     def best_heading(self, seen, x, o, classes, sigma):
         raise NotImplementedError
 
+    sees_everywhere = True
+
     def log_visibility(self, x, o, *, soft):
         return np.zeros(len(x))
 

@@ -84,6 +84,11 @@ class PlanarObservation(ScoredViews):
         total = (detections.log_normaliser - 0.5 * (whitened[..., 0] ** 2 + whitened[..., 1] ** 2)).reshape(-1)
         return np.asarray(total) if classes is None else self._view_scores.added_to(total, detections, x, o, classes)
 
+    @property
+    def sees_everywhere(self) -> bool:
+        """Whether the visibility has no limits."""
+        return not self.visibility.is_limited
+
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
         distance, bearing = polar(object_in_body(x, o))

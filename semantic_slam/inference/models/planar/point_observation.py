@@ -67,6 +67,11 @@ class PointObservation(PointGeometry):
         residual = _residual(detections, self.spaces.relative_position(x, o).point - detections.origin)
         return np.asarray(detections.log_normaliser - 0.5 * squared_norms(residual))
 
+    @property
+    def sees_everywhere(self) -> bool:
+        """Whether the visibility has no limits."""
+        return not self.visibility.is_limited
+
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
         return self.visibility.log_probability(*polar(self.spaces.relative_position(x, o).point), soft=soft)

@@ -15,6 +15,11 @@ class PlanarVisibility:
     field_of_view_rad: float = 0.0
     softness: float = 0.1  # width of the logistic edge relative to the limit
 
+    @property
+    def is_limited(self) -> bool:
+        """Whether some place is out of sight."""
+        return self.max_range_m > 0.0 or self.field_of_view_rad > 0.0
+
     def log_probability(self, distance: Array, bearing: Array, *, soft: bool) -> Array:
         """(B,) from range [m] and bearing [rad] of the object."""
         total = np.zeros_like(distance)

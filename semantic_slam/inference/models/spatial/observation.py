@@ -73,6 +73,11 @@ class SpatialObservation(PointGeometry):
         off = _residual(detections, polar(point, detections.ray, detections.basis))
         return np.asarray(detections.log_normaliser - 0.5 * squared_norms(off))
 
+    @property
+    def sees_everywhere(self) -> bool:
+        """Whether the visibility has no limits."""
+        return not self.visibility.is_limited
+
     def log_visibility(self, x: Array, o: Array, *, soft: bool) -> Array:
         """P(beta | x, o) of Eq. 4.18."""
         point = self._seen(x, o)
