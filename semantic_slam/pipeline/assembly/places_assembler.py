@@ -43,6 +43,11 @@ class PlacesAssembler(DetectionsInput):
         return len(self._detections)
 
     @property
+    def num_without_camera(self) -> int:
+        """Number of detections that wait since no camera is known."""
+        return len(self._detections) if self.camera is None else 0
+
+    @property
     def is_over(self) -> bool:
         """Whether the stamps of detections went back, so that another session has started."""
         return self._detections.is_set_back
