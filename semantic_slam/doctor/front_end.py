@@ -48,7 +48,8 @@ class FrontEnd:
             imu=ImuSource(preamble.transforms) if found.imu else None,
         )
         sensor = partial(range_and_bearing, configuration=settings)
-        self._measurer = Classifier(None, settings, seed=0, range_bearing_sensor=sensor)
+        space = configuration.is_spatial
+        self._measurer = Classifier(None, settings, seed=0, range_bearing_sensor=sensor, in_space=space)
         self._wants_identities = strategy_of(configuration).wants_identities
 
     @property

@@ -21,7 +21,7 @@ from semantic_slam.perception.crops import box_fault, square_crop
 from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.perception.places_geometry import Places, told_places
+from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
 from semantic_slam.perception.points_in_space import SpatialPoints, points_of_boxes, told_points, with_points
 from semantic_slam.perception.range_bearing import elevation
 
@@ -113,7 +113,7 @@ class Classifier:
     def _places(self, frame: Frame, rows: Detections, T_base_camera: Array) -> tuple[Places, Flags, SpatialPoints]:
         """Positions reported by the detections (with a range), else from box and depth; and which ones are reported.
 
-        In 3-D runs also the corresponding points.
+        In 3-D runs also the corresponding points, and boxes without depth go on beyond the image border.
         """
         boxes = rows.boxes.reshape(-1, 4)
         sensed = [self._range_bearing_sensor(box, frame.depth_m, frame.camera, T_base_camera) for box in boxes]
@@ -131,6 +131,8 @@ class Classifier:
         if not self._in_space:
             return told.where(is_told, shown), is_told, SpatialPoints.untold(len(boxes))
         distances = np.array([item.distance_m for item in sensed], dtype=np.float64)
+        rays = places_of_boxes(boxes, frame.camera, T_base_camera, whole=True)
+        shown = shown.where(np.isfinite(distances), rays)
         seen, own = points_of_boxes(boxes, distances, frame.camera, T_base_camera, self._settings), told_points(rows)
         is_told |= own.are_told & own.are_covariances_usable()
         return told.where(is_told, shown), is_told, own.where(is_told, seen)

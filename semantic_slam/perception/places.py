@@ -14,7 +14,6 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.best_scored import best_scored
-from semantic_slam.perception.boxes.box_rays import whole_boxes
 from semantic_slam.perception.crops import IN_SHARES, are_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -43,10 +42,11 @@ class PlaceReader:
     ) -> SemanticMeasurements:
         """Measure the usable detections; boxes need the ``camera`` and its (7,) pose in the body frame.
 
-        Range and bearing are preferred to a position, and both to a box. In a frame with either of the first two, all
-        bearings are relative to the body origin, so box-only detections are not used there.
+        Range and bearing are preferred to a position, and both to a box. In the plane, all bearings of a frame with
+        either of the first two are relative to the body origin, so box-only detections are not used there; in space
+        they are rays from the camera.
         """
-        places, sensor = _places(detections, camera, T_base_camera, whole=self._in_space)
+        places, sensor = _places(detections, camera, T_base_camera, in_space=self._in_space)
         points = told_points(detections) if self._in_space else SpatialPoints.untold(len(detections))
         if points.are_told.any():
             places = points.places.where(points.are_told, places)
@@ -116,14 +116,15 @@ def in_body_frame(detections: Detections, T_base_frame: Array, base_frame: str) 
 
 
 def _places(
-    detections: Detections, camera: CameraModel | None, T_base_camera: Array | None, *, whole: bool
+    detections: Detections, camera: CameraModel | None, T_base_camera: Array | None, *, in_space: bool
 ) -> tuple[Places, Array]:
     """Positions of all detections, and the (3,) origin, in the body frame, of bearings without range.
 
-    ``whole``: boxes cut by the image border are extended beyond it.
+    ``in_space``: boxes count beside positions, and those cut by the image border are extended beyond it.
     """
     places = told_places(detections)
-    if np.isfinite(places.bearings_rad).any() or camera is None or T_base_camera is None:
+    are_told = np.isfinite(places.bearings_rad)
+    if camera is None or T_base_camera is None or (are_told.any() and not in_space):
         return places, np.zeros(3)
-    boxes = whole_boxes(detections.boxes, camera) if whole else detections.boxes
-    return places_of_boxes(boxes, camera, T_base_camera), np.asarray(T_base_camera[:3], dtype=np.float64)
+    shown = places_of_boxes(detections.boxes, camera, T_base_camera, whole=in_space)
+    return places.where(are_told, shown), np.asarray(T_base_camera[:3], dtype=np.float64)

@@ -8,6 +8,7 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import rotated_by_matrix, rotation_matrix
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.small_matrices import LEAST_VARIANCE, are_covariances
+from semantic_slam.perception.boxes.box_rays import whole_box_rays
 from semantic_slam.perception.crops import are_in_shares
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.range_bearing import viewing_rays
@@ -95,12 +96,15 @@ def places_of_positions(detections: Detections) -> Places:
     return Places(ranges, np.arctan2(y, x), np.arctan2(-z, ranges), covariances)
 
 
-def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array) -> Places:
-    """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where there is no box."""
+def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array, *, whole: bool) -> Places:
+    """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where there is no box.
+
+    ``whole``: boxes cut by the image border are extended beyond it.
+    """
     count = len(boxes)
     are_boxes = np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1) & ~are_in_shares(boxes)
     directions = np.full((count, 3), np.nan)
-    rays = viewing_rays(boxes[are_boxes], camera)
+    rays = (whole_box_rays if whole else viewing_rays)(boxes[are_boxes], camera)
     directions[are_boxes] = rotated_by_matrix(rotation_matrix(T_base_camera[3:]), rays)
     x, y, z = directions.T
     elevations = np.arcsin(np.clip(-z, -1.0, 1.0))

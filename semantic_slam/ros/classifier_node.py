@@ -34,7 +34,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.assembly.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.build_classifier import build_classifier
-from semantic_slam.ros.node.health import dropped_status
+from semantic_slam.ros.node.health import dropped_status, waiting_status
 from semantic_slam.ros.node.parameters import declare_configuration, declare_fixed, refuse_undeclared
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.node.repeats import Repeats
@@ -67,8 +67,8 @@ class ClassifierNode(PipelineNode):
             detections_type=declare_fixed(self, "detections_type", OURS),
         )
         refuse_undeclared(self)
-        self._status = dropped_status(self._dropped)  # replaced by the worker, published by the executor
-        self.health.add_source(lambda: [self._status])
+        self._statuses = [dropped_status(self._dropped)]  # replaced by the worker, published by the executor
+        self.health.add_source(lambda: self._statuses)
 
     def _begin(self) -> None:
         """Start a session: reset the assemblers, the counts and the record of received messages."""
@@ -197,7 +197,8 @@ class ClassifierNode(PipelineNode):
         self._measure(self._frames.flush() if at_end else self._frames.take())
         for measured in self._places.flush() if at_end else self._places.take():
             self._send(measured)
-        self._status = dropped_status(self._all_dropped())
+        boxes = [waiting_status(self._places.num_without_camera)] if self._classifier is None else []
+        self._statuses = [dropped_status(self._all_dropped()), *boxes]
         if self._num_lost() != self._announced:
             self._announce(finished=False)
 

@@ -4,18 +4,23 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from worlds.bags.image_folder import hand_held, write_cube_slam, write_seven_scenes
-from worlds.bags.imported import messages_of
+from worlds.bags.imported import messages_of, read_bag
 
 from semantic_slam.cli import import_dataset
 from semantic_slam.configuration import from_dict, load_configuration
+from semantic_slam.datasets.image_folders.detections import own_boxes
 from semantic_slam.datasets.image_folders.images_in_space import drive_in_space
 from semantic_slam.datasets.image_folders.journey import journey_by_truth
 from semantic_slam.datasets.image_folders.layouts import read_image_folder
+from semantic_slam.datasets.space.levelling import OPTICAL
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.pose import planar_from_pose_vector
+from semantic_slam.inference.inputs.spatial_reader import rays_of
 from semantic_slam.messages import topics
+from semantic_slam.messages.codec import to_message
+from semantic_slam.pipeline.assembly.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.shipped import CONFIGURATIONS
 
@@ -204,3 +209,25 @@ def test_the_pipeline_maps_them_in_space(folder, tmp_path):
     there = last.object_poses[last.existence > 0.5][:, :3]
     points = np.column_stack([in_first(POINTS), POINTS[:, 2] - HEIGHTS[0]])
     assert np.linalg.norm(there[:, None] - points, axis=2).min(axis=0).max() < 0.05
+
+
+def test_in_space_a_box_without_depth_is_a_ray_that_keeps_its_size(folder, tmp_path):
+    """Beside one with depth, and without its picture."""
+    import cv2
+
+    first = read_image_folder(folder)
+    x_min, y_min, x_max, y_max = own_boxes(first.frames[0], 0).boxes[0].astype(int)
+    path = sorted((folder / "depth_imgs").iterdir())[0]
+    depth = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    depth[y_min : y_max + 1, x_min : x_max + 1] = 0
+    cv2.imwrite(str(path), depth)
+    bag = read_bag(imported(folder, tmp_path, "--drift", "0", "--space"))
+    places = PlacesAssembler(load_configuration(CONFIGURATIONS / "spatial.yaml"), lambda _: OPTICAL)
+    places.add_camera_info(bag["/camera_info"][0])
+    places.add_detections(to_message(bag["/detections"][0]))
+    (told,) = places.take()
+    assert not places.dropped and np.isfinite(told.ranges_m).tolist() == [False, True]
+    assert np.isfinite(told.angular_sizes_rad).all() and np.isfinite(told.place_covariances[0, 1:, 1:]).all()
+    apart = poses()[0][:3, :3].T @ (POINTS[0] - poses()[0][:3, 3])
+    ahead = so3.rotated(OPTICAL[3:], apart / np.linalg.norm(apart))
+    np.testing.assert_allclose(rays_of(told)[0][0], ahead, atol=0.02)

@@ -46,8 +46,9 @@ def moved(values: np.ndarray, offset: int) -> np.ndarray:
 
 
 def of_boxes(boxes: np.ndarray, camera: CameraModel, pose: np.ndarray) -> tuple[np.ndarray, ...]:
-    places = places_of_boxes(boxes, camera, pose)
-    return places.bearings_rad, places.elevations_rad, viewing_rays(boxes, camera), angular_sizes(boxes, camera)
+    shown, whole = (places_of_boxes(boxes, camera, pose, whole=whole) for whole in (False, True))
+    angles = shown.bearings_rad, shown.elevations_rad, whole.bearings_rad, whole.elevations_rad
+    return *angles, viewing_rays(boxes, camera), angular_sizes(boxes, camera)
 
 
 def of_rays(boxes: np.ndarray, camera: CameraModel, pose: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -83,7 +84,7 @@ def test_boxes_measured_one_by_one_have_the_bearings_of_those_measured_together(
     random = np.random.default_rng(1)
     for _ in range(30):
         boxes, pose = boxes_of(random), pose_of(random)
-        places = places_of_boxes(boxes, camera, pose)
+        places = places_of_boxes(boxes, camera, pose, whole=False)
         bearings = [range_and_bearing(box, None, camera, pose, SETTINGS).bearing_rad for box in boxes]
         np.testing.assert_array_equal(bearings, places.bearings_rad)
         np.testing.assert_array_equal([elevation(box, camera, pose) for box in boxes], places.elevations_rad)

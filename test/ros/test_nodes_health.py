@@ -132,6 +132,33 @@ def test_topic_that_falls_silent_is_named(listener: Listener) -> None:
     listener.wait_for(1, "/image/compressed has been silent", within_s=WITHIN_S)
 
 
+@pytest.fixture
+def places() -> Iterator[None]:
+    """A classifier without pictures, whose camera_info and detections have names of their own."""
+    names = ["__node:=places", "detections:=boxes", "camera_info:=intrinsics"]
+    remaps = [word for name in names for word in ("-r", name)]
+    node = subprocess.Popen(
+        ["classifier_node", "--ros-args", "-p", "has_images:=false", "-p", "lossless:=true", *remaps]
+    )
+    yield
+    node.kill()
+    node.wait()
+
+
+def test_boxes_that_wait_for_a_camera_are_named_until_it_comes(listener: Listener, places: None) -> None:
+    entries = input_entries(num_frames=2, with_depth=False)
+    sent = {"boxes": topics.DETECTIONS, "intrinsics": topics.CAMERA_INFO}
+    outlets = {
+        name: Outlet(listener.node, name, topics.TYPES[topic], qos.replayed(topic)) for name, topic in sent.items()
+    }
+    said = [(1, "2 x detections with boxes that wait for camera_info"), (0, "none wait")]
+    for (name, outlet), (level, words) in zip(outlets.items(), said, strict=True):
+        assert outlet.wait_for_readers(1, START_S)
+        for entry in of_topic(entries, sent[name]):
+            outlet.send(serialize(entry.message))
+        listener.wait_for(level, "places: boxes", words, within_s=WITHIN_S)
+
+
 def test_terminated_nodes_end_at_once_and_quietly(listener: Listener, backends: list[subprocess.Popen[str]]) -> None:
     """Whatever they were about to publish: nobody is left to take it."""
     for n in range(len(backends)):

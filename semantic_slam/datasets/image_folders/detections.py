@@ -67,6 +67,23 @@ def with_named_classes(found: list[Detections]) -> list[Detections]:
     return [replace(told, class_names=names, class_scores=told.class_scores[:, reported]) for told in found]
 
 
+def with_positions(
+    told: Detections,
+    depth_m: NDArray[np.float32],
+    camera: CameraModel,
+    R_body_camera: Array,
+    depth_to_width: float = 0.0,
+) -> Detections:
+    """With positions in the body frame from depth; NaN where a box shows none.
+
+    In space such a box needs no more: the camera's intrinsics make it a ray.
+    """
+    positions, covariances = np.full((len(told), 3), np.nan), np.full((len(told), 3, 3), np.nan)
+    for row, box in enumerate(told.boxes):
+        positions[row], covariances[row] = place_of_box(box, depth_m, camera, R_body_camera, depth_to_width)
+    return replace(told, positions=positions, position_covariances=covariances)
+
+
 def placed(
     told: Detections,
     depth_m: NDArray[np.float32],
@@ -74,22 +91,11 @@ def placed(
     R_body_camera: Array,
     depth_to_width: float = 0.0,
 ) -> Detections:
-    """With places in the body frame: positions from depth, bearings alone where a box shows none."""
-    count = len(told)
-    positions, covariances = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
-    bearings, elevations, place_covariances = np.full(count, np.nan), np.full(count, np.nan), covariances.copy()
-    for row, box in enumerate(told.boxes):
-        position, covariance = place_of_box(box, depth_m, camera, R_body_camera, depth_to_width)
-        if np.isfinite(position).all():
-            positions[row], covariances[row] = position, covariance
-            continue
-        bearings[row], elevations[row], sigma = bearing_of_box(box, camera, R_body_camera)
-        place_covariances[row, [1, 2], [1, 2]] = sigma**2
-    return replace(
-        told,
-        positions=positions,
-        position_covariances=covariances,
-        bearings_rad=bearings,
-        elevations_rad=elevations,
-        place_covariances=place_covariances,
-    )
+    """With places for a robot in the plane: positions from depth, bearings alone where a box shows none."""
+    told = with_positions(told, depth_m, camera, R_body_camera, depth_to_width)
+    bearings, elevations = np.full(len(told), np.nan), np.full(len(told), np.nan)
+    covariances = np.full((len(told), 3, 3), np.nan)
+    for row in np.flatnonzero(np.isnan(told.positions).any(axis=1)):
+        bearings[row], elevations[row], sigma = bearing_of_box(told.boxes[row], camera, R_body_camera)
+        covariances[row, [1, 2], [1, 2]] = sigma**2
+    return replace(told, bearings_rad=bearings, elevations_rad=elevations, place_covariances=covariances)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from semantic_slam.datasets.drives.drive import Message, Written
-from semantic_slam.datasets.image_folders.detections import placed, with_named_classes
+from semantic_slam.datasets.image_folders.detections import with_named_classes, with_positions
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
 from semantic_slam.datasets.image_folders.journey import frame_stamps_ns, stamps_ns_of
 from semantic_slam.datasets.image_folders.pictures import picture
@@ -46,7 +46,7 @@ def with_places(folder: ImageFolder, found: list[Detections], depth_to_width: fl
     """(F,) boxes with their places in the body of the camera, where depth tells them. Raises InputError."""
     rotation = rotation_matrix(OPTICAL[3:])
     return [
-        placed(told, folder.depth_m(frame), folder.camera, rotation, depth_to_width)
+        with_positions(told, folder.depth_m(frame), folder.camera, rotation, depth_to_width)
         for frame, told in zip(folder.frames, with_named_classes(found), strict=True)
     ]
 

@@ -9,7 +9,12 @@ from tqdm import tqdm
 
 from semantic_slam.datasets.drives.drive import Message
 from semantic_slam.datasets.drives.tables import found
-from semantic_slam.datasets.image_folders.detections import Detector, found_in_picture, placed, with_named_classes
+from semantic_slam.datasets.image_folders.detections import (
+    Detector,
+    found_in_picture,
+    with_named_classes,
+    with_positions,
+)
 from semantic_slam.datasets.image_folders.image_folder import read_depth
 from semantic_slam.datasets.image_folders.pictures import picture
 from semantic_slam.datasets.space.levelling import OPTICAL
@@ -46,7 +51,7 @@ def with_places(folder: TumFolder, told: Detections) -> Detections:
     depth_m = depth_at(folder, told.stamp_ns)
     if depth_m is None or not len(told):
         return told
-    return placed(told, depth_m, folder.camera, rotation_matrix(OPTICAL[3:]))
+    return with_positions(told, depth_m, folder.camera, rotation_matrix(OPTICAL[3:]))
 
 
 def pictures_at(folder: TumFolder, stamps_ns: list[int]) -> Iterator[Message]:

@@ -1,19 +1,27 @@
-"""Check of the sensor region: detections outside the configured one."""
+"""Check of the sensor region, in the plane and in space: detections outside the configured one."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
+from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.doctor.finding import Finding, Severity
 from semantic_slam.doctor.input_summary import InputSummary
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.association.strategy import strategy_of
+from semantic_slam.inference.inputs.spatial_reader import points_of
 from semantic_slam.inference.open_world.planar.region import sensor_region
+from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.pipeline.assembly.points_input import seen_from_camera
 
 NAME = "region"
 SOME, MOST = 0.2, 0.8
 """Share of all detections."""
 REACH = 0.99
 """Share of them that the remedy's numbers hold."""
+WIDEST_RAD = 3.0
+"""Largest full angle recommended in space, where an image spans less than half a turn."""
 
 
 def check(summary: InputSummary) -> Iterator[Finding]:
@@ -21,21 +29,69 @@ def check(summary: InputSummary) -> Iterator[Finding]:
     if not strategy_of(configuration).counts_misses or world.learn_region or summary.evidence.turn:
         return
     told = [each.measurements for each in summary.keyframes if len(each.measurements)]
-    if not told:
-        return
+    if told:
+        yield from (_in_space if configuration.is_spatial else _in_plane)(told, world)
+
+
+def _in_plane(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
     ranges_m = np.concatenate([each.ranges_m for each in told])
     bearings_rad = np.concatenate([each.bearings_rad for each in told])
-    outside = ~sensor_region(world).holds(ranges_m, bearings_rad)
-    if outside.mean() <= SOME:
-        return
     reach_m = float(np.nanquantile(ranges_m, REACH)) if np.isfinite(ranges_m).any() else float("nan")
     aside_rad = float(np.quantile(np.abs(bearings_rad), REACH))
-    region = f"{world.min_range_m:g} to {world.max_range_m:g} m, {np.degrees(world.field_of_view_rad):.0f} deg"
+    yield from _finding(
+        ~sensor_region(world).holds(ranges_m, bearings_rad),
+        f"{world.min_range_m:g} to {world.max_range_m:g} m, {np.degrees(world.field_of_view_rad):.0f} deg",
+        f"reach to {reach_m:.3g} m and {np.degrees(aside_rad):.0f} deg aside",
+        f"set open_world.max_range_m near {reach_m:.2g} and field_of_view_rad near"
+        f" {min(2.0 * aside_rad, 2.0 * np.pi):.2g}, as far as the sensor sees, or open_world.learn_region: true",
+    )
+
+
+def _in_space(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
+    region = SpatialRegion.of(world)
+    seen = np.concatenate([seen_from_camera(each, region) for each in told])
+    has_range = np.concatenate([np.isfinite(points_of(each)[0]).all(axis=1) for each in told])
+    distances_m = np.linalg.norm(seen[has_range], axis=1)
+    width_rad, height_rad = 2.0 * np.quantile(np.abs(np.arctan2(seen[:, :2], seen[:, 2:])), REACH, axis=0)
+    reach = f"{np.degrees(width_rad):.0f} x {np.degrees(height_rad):.0f} deg about the optical axis"
+    if len(distances_m):
+        reach += f" and {distances_m.min():.3g} to {distances_m.max():.3g} m"
+    fields = np.degrees([world.field_of_view_rad, world.vertical_field_of_view_rad])
+    yield from _finding(
+        ~region.holds(seen),
+        f"{world.min_range_m:g} to {world.max_range_m:g} m, {fields[0]:.0f} x {fields[1]:.0f} deg",
+        f"span {reach}",
+        _remedy_in_space(world, width_rad, height_rad, distances_m),
+    )
+
+
+def _remedy_in_space(world: OpenWorldConfiguration, width_rad: float, height_rad: float, distances_m: Array) -> str:
+    """What of the region to enlarge; where no image is so wide, the camera looks elsewhere."""
+    if max(width_rad, height_rad) > WIDEST_RAD:
+        return "state where the camera looks, by perception.extrinsics: the pose of its optical frame in the body"
+    wanted = []
+    if width_rad > world.field_of_view_rad:
+        wanted.append(f"field_of_view_rad near {width_rad:.2f}")
+    if height_rad > world.vertical_field_of_view_rad:
+        wanted.append(f"vertical_field_of_view_rad near {height_rad:.2f}")
+    if len(distances_m):
+        nearest_m, farthest_m = np.quantile(distances_m, [1.0 - REACH, REACH])
+        if nearest_m < world.min_range_m:
+            wanted.append(f"min_range_m near {nearest_m:.2g}")
+        if farthest_m > world.max_range_m:
+            wanted.append(f"max_range_m near {farthest_m:.2g}")
+    elsewhere = "perception.extrinsics if it does not look as stated"
+    return f"set of open_world {', '.join(wanted)}, as far as the camera sees, or {elsewhere}"
+
+
+def _finding(outside: Flags, region: str, reach: str, remedy: str) -> Iterator[Finding]:
+    """A finding where many of the detections are ``outside`` (N,)."""
+    if outside.mean() <= SOME:
+        return
     yield Finding(
         Severity.ERROR if outside.mean() > MOST else Severity.WARNING,
         NAME,
         f"{int(outside.sum())} of the first {len(outside)} detections lie outside of open_world's region ({region}) and"
-        f" are not used, they reach to {reach_m:.3g} m and {np.degrees(aside_rad):.0f} deg aside",
-        f"set open_world.max_range_m near {reach_m:.2g} and field_of_view_rad near"
-        f" {min(2.0 * aside_rad, 2.0 * np.pi):.2g}, as far as the sensor sees, or open_world.learn_region: true",
+        f" are not used, they {reach}",
+        remedy,
     )

@@ -33,7 +33,7 @@ def ray_covariances(
 
     The covariances are transverse to the rays only; NaN where there is no box.
     """
-    rays = pixel_rays(_centres(whole_boxes(boxes, camera)), camera)
+    rays = whole_box_rays(boxes, camera)
     shown, cut = shown_sizes(boxes, camera), are_cut(boxes, camera).any(axis=2)
     sizes = settings.box_centre_share * shown.max(axis=1, keepdims=True)
     variances = settings.sigma_bearing_rad**2 + np.where(cut, np.maximum(CUT_SHARE * shown, sizes), sizes) ** 2
@@ -45,7 +45,12 @@ def ray_covariances(
     return rotated_by_matrix(rotation, rays), np.asarray((turned * variances[:, None]) @ np.swapaxes(turned, 1, 2))
 
 
-def whole_boxes(boxes: Array, camera: CameraModel) -> Array:
+def whole_box_rays(boxes: Array, camera: CameraModel) -> Array:
+    """(D, 3) unit rays of the optical frame through the centres of (D, 4) boxes, extended beyond the image border."""
+    return pixel_rays(_centres(_whole_boxes(boxes, camera)), camera)
+
+
+def _whole_boxes(boxes: Array, camera: CameraModel) -> Array:
     """(D, 4) boxes extended by the part assumed cut off by the image border; unchanged where both borders cut."""
     cut, sizes = are_cut(boxes, camera), boxes[:, 2:] - boxes[:, :2]
     outwards = 2.0 * CUT_SHIFT * sizes

@@ -1,7 +1,7 @@
 """Turns detections without images into measurements, in whatever order they and camera_info arrive.
 
-The result depends on the messages' stamps alone. Detections with positions are measured at once; those with boxes only
-wait for the camera's intrinsics.
+The result depends on the messages' stamps alone. Detections with positions are measured at once; boxes wait for the
+camera's intrinsics: in space all of them that have no position, in the plane those of frames without any position.
 """
 
 from collections import Counter
@@ -12,10 +12,10 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import plain_frame
-from semantic_slam.perception.frame import Detections
+from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places import PlaceReader
 from semantic_slam.pipeline.assembly.detections_input import DetectionsInput
@@ -29,6 +29,7 @@ class PlacesAssembler(DetectionsInput):
         super().__init__()
         self._reader = PlaceReader(configuration.perception, in_space=configuration.is_spatial)
         self._in_space = configuration.is_spatial
+        self._base_frame = configuration.perception.base_frame
         self._camera_pose = camera_pose
         self._num_measured = 0
 
@@ -40,6 +41,11 @@ class PlacesAssembler(DetectionsInput):
     def num_waiting(self) -> int:
         """Number of detections that wait for the camera, without any whose suspicious stamp is on hold."""
         return len(self._detections)
+
+    @property
+    def num_without_camera(self) -> int:
+        """Number of detections that wait since no camera is known."""
+        return len(self._detections) if self.camera is None else 0
 
     @property
     def is_over(self) -> bool:
@@ -64,28 +70,39 @@ class PlacesAssembler(DetectionsInput):
         made = []
         while len(self._detections):
             detections = self._detections.first()[1]
-            if _needs_camera(detections) and self.camera is None and not at_end:
+            if self._needs_camera(detections) and self.camera is None and not at_end:
                 break
             made.append(self._measure(self._detections.pop()))
             self._num_measured += 1
         return made
 
     def _measure(self, detections: Detections) -> SemanticMeasurements:
-        looks = _needs_camera(detections) or (self._in_space and not len(detections))  # misses count in its view
+        looks = self._needs_camera(detections) or (self._in_space and not len(detections))  # misses count in its view
         camera = self.camera if looks else None
         if camera is None:
             return self._reader.measure(detections, self._num_measured)
         try:
             T_base_camera = self._camera_pose(camera.frame_id)
-            if plain_frame(detections.frame_id) != plain_frame(camera.frame_id):
+            if plain_frame(detections.frame_id) not in self._frames_of_boxes(detections, camera):
                 raise InputError(f"frame id '{detections.frame_id}' is not the camera's '{camera.frame_id}'")
         except InputError as fault:  # in a live system the transform may still arrive
             self._lost[f"{topics.DETECTIONS}: boxes without their camera: {fault}"] += 1
             return self._reader.measure(detections, self._num_measured)
         return self._reader.measure(detections, self._num_measured, camera, T_base_camera)
 
+    def _needs_camera(self, detections: Detections) -> bool:
+        """Whether detections have boxes that count and have no place but by the camera."""
+        are_told = _have_places(detections)
+        if are_told.any() and not self._in_space:
+            return False
+        return bool((np.isfinite(detections.boxes).all(axis=1) & ~are_told).any())
 
-def _needs_camera(detections: Detections) -> bool:
-    """Whether detections have boxes but neither positions nor bearings."""
-    places = (detections.positions, detections.bearings_rad)
-    return bool(np.isfinite(detections.boxes).any()) and not any(np.isfinite(values).any() for values in places)
+    def _frames_of_boxes(self, detections: Detections, camera: CameraModel) -> set[str]:
+        """Frame ids that boxes of the camera may have; beside positions also the body's, which is that of positions."""
+        frames = {plain_frame(camera.frame_id)}
+        return frames | {plain_frame(self._base_frame)} if _have_places(detections).any() else frames
+
+
+def _have_places(detections: Detections) -> Flags:
+    """(D,) whether each detection states at least its direction."""
+    return np.asarray(np.isfinite(detections.positions[:, :2]).all(axis=1) | np.isfinite(detections.bearings_rad))

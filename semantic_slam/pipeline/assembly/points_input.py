@@ -8,6 +8,7 @@ from collections import Counter
 import numpy as np
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M
 from semantic_slam.inference.inputs.spatial_reader import camera_of, points_of, rays_of
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
@@ -49,11 +50,15 @@ class PointsInput:
 
     def inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """Without detections outside the camera's region; of a ray without range only the direction is checked."""
-        camera, (points, _), (rays, _) = camera_of(measurements), points_of(measurements), rays_of(measurements)
-        within = measurements.sensor_position + self._region.shells(1) * rays
-        placed = np.where(np.isnan(points).any(axis=1, keepdims=True), within, points)
-        outside = ~self._region.reaching(camera).holds(camera.seen(placed))
+        outside = ~self._region.holds(seen_from_camera(measurements, self._region))
         if not outside.any():
             return measurements
         self._dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
         return measurements.take(np.flatnonzero(~outside))
+
+
+def seen_from_camera(measurements: SemanticMeasurements, region: SpatialRegion) -> Array:
+    """(D, 3) points of detections in the optical frame; rays without range are put in the middle of the region."""
+    (points, _), (rays, _) = points_of(measurements), rays_of(measurements)
+    within = measurements.sensor_position + region.shells(1) * rays
+    return camera_of(measurements).seen(np.where(np.isnan(points).any(axis=1, keepdims=True), within, points))

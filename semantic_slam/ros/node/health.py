@@ -8,6 +8,7 @@ from tempfile import gettempdir
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.messages import topics
 
 SILENT_AFTER_S = 3.0
 WAITING = "waiting for"
@@ -69,6 +70,14 @@ def dropped_status(dropped: Counter[str]) -> Status:
         return Status("dropped", Level.OK, "nothing dropped")
     text = "; ".join(f"{number} x {reason}" for reason, number in sorted(dropped.items()))
     return Status("dropped", Level.WARN, text, {f"dropped: {reason}": str(n) for reason, n in sorted(dropped.items())})
+
+
+def waiting_status(num_waiting: int) -> Status:
+    """Status of messages of detections whose boxes are rays only once camera_info is known."""
+    if not num_waiting:
+        return Status("boxes", Level.OK, f"none wait for {topics.CAMERA_INFO}")
+    text = f"{num_waiting} x {topics.DETECTIONS} with boxes that wait for {topics.CAMERA_INFO}"
+    return Status("boxes", Level.WARN, f"{text}; start its publisher or remap the topic, or leave such boxes out")
 
 
 def disk_status(fault: str) -> Status:
