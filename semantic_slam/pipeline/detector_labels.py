@@ -110,14 +110,23 @@ def _wanted(configuration: Configuration, named: Iterable[str]) -> set[str]:
 def check_meant(configuration: Configuration, labels: list[str]) -> None:
     """Raises InputError for a label that is no class of the models; a network would assign one of its classes to it."""
     settings = configuration.semantic_model
-    model = load_model(settings) or load_latent_model(settings)
-    if model is None:
-        return
-    strange = [label for label in labels if label not in model.class_names and label not in OF_ANYTHING]
+    names = class_names_of(settings)
+    strange = [label for label in labels if not is_meant(label, names)]
     if strange:
         raise InputError(
             f"detections are labelled '{strange[0]}', which is none of the classes of semantic_model.kind:"
-            f" {settings.kind} ({', '.join(model.class_names)}); set semantic_model.kind: detector to go by the"
+            f" {settings.kind} ({', '.join(names)}); set semantic_model.kind: detector to go by the"
             " detector's labels (config/detector.yaml), or leave out such detections with perception.labels, or rename"
             " them with import_dataset bag --labels"
         )
+
+
+def class_names_of(settings: SemanticModelConfiguration) -> tuple[str, ...]:
+    """Classes of a network's class models; () where there are no such models. Raises InputError."""
+    model = load_model(settings) or load_latent_model(settings)
+    return tuple(model.class_names) if model is not None else ()
+
+
+def is_meant(label: str, class_names: tuple[str, ...]) -> bool:
+    """Whether a label may be of an object of these classes: one of them or of anything; any label, where none are."""
+    return not class_names or label in class_names or label in OF_ANYTHING
