@@ -46,7 +46,8 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 "config",
                 default_value="",
-                description="parameter file; empty: config/default.yaml, or detector.yaml where labels ask for it",
+                description="parameter file; empty: config/default.yaml, or detector.yaml or"
+                " detector_second_session.yaml where labels and map ask for it",
             ),
             DeclareLaunchArgument("backends", default_value="2", description="number of backend nodes"),
             DeclareLaunchArgument("rate", default_value="0.0", description="0: lossless lock-step, 1: real time"),

@@ -35,8 +35,8 @@ def parse(words: list[str] | None = None) -> Namespace:
         "--config",
         type=configuration_file,
         metavar="YAML",
-        help="file, or the name of a shipped configuration (default: default, or detector where the bag has other"
-        " labels than the default's classes)",
+        help="file, or the name of a shipped configuration (default: default, or detector or"
+        " detector_second_session where the bag or its map has other classes than the default's)",
     )
     parser.add_argument(
         "--seed", type=int, metavar="N", help="seed of every random draw, instead of the configuration's"
@@ -122,9 +122,11 @@ def report(arguments: Namespace, out: Path) -> tuple[list[Path], InputError | No
         _announce_unused(arguments)
         return make_report(arguments.bag, out, with_evidence=arguments.explain), damage_of(arguments.bag)
     if arguments.config is None:
+        from semantic_slam.maps.map_file import read_map_prior
         from semantic_slam.pipeline.default_configuration import configuration_for
 
-        arguments.config = configuration_for(arguments.bag, has_map=arguments.map_prior is not None)
+        prior = read_map_prior(arguments.map_prior) if arguments.map_prior else None
+        arguments.config = configuration_for(arguments.bag, prior)
         check_names(arguments)
     paths = [arguments.config, *(arguments.compare or [])]
     runs = {run_name(path): effective_configuration(path, arguments.seed) for path in paths}

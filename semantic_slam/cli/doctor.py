@@ -15,6 +15,7 @@ from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 if TYPE_CHECKING:
     from semantic_slam.doctor.finding import Finding
+    from semantic_slam.inference.world.map_prior import MapPrior
 
 ROS_ARGUMENTS = "--ros-args"
 ON_ROS = "semantic_slam.ros.observers.examination"
@@ -87,23 +88,23 @@ def of_bag(arguments: Namespace) -> "list[Finding]":
         raise InputError(f"{arguments.bag}: no such bag; {REMEDY}")
     path = arguments.map_prior or map_prior_path(arguments.bag)
     try:
-        configuration = load_configuration(arguments.config or _usual(arguments.bag, has_map=path is not None))
-    except InputError as fault:
-        return [of_fault("configuration", fault)]
-    try:
         prior = read_map_prior(path) if path else None
     except InputError as fault:
         return [of_fault("map prior", fault)]
+    try:
+        configuration = load_configuration(arguments.config or _usual(arguments.bag, prior))
+    except InputError as fault:
+        return [of_fault("configuration", fault)]
     summary, faults = summarise_bag(arguments.bag, configuration, prior)
     return [*faults, *examine(summary)]
 
 
-def _usual(bag: Path, *, has_map: bool) -> Path:
+def _usual(bag: Path, prior: "MapPrior | None") -> Path:
     """Configuration file that ``semantic_slam report`` would use."""
     from semantic_slam.pipeline.default_configuration import configuration_for
 
     try:
-        return configuration_for(bag, has_map=has_map)
+        return configuration_for(bag, prior)
     except InputError:
         return DEFAULT_CONFIGURATION  # the examination reports the problem of the bag
 

@@ -1,6 +1,6 @@
 """Labels of a detector: those of a bag, or of the first detections of a live run."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
@@ -29,16 +29,24 @@ def labels_of(told: Detections | SemanticMeasurements) -> frozenset[str]:
 
 def labels_in(reader: BagReader, topic: str) -> frozenset[str]:
     """Labels of all detections or measurements of a bag; messages that do not decode are skipped."""
-    found: set[str] = set()
+    return frozenset[str]().union(*map(labels_of, _told(reader, topic)))
+
+
+def scored_classes_in(reader: BagReader, topic: str) -> frozenset[str]:
+    """Classes for which the first detections of a bag have scores; messages that do not decode are skipped."""
+    return next((frozenset(told.class_names) for told in _told(reader, topic) if len(told)), frozenset())
+
+
+def _told(reader: BagReader, topic: str) -> Iterator[Detections | SemanticMeasurements]:
+    """Messages of a topic of detections or measurements that decode."""
     try:
         for message in reader.messages([topic]):
             try:
-                found |= labels_of(from_message(reader.decode(message.cdr, message.type_name)))
+                yield from_message(reader.decode(message.cdr, message.type_name))
             except InputError:
                 continue  # the run counts it
     except TruncatedBagError:
         pass  # the run reports the damage
-    return frozenset(found)
 
 
 def are_asked_for(configuration: Configuration) -> bool:
@@ -82,11 +90,16 @@ def with_labels(
 def known_labels(configuration: Configuration, named: Iterable[str], prior: MapPrior | None) -> tuple[str, ...]:
     """Possible labels of objects: those configured, else those of detections (``named``), map and fitted models."""
     settings = configuration.semantic_model
-    mapped = {name for item in prior.objects for name in item.class_probabilities} if prior is not None else set()
+    mapped = classes_in(prior) if prior is not None else frozenset()
     fitted = fitted_labels(settings)
     learned = fitted.labels if fitted is not None else ()
     known = {*_wanted(configuration, named), *mapped, *learned} - {NONE_OF_THESE}
     return settings.labels or tuple(sorted(known))
+
+
+def classes_in(prior: MapPrior) -> frozenset[str]:
+    """Classes that a map's objects may have; what no label means is none of them."""
+    return frozenset(name for item in prior.objects for name in item.class_probabilities) - {NONE_OF_THESE}
 
 
 def _wanted(configuration: Configuration, named: Iterable[str]) -> set[str]:
@@ -97,14 +110,23 @@ def _wanted(configuration: Configuration, named: Iterable[str]) -> set[str]:
 def check_meant(configuration: Configuration, labels: list[str]) -> None:
     """Raises InputError for a label that is no class of the models; a network would assign one of its classes to it."""
     settings = configuration.semantic_model
-    model = load_model(settings) or load_latent_model(settings)
-    if model is None:
-        return
-    strange = [label for label in labels if label not in model.class_names and label not in OF_ANYTHING]
+    names = class_names_of(settings)
+    strange = [label for label in labels if not is_meant(label, names)]
     if strange:
         raise InputError(
             f"detections are labelled '{strange[0]}', which is none of the classes of semantic_model.kind:"
-            f" {settings.kind} ({', '.join(model.class_names)}); set semantic_model.kind: detector to go by the"
+            f" {settings.kind} ({', '.join(names)}); set semantic_model.kind: detector to go by the"
             " detector's labels (config/detector.yaml), or leave out such detections with perception.labels, or rename"
             " them with import_dataset bag --labels"
         )
+
+
+def class_names_of(settings: SemanticModelConfiguration) -> tuple[str, ...]:
+    """Classes of a network's class models; () where there are no such models. Raises InputError."""
+    model = load_model(settings) or load_latent_model(settings)
+    return tuple(model.class_names) if model is not None else ()
+
+
+def is_meant(label: str, class_names: tuple[str, ...]) -> bool:
+    """Whether a label may be of an object of these classes: one of them or of anything; any label, where none are."""
+    return not class_names or label in class_names or label in OF_ANYTHING

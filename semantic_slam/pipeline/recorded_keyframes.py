@@ -15,6 +15,7 @@ from semantic_slam.messages.codec import from_message
 from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.preamble import read_preamble
+from semantic_slam.pipeline.unmeant_labels import UnmeantLabels
 
 
 def recorded_keyframes(bag: Path, configuration: Configuration, count: int) -> list[Keyframe]:
@@ -41,4 +42,5 @@ def recorded_keyframes(bag: Path, configuration: Configuration, count: int) -> l
         except TruncatedBagError:
             pass  # the bag's beliefs end there, too
         found += assembler.flush()
-    return found[:count]
+    unmeant = UnmeantLabels(configuration)
+    return [*found[:1], *map(unmeant.without, found[1:])][:count]

@@ -17,6 +17,7 @@ from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
 from semantic_slam.pipeline.first_label import FirstLabel
 from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.start import announced_run
+from semantic_slam.pipeline.unmeant_labels import UnmeantLabels
 
 CHANGEABLE = ("keyframes.policy", "keyframes.distance_m", "keyframes.angle_rad", "open_world.time_budget_ms")
 """Parameters that may change during a run; all others are part of the model that its beliefs share."""
@@ -51,6 +52,7 @@ class Session:
             passes_over=self._first_label.passes_over,
             imu=imu,
         )
+        self._unmeant = UnmeantLabels(configuration)
         self._imu = imu
         self._initial_pose, self._is_told_pose = initial_pose, False
         self._next_pose: PoseEstimate | None = None
@@ -87,7 +89,12 @@ class Session:
     @property
     def dropped(self) -> Counter[str]:
         """Counts of inputs not used and hypotheses dropped, by reason."""
-        return self.assembler.dropped + (self._engine.lost if self._engine is not None else Counter[str]())
+        lost = self._engine.lost if self._engine is not None else Counter[str]()
+        return self.assembler.dropped + self._unmeant.dropped + lost
+
+    def news(self) -> list[str]:
+        """A line for each label that is left out of the run, once."""
+        return self._unmeant.news()
 
     @property
     def run(self) -> RunConfiguration:
@@ -113,6 +120,8 @@ class Session:
             if self._engine is None:
                 self._first = keyframe
                 self._engine = Engine.of_run(self._run(keyframe, self.map_prior, self._first_label.labels), pool)
+            else:
+                keyframe = self._unmeant.without(keyframe)
             belief = self._engine.process(keyframe)
             self.num_keyframes += 1
             yield keyframe, belief

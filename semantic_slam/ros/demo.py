@@ -30,8 +30,8 @@ def parse(words: list[str] | None = None) -> argparse.Namespace:
         "--config",
         type=configuration_file,
         metavar="YAML",
-        help="file, or the name of a shipped configuration (default: default, or detector where the bag has other"
-        " labels than the default's classes)",
+        help="file, or the name of a shipped configuration (default: default, or detector or"
+        " detector_second_session where the bag or its map has other classes than the default's)",
     )
     parser.add_argument("--backends", type=int, default=2, help="number of backends (default: %(default)s)")
     parser.add_argument("--rate", type=float, default=0.0, help="0 (default): lossless, 1: real time")

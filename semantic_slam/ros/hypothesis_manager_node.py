@@ -291,6 +291,8 @@ class HypothesisManagerNode(PipelineNode):
         finally:
             unused = self._session.dropped + self._frames.missed + self.refused.copy() + self._pool.refused
             self._status = dropped_status(unused)
+            for line in self._session.news():
+                self.get_logger().warning(line)
         self._announce(finished=False)
 
     def _state(self, belief: HybridBelief, keyframe: Keyframe) -> None:

@@ -1,5 +1,6 @@
 """How often a detector detects is learned from what runs have in view; the next run takes it, or stays as it was."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,9 +8,17 @@ import numpy as np
 import pytest
 
 from semantic_slam.class_models.detector import with_fitted_detection
-from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
+from semantic_slam.configuration import (
+    Configuration,
+    OpenWorldConfiguration,
+    SemanticModelConfiguration,
+    from_dict,
+    load_configuration,
+)
 from semantic_slam.errors import InputError
+from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.shipped import configuration_file
 from semantic_slam.training.detection.evidence import RunLooks, log_evidence
 from semantic_slam.training.detection.looks import NUM_DIRECTIONS, Looks
 from semantic_slam.training.detection.rates import grid, learned
@@ -160,3 +169,24 @@ def test_a_run_takes_what_was_learned_without_its_own_bag(tmp_path: Path) -> Non
     save_labels(replace(fitted, detection=DetectionValues(probability=1.5)), path)
     with pytest.raises(InputError, match="a detection probability must lie between 0 and 1"):
         read_labels(path)
+
+
+def test_directions_that_were_fitted_in_the_plane_are_refused_in_space_as_configured_ones_are(tmp_path: Path) -> None:
+    path = tmp_path / "models.safetensors"
+    told = DetectionValues(probability=0.7, by_direction=(0.5, 1.0, 0.5), field_of_view_rad=1.0)
+    shipped = load_configuration(configuration_file("spatial"))
+    models = replace(shipped.semantic_model, labels=("cup",), path=str(path))
+    fixed = replace(shipped, semantic_model=models, open_world=replace(shipped.open_world, detection_probabilities=()))
+    save_labels(fitted_labels(told), path)
+    with pytest.raises(InputError, match="tells detection rates by direction, which state_space: spatial does not"):
+        announced(fixed)
+    inferred = replace(fixed, open_world=shipped.open_world)
+    assert announced(inferred).open_world.detection_probabilities == shipped.open_world.detection_probabilities
+    save_labels(fitted_labels(replace(told, by_direction=(), field_of_view_rad=None)), path)
+    assert announced(fixed).open_world.detection_probabilities == (0.7,)
+
+
+def announced(configuration: Configuration) -> Configuration:
+    """The configuration of a run as backends get it."""
+    run = make_run_configuration(configuration, None, *initial_pose_of(configuration), stamp_ns=0)
+    return from_dict(json.loads(run.configuration))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from worlds.bags.bag_factory import of_topic, write_bag, write_configuration
-from worlds.bags.places import place_entries
+from worlds.bags.places import NUM_FRAMES, place_entries
 
 from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.configuration import Configuration, load_configuration
@@ -13,6 +13,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.shipped import configuration_file
 from semantic_slam.training.labels import candidates
 from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.fit import as_they_are, with_known_classes
@@ -21,6 +22,7 @@ from semantic_slam.training.labels.maximisation import BeforeFit
 from semantic_slam.training.labels.passes import FOLDS, STRETCHES
 from semantic_slam.training.labels.runs import read_runs
 from semantic_slam.training.labels.tracks import Track
+from semantic_slam.viewpoint.detection_values import UNTOLD
 from semantic_slam.viewpoint.labels.confusion import DIRECTIONS
 from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
@@ -125,17 +127,21 @@ def test_a_side_that_looks_like_something_else_is_found_whatever_the_headings():
     assert cups[:6].max() < 0.35 and cups[-3:].min() > 0.45
 
 
-def labelled_run(folder, name: str, path: str = ""):
-    """A run on a short bag whose detector names things in turn; returns the folder of its report."""
-    entries = place_entries("ranges")
+def labelled_entries(told: str, num_frames: int = NUM_FRAMES):
+    entries = place_entries(told, num_frames)
     for entry in of_topic(entries, topics.DETECTIONS):
         found = from_message(entry.message)
         entry.message = to_message(replace(found, labels=("chair", "cup")[: len(found)]))
+    return entries
+
+
+def labelled_run(folder, name: str, path: str = ""):
+    """A run on a short bag whose detector names things in turn; returns the folder of its report."""
     settings = {"kind": "detector", "path": path}
     configuration = write_configuration(folder / "configuration", association="open", semantic_model=settings)
     bag = folder / "bag"
     if not bag.exists():
-        write_bag(bag, entries)
+        write_bag(bag, labelled_entries("ranges"))
     run_bag(bag, folder / name / "belief", load_configuration(configuration))
     return folder / name
 
@@ -164,6 +170,27 @@ def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys
     np.testing.assert_allclose(second.class_probabilities, first.class_probabilities, atol=1e-9)
     with pytest.raises(InputError, match="are runs of one bag, whose views would count twice"):
         read_runs([report, again])
+
+
+def test_how_often_the_detector_detects_is_not_learned_in_space_which_is_said(tmp_path):
+    """Beside a run in the plane, which still tells it."""
+    from semantic_slam.training.labels.report import lines_of
+
+    bag = write_bag(tmp_path / "bag_in_space", labelled_entries("positions", 12))
+    (bag / "objects.json").unlink()
+    run_bag(bag, tmp_path / "space" / "belief", load_configuration(configuration_file("spatial")))
+    in_space = learn(RunTracks.of(read_runs([tmp_path / "space"])))
+    *_, detected = lines_of(in_space.report)
+    assert detected.startswith("detected how often: not learned from runs with state_space: spatial")
+    assert in_space.detection == UNTOLD and all(own.detection == UNTOLD for own in in_space.bags)
+    assert in_space.report["detection"]["looks"] == 0
+    (tmp_path / "plane").mkdir()
+    plane = labelled_run(tmp_path / "plane", "out")
+    alone, both = (learn(RunTracks.of(read_runs(own))) for own in ([plane], [tmp_path / "space", plane]))
+    assert both.report["detection"]["looks"] == alone.report["detection"]["looks"] > 0
+    assert both.report["detection"]["log_evidence"] == alone.report["detection"]["log_evidence"]
+    *_, detected = lines_of(both.report)
+    assert detected.startswith("detected how often: not learned from 1 of 2 runs with state_space: spatial")
 
 
 def test_runs_that_tell_nothing_of_labels_are_refused(tmp_path):

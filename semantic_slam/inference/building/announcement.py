@@ -15,6 +15,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import AssociationStrategy, strategy_of
 from semantic_slam.inference.building.checks import check_settings
+from semantic_slam.inference.building.spatial_checks import check_fitted
 from semantic_slam.inference.protocol import RunConfiguration, told_of
 from semantic_slam.inference.run_id import run_id_of
 from semantic_slam.inference.world.map_prior import MapPrior
@@ -69,7 +70,8 @@ def _with_class_models(
 ) -> Configuration:
     """The configuration, completed from the class models' files: latent space, digests, fitted detection probability.
 
-    Backends, reports and queries thus know the space of the descriptors, and which files they have to find.
+    Backends, reports and queries thus know the space of the descriptors, and which files they have to find. Raises
+    InputError for what was fitted and does not go with the run.
     """
     models, world = configuration.semantic_model, configuration.open_world
     described = latent or load_embedding_model(models)
@@ -78,7 +80,9 @@ def _with_class_models(
     models = noted(models)
     if association.counts_misses and not world.learn_region:
         world = with_fitted_detection(world, models, told_of(source, "sha256"))
-    return replace(configuration, semantic_model=models, open_world=world)
+    completed = replace(configuration, semantic_model=models, open_world=world)
+    check_fitted(completed)
+    return completed
 
 
 def _class_names(settings: SemanticModelConfiguration, latent: DescriptorModel | None) -> tuple[str, ...]:

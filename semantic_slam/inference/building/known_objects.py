@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
@@ -41,9 +42,10 @@ def known_objects(
     unmapped = _unmapped(configuration, prior) if may_lack else ()
     prior, displaced = _with_displaced(configuration, prior, unmapped)
     prior = replace(prior, objects=(*prior.objects, *unmapped))
+    remedy = _remedy(configuration)
     return KnownObjects(
         prior=prior,
-        entries=tuple(_entry(item, run.class_names, sensing.object_prior) for item in prior.objects),
+        entries=tuple(_entry(item, run.class_names, sensing.object_prior, remedy) for item in prior.objects),
         joint=_joint(prior, sensing),
         unmapped_ids=frozenset(item.object_id for item in unmapped),
         displaced=displaced,
@@ -76,13 +78,26 @@ def _with_displaced(
     return with_displaced(prior, settings.displaced_share, settings.displaced_sigma_m, first)
 
 
-def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader) -> ObjectEntry:
-    """The registry's entry of a mapped object. Raises InputError for a class that the class models do not know."""
+def _remedy(configuration: Configuration) -> str:
+    """What to do about a map with classes that the class models do not know."""
+    if class_model_kind(configuration.semantic_model).labels is not None:
+        return "add it to semantic_model.labels, or empty that list"
+    return (
+        "a map of a detector's labels needs semantic_model.kind: detector, as config/detector_second_session.yaml has"
+        " it, and only its places are used with semantic_model.kind: none"
+    )
+
+
+def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader, remedy: str) -> ObjectEntry:
+    """The registry's entry of a mapped object.
+
+    Raises InputError, with the remedy, for a class that the class models do not know.
+    """
     unknown = sorted(set(item.class_probabilities) - set(class_names))
     if unknown and class_names:
         raise InputError(
             f"map prior: object {item.object_id} has the unknown class '{unknown[0]}'; the class models know"
-            f" {', '.join(class_names)}"
+            f" {', '.join(class_names)}; {remedy}"
         )
     return ObjectEntry(
         object_id=item.object_id,

@@ -23,6 +23,16 @@ def check_space(configuration: Configuration, association: type[AssociationStrat
             raise InputError(f"state_space: spatial does not go with that yet; {remedy}, or state_space: planar")
 
 
+def check_fitted(configuration: Configuration) -> None:
+    """Raise InputError if fitted models complete a run in space with detection rates that it does not have yet."""
+    if configuration.is_spatial and configuration.open_world.detection_by_direction:
+        raise InputError(
+            f"semantic_model.path: {configuration.semantic_model.path} tells detection rates by direction, which"
+            " state_space: spatial does not have yet; list your detector's in open_world.detection_probabilities, which"
+            " leaves out the fitted ones, or fit runs in space alone"
+        )
+
+
 def _planar_alone(configuration: Configuration, association: type[AssociationStrategy]) -> Iterator[tuple[bool, str]]:
     """Yield, for each planar-only feature, whether it is configured, and what to set instead."""
     closed, world = configuration.closed_world, configuration.open_world

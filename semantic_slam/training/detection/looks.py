@@ -55,9 +55,12 @@ class Looks:
 
 
 def looks_of(record: Record, settings: Configuration) -> Looks | None:
-    """Looks of the final hypotheses; None where the run has no configured region in which misses count."""
+    """Looks of the final hypotheses; None where the run has no configured region in which misses count.
+
+    None, too, for a run in space: what is in view here is that of a robot in the plane.
+    """
     beliefs = record.beliefs
-    if not strategy_of(settings).counts_misses or settings.open_world.learn_region:
+    if not strategy_of(settings).counts_misses or settings.open_world.learn_region or settings.is_spatial:
         return None
     last = beliefs[-1]
     kept = (last.existence >= LEAST_EXISTENCE) & np.isfinite(last.object_poses).all(axis=1)

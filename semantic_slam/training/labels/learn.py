@@ -61,9 +61,15 @@ class RunTracks:
 
     @cached_property
     def detection(self) -> LearnedRates:
-        """How often the detector detects, against what the first run was told of that."""
-        settings = self.runs[0].configuration.open_world
+        """How often the detector detects, against what the first run in the plane was told of that."""
+        planar = [run for run in self.runs if not run.configuration.is_spatial]
+        settings = (planar or self.runs)[0].configuration.open_world
         return learned([looks_of(run.record, run.configuration) for run in self.runs], settings, STRETCHES)
+
+    @property
+    def num_in_space(self) -> int:
+        """Number of runs in space, of which no detection rates are learned."""
+        return sum(run.configuration.is_spatial for run in self.runs)
 
     def bags(self, without: Sequence[tuple[Array, Array, Array]]) -> tuple[FittedBag, ...]:
         """Each with log weights of settings and shares of classes and habits that the others tell, and their rates."""
@@ -100,7 +106,8 @@ def learn(told: RunTracks) -> FittedLabels:
     as_run = with_known_classes(unfitted, told.every, settings.class_counts)
     first, last = judged(as_run, told.every), judged(found, told.every)
     is_better = _is_better(first, last)
-    report = report_of(found, is_better, first, last) | {"detection": told.detection.numbers}
+    detection = told.detection.numbers | {"runs": len(told.runs), "runs_in_space": told.num_in_space}
+    report = report_of(found, is_better, first, last) | {"detection": detection}
     return _handed_on(found, told, report) if is_better else _as_before(unfitted, told, report)
 
 

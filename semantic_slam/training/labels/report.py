@@ -57,7 +57,7 @@ def lines_of(report: Mapping[str, Any]) -> list[str]:
     if not report["is_kept"]:
         return [
             f"too little to learn from, so the models are as before any fit: {judged}",
-            detection_line(report["detection"]),
+            *detection_lines(report["detection"]),
         ]
     lines = [_line(label, own) for label, own in report["classes"].items() if own["objects"] >= 0.5]
     how = "from all sides alike" if report["sides"] == 1 else f"by {report['sides']} sides"
@@ -66,11 +66,24 @@ def lines_of(report: Mapping[str, Any]) -> list[str]:
         f" {report['outlier_share']:.3f}; where the first name is wrong the truth is second in"
         f" {report['truth_second']:.0%}; {report['rounds']} rounds"
     )
-    return [*lines, judged, detection_line(report["detection"])]
+    return [*lines, judged, *detection_lines(report["detection"])]
 
 
-def detection_line(own: Mapping[str, Any]) -> str:
-    """How often the detector detects."""
+def detection_lines(own: Mapping[str, Any]) -> list[str]:
+    """How often the detector detects, and which runs do not tell it."""
+    in_space, count = own["runs_in_space"], own["runs"]
+    told = [] if in_space == count else [_detection_line(own)]
+    if not in_space:
+        return told
+    which = "runs" if in_space == count else f"{in_space} of {count} runs"
+    return [
+        *told,
+        f"detected how often: not learned from {which} with state_space: spatial, for which it stays as configured;"
+        " open_world.detection_probabilities lets a run infer it",
+    ]
+
+
+def _detection_line(own: Mapping[str, Any]) -> str:
     before, after, by_direction = (own["log_evidence"][name] for name in ("before", "after", "by_direction"))
     judged = (
         f"held-out log evidence {before:.1f} -> {after:.1f} nats, by direction {by_direction:.1f}, of {own['looks']}"

@@ -1,5 +1,7 @@
 """The small input bag without its pictures: what stands in the boxes told as places."""
 
+from dataclasses import replace
+
 import numpy as np
 from worlds.bags.bag_factory import OBJECTS, SPEED_M, Entry, frame_stamp, input_entries, of_topic
 
@@ -42,3 +44,13 @@ def _detections(stamp_ns: int, positions: np.ndarray, told: str, track_ids: tupl
         track_ids=track_ids,
         **(ranges if told == "ranges" else {"positions": positions}),
     )
+
+
+def named_entries(things: dict[str, tuple[float, float]], num_frames: int) -> list[Entry]:
+    """Odometry of the small bag and, in every frame, each of the things (x, y in map [m]) by its label and position."""
+    entries = of_topic(input_entries(num_frames, with_depth=False), topics.ODOMETRY)
+    places = np.array([[x, y, 0.0] for x, y in things.values()])
+    for k in range(num_frames):
+        seen = _detections(frame_stamp(k), places - [SPEED_M * k, 0.0, 0.0], "ranges", ("",) * len(things))
+        entries.append(Entry(topics.DETECTIONS, to_message(replace(seen, labels=tuple(things))), frame_stamp(k)))
+    return sorted(entries, key=lambda entry: entry.stamp_ns)
