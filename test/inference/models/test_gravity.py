@@ -66,6 +66,17 @@ def test_its_evidence_is_the_density_of_the_look_before_it() -> None:
     assert gravity.levels(TILTED, np.diag(sigmas**2)).log_evidence == pytest.approx(sampled, abs=0.01)
 
 
+def test_at_its_mode_the_evidence_holds_for_a_body_that_leans_far() -> None:
+    """To a twentieth of a nat, where one linear look is off by a fifth."""
+    off, sigmas = np.array([0.5, -0.4, 0.0]), np.array([0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
+    gravity, random = look(off), np.random.default_rng(4)
+    turns = so3.product(TILTED[3:], so3.exp(random.normal(size=(4_000_000, 3)) * sigmas[:3]))
+    robots = np.append(np.zeros((len(turns), 3)), turns, axis=1)
+    sampled = float(np.log(np.mean(np.exp(gravity.log_likelihood(robots)))))
+    assert gravity.at_mode(TILTED, np.diag(sigmas**2)).log_evidence == pytest.approx(sampled, abs=0.05)
+    assert abs(gravity.levels(TILTED, np.diag(sigmas**2)).log_evidence - sampled) > 0.2
+
+
 DRIFT = np.array([0.02, 0.02, 0.01, 0.02, 0.02, 0.02])
 """Of odometry that does not hold roll and pitch, [rotation, translation]."""
 
