@@ -61,8 +61,8 @@ class OdometryConfiguration:
     )
     sigma_level_rad: float = parameter(
         0.0,
-        "state_space: spatial, association: open: standard deviation [rad] of roll and pitch in odometry's poses, whose"
-        " frame is level by gravity (visual-inertial odometry, or one that an IMU corrects); 0: only motions count",
+        "state_space: spatial: standard deviation [rad] of roll and pitch in odometry's poses, whose frame is level"
+        " by gravity (visual-inertial odometry, or one that an IMU corrects); 0: only motions count",
         minimum=0.0,
     )
     level_repeats_s: float = parameter(

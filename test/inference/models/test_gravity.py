@@ -155,16 +155,18 @@ def test_a_direction_that_is_none_is_refused() -> None:
         Keyframe.spatial(0, up=[0.0, 0.0, 1.0], sigma_up_rad=0.0)
 
 
-@pytest.mark.parametrize(
-    ("settings", "remedy"),
-    [
-        ({"state_space": "spatial", "observation": "points"}, "set odometry.sigma_level_rad: 0, or association: open"),
-        ({}, "set it to 0, or state_space: spatial"),
-    ],
-)
-def test_where_gravity_has_no_say_the_configuration_is_refused(settings: dict[str, str], remedy: str) -> None:
-    configuration = Configuration.of(
-        association="given", semantic_model={"kind": "none"}, odometry={"sigma_level_rad": 0.02}, **settings
-    )
-    with pytest.raises(InputError, match=remedy):
+def told_level_by_odometry(**settings: str) -> Configuration:
+    """Of a run whose odometry holds roll and pitch."""
+    return Configuration.of(semantic_model={"kind": "none"}, odometry={"sigma_level_rad": 0.02}, **settings)
+
+
+def test_where_gravity_has_no_say_the_configuration_is_refused() -> None:
+    configuration = told_level_by_odometry(association="given")
+    with pytest.raises(InputError, match="set it to 0, or state_space: spatial"):
         check_space(configuration, strategy_of(configuration))
+
+
+@pytest.mark.parametrize("association", ["enumerated", "given", "open"])
+def test_levelled_odometry_serves_every_association_in_space(association: str) -> None:
+    configuration = told_level_by_odometry(association=association, state_space="spatial", observation="points")
+    check_space(configuration, strategy_of(configuration))

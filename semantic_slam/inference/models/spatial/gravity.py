@@ -44,7 +44,7 @@ class Gravity:
         return across(self.up)
 
     def residual(self, robot: Array) -> tuple[Array, Array]:
-        """(..., 2) deviation of the measured vertical from robots' (..., 7) [rad, first order]; (..., 2, 6) Jacobian."""
+        """(..., 2) deviation [rad, first order] of the measured vertical from robots' (..., 7), and its Jacobian."""
         true = so3.matrix(robot[..., 3:])[..., 2, :]  # up along the body's axes
         slopes = np.zeros((*true.shape[:-1], 2, 6))
         slopes[..., se3.ROTATION] = self._aside.T @ so3.hat(true)
