@@ -9,7 +9,7 @@ from semantic_slam.configuration.parameter import parameter
 class ImuConfiguration:
     sigma_level_rad: float = parameter(
         0.02,
-        "state_space: spatial, association: open: standard deviation [rad] of roll and pitch by topic imu, where its"
+        "state_space: spatial: standard deviation [rad] of roll and pitch by topic imu, where its"
         " orientation_covariance does not state it; odometry.level_repeats_s holds; 0: the topic is not used",
         minimum=0.0,
     )

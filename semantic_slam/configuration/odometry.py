@@ -12,6 +12,17 @@ class OdometryConfiguration:
     sigma_rotation_per_rad: float = parameter(0.05, "standard deviation of yaw [rad] per radian turned", minimum=0.0)
     sigma_translation_floor_m: float = parameter(0.01, "least standard deviation of x and y per keyframe", minimum=1e-6)
     sigma_rotation_floor_rad: float = parameter(0.005, "least standard deviation of yaw per keyframe", minimum=1e-6)
+    sigma_out_of_plane_translation_per_m: float = parameter(
+        0.0,
+        "state_space: spatial: standard deviation of z along the body's axis per metre driven, of a robot on wheels,"
+        " where odometry states no covariance; without a floor and a part by turning; 0: that of x and y",
+        minimum=0.0,
+    )
+    sigma_out_of_plane_rotation_per_m: float = parameter(
+        0.0,
+        "state_space: spatial: standard deviation of roll and pitch [rad] per metre driven, likewise; 0: that of yaw",
+        minimum=0.0,
+    )
     noise_factors: tuple[float, ...] = parameter(
         (1.0,),
         "association: open, or given with iterate_updates: false: factors on the covariance, of which every hypothesis"
@@ -61,8 +72,8 @@ class OdometryConfiguration:
     )
     sigma_level_rad: float = parameter(
         0.0,
-        "state_space: spatial, association: open: standard deviation [rad] of roll and pitch in odometry's poses, whose"
-        " frame is level by gravity (visual-inertial odometry, or one that an IMU corrects); 0: only motions count",
+        "state_space: spatial: standard deviation [rad] of roll and pitch in odometry's poses, whose frame is level"
+        " by gravity (visual-inertial odometry, or one that an IMU corrects); 0: only motions count",
         minimum=0.0,
     )
     level_repeats_s: float = parameter(

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from semantic_slam.geometry.arrays import Array, Flags, Index, column_products
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.association.candidate_limit import candidate_limit
+from semantic_slam.inference.association.closed_prediction import log_levels, predict
 from semantic_slam.inference.association.elsewhere import also_gone, exclusive_objects, possible_objects
 from semantic_slam.inference.association.enumeration import (
     EnumerationProblem,
@@ -20,19 +20,16 @@ from semantic_slam.inference.association.first_views import log_first_inliers
 from semantic_slam.inference.association.map_gate import FEW_OBJECTS, MapGate, map_gate
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
 from semantic_slam.inference.evidence.mode_splitting import UnsplitCandidates, split_modes
 from semantic_slam.inference.evidence.prior_samples import sample_evidence
 from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
 from semantic_slam.inference.models.observation import ModelsOutliers
-from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import SemanticInput
-from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import generator, hypothesis_id
-from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -254,9 +251,14 @@ class ClosedKeyframe:
         return found.gaining(log_class_prior=prior)
 
     def _with_evidence(self, candidates: WeighedAssociations) -> WeighedAssociations:
-        """Add the evidence, as configured: by importance sampling and mode splitting, Laplace, or prior samples."""
+        """Add the evidence, as configured: by importance sampling and mode splitting, Laplace, or prior samples.
+
+        It includes that of the measurement of gravity, which is the same for all candidates of a parent.
+        """
         weights, (problem, mode) = self.problem.weights, candidates.solved()
         is_cut_off = self._is_cut_off
+        log_level = log_levels(self.parents.components, self.step.motion)
+        of_rows = log_level[candidates.assignments.parents]
         unsampled = self._has_named_rivals and not is_cut_off
         method = "laplace" if weights.method == "importance" and unsampled else weights.method
         if method == "importance":
@@ -267,16 +269,17 @@ class ClosedKeyframe:
                 candidates=candidates,
                 used=self.used,
                 new=self._new,
+                log_level=log_level,
                 is_cut_off=is_cut_off,
             )
             return split_modes(unsplit, weights, self.path.mode if self.path is not None else None)
         if method == "laplace":
-            log_evidence = mode.log_evidence + problem.log_visibility(mode.y, soft=True)
+            log_evidence = mode.log_evidence + problem.log_visibility(mode.y, soft=True) + of_rows
             return candidates.gaining(
                 log_evidence=log_evidence, effective_sample_sizes=np.full(len(log_evidence), np.nan)
             )
         log_evidence, effective = sample_evidence(problem, weights.num_samples, self._generators(candidates))
-        return candidates.gaining(log_evidence=log_evidence, effective_sample_sizes=effective)
+        return candidates.gaining(log_evidence=log_evidence + of_rows, effective_sample_sizes=effective)
 
     @property
     def _is_cut_off(self) -> bool:
@@ -318,25 +321,3 @@ class ClosedKeyframe:
             for p, own in zip(rows.parents, steps, strict=True)
         ]
         return [generator(self.problem.seed, "weights", stamp, key) for key in ids]
-
-
-def predict(
-    components: Sequence[Component], motion: Motion, known: Sequence[int], new: Sequence[dict[int, GaussianPrior]]
-) -> PredictedBelief:
-    """Predict b^-[x_k, O] (Eqs. 4.11, 4.21) for every parent; new objects come after the known ones."""
-    spaces = components[0].spaces
-    keys = [robot_key(components[0].keyframe), *(object_key(n) for n in known)]
-    mean = np.array([component.states(keys) for component in components])
-    covariance = np.array([component.joint_covariance(keys) for component in components])
-    own, robot, transition = spaces.storage.block(0), spaces.layout.block(0), spaces.robot.propagation(motion.control)
-    mean[:, 0, own] = spaces.robot.compose(mean[:, 0, own], motion.control)
-    cross = column_products(transition, covariance[:, robot])
-    covariance[:, robot], covariance[:, :, robot] = cross, np.swapaxes(cross, 1, 2)
-    covariance[:, robot, robot] = cross[..., robot] @ transition.T + motion.covariance
-    if not any(new):
-        return PredictedBelief(spaces.layout, mean, covariance)
-    added = [list(priors.values()) for priors in new]
-    mean = spaces.storage.stacked(mean, np.array([[prior.mean for prior in priors] for priors in added]))
-    pairs = zip(covariance, added, strict=True)
-    spread = np.array([block_diag(own, *(p.covariance for p in priors)) for own, priors in pairs])
-    return PredictedBelief(spaces.layout, mean, spread)

@@ -13,10 +13,11 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.moments import largest_sigmas
+from semantic_slam.inference.association.closed_prediction import predict
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.spaces import Spaces
 
 FEW_OBJECTS = 12
@@ -68,12 +69,9 @@ def map_gate(
     rows = spaces.landmark.position_rows
     sigmas = largest_sigmas(np.array([covariance[rows, rows] for _, covariance in objects]))
     states = np.array([component.states(keys) for component in components])[..., : spaces.storage.landmark]
-    robot = np.array([component.newest_robot() for component in components])
-    covariance = np.array([component.joint_covariance([robot_key(component.keyframe)]) for component in components])
-    transition = spaces.robot.propagation(step.motion.control)
-    covariance = transition @ covariance @ transition.T + step.motion.covariance
-    robot = spaces.robot.compose(robot, step.motion.control)
-    cost, log_peak = model.least_cost(model.collect(detections), robot, covariance, states, sigmas)
+    robots = predict(components, step.motion, [], [])
+    robot = robots.mean[:, 0, : spaces.storage.robot]
+    cost, log_peak = model.least_cost(model.collect(detections), robot, robots.covariance, states, sigmas)
     needed = min(len(detections), len(objects)) - 1  # with this many options each, a distinct assignment exists
     cheapest = np.partition(cost, [0, needed], axis=2)
     admitted = cost <= np.maximum(cheapest[..., needed : needed + 1], cheapest[..., :1] + gate + FIRST_MARGIN)

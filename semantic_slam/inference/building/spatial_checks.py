@@ -60,7 +60,6 @@ def _planar_alone(configuration: Configuration, association: type[AssociationStr
     yield revision.carried_probability > 0.0, "set revision.carried_probability: 0"
     yield configuration.odometry.slip_share > 0.0, "set odometry.slip_share: 0"
     if not association.tracks_objects:
-        yield configuration.odometry.sigma_level_rad > 0.0, "set odometry.sigma_level_rad: 0, or association: open"
         return
     yield revision.lost_every_keyframes > 0, "set revision.lost_every_keyframes: 0"
     yield errors.correlated_share > 0.0, "set detection_errors.correlated_share: 0"

@@ -45,6 +45,7 @@ class UnsplitCandidates:
     candidates: WeighedAssociations
     used: Index  # (n,) detections that the candidates are about
     new: Sequence[dict[int, GaussianPrior]]  # P: objects that this keyframe introduces
+    log_level: Array  # (P,) log density of the measurement of gravity; the problems are given it, windows contain it
     is_cut_off: bool = False  # whether limits of visibility cut Gaussians off, which samples are to show
 
     @property
@@ -91,7 +92,8 @@ def split_modes(
 ) -> WeighedAssociations:
     """All modes of all candidates. ``path_mode``: mode number of a replayed lineage; for 0 no window is searched."""
     log_visible = expanded.stack.log_visibility(expanded.mode.y, soft=True)
-    log_evidence = expanded.mode.log_evidence + log_visible
+    log_level = expanded.log_level[expanded.stack.rows.parents]
+    log_evidence = expanded.mode.log_evidence + log_visible + log_level
     effective = np.full(len(log_evidence), np.nan)
     has_window = np.array([parent.window is not None for parent in expanded.parents])[expanded.stack.rows.parents]
     is_cut = ((log_visible < 0.0) | has_window) & expanded.is_cut_off
@@ -101,7 +103,8 @@ def split_modes(
     if plain.any():
         rows, counts = np.flatnonzero(plain), np.zeros(len(shares), dtype=int)
         for count in (FEW_SAMPLES, weights.screening_samples):
-            log_evidence[rows], shares[rows] = _screened(expanded, rows, log_evidence[rows], count)
+            geometric, shares[rows] = _screened(expanded, rows, log_evidence[rows] - log_level[rows], count)
+            log_evidence[rows] = geometric + log_level[rows]
             counts[rows] = count
             rows = rows[(shares[rows] < CLEAR_SHARE) | (log_visible[rows] < LOG_IN_SIGHT)]
         effective[plain] = (shares * counts)[plain]

@@ -1,5 +1,6 @@
 """Batched problems over windows: robot states and objects since the keyframe at which a hypothesis was last Gaussian.
 
+Measurements of gravity since then are among the likelihoods of a window.
 The states are x_a = mean Exp(L y_a), o = mean Exp(L y_o) and x_t = x_(t-1) u_t Exp(M_t y_t), so that y ~ N(0, I)
 exactly and the evidence of everything since is the mean of the likelihood over y: Eq. 4.18 for the whole window.
 Hypotheses of the same shape (same keyframes since the anchor, same number of objects) form one batch.
@@ -56,6 +57,7 @@ class WindowProblem:
         self.motion_roots = [np.linalg.cholesky(link.motion.covariance) for link in links]
         self.size = self.motion_rows(len(links)).start
         self._times = np.array([t + 1 for t, link in enumerate(links) for _ in link.detections], dtype=int)
+        self._levels = [(t + 1, link.motion.gravity) for t, link in enumerate(links) if link.motion.gravity is not None]
         collected = model.collect([detection for link in links for detection in link.detections])
         named = np.full(len(self._times), model.num_classes > 0)
         self._parts = [  # detections with and without semantics
@@ -147,6 +149,13 @@ class WindowProblem:
             jacobian[..., : self.width] += together @ self._placed(by_object, sightings)
             jacobians.append(jacobian.reshape(len(y), -1, self.size))
             residuals.append(_joined([part.residual for part in parts]).reshape(len(y), -1, 1))
+        for time, gravity in self._levels:
+            residual, slopes = gravity.residual(robots[:, :, time])
+            energy -= gravity.log_likelihood(robots[:, :, time]).reshape(-1)
+            whitened = np.concatenate([slopes @ by_robot[:, :, time], residual[..., None]], axis=-1)
+            whitened = whitened.reshape(len(y), 2, -1) / np.sqrt(gravity.variance)
+            jacobians.append(whitened[..., :-1])
+            residuals.append(whitened[..., -1:])
         if not jacobians:
             return energy, y.copy(), broadcast_copy(np.eye(self.size), (len(y), self.size, self.size))
         jacobian, residual = _joined(jacobians), _joined(residuals)
@@ -161,6 +170,8 @@ class WindowProblem:
             x, o = self._pairs(robots, objects, sightings)
             classes = self._repeated(sightings, robots.shape[1]) if named else None
             total += row_sums(self.model.log_likelihood(detections, x, o, classes).reshape(len(total), -1))
+        for time, gravity in self._levels:
+            total += gravity.log_likelihood(robots[:, :, time]).reshape(-1)
         return total
 
     def _log_visibility(self, robots: Array, objects: Array, *, soft: bool) -> Array:

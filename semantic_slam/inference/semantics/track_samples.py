@@ -2,17 +2,19 @@
 
 A component's Gaussian is that of its factors linearised at the estimate. A continuation measures only the newest robot
 pose and the objects that it associates; the samples of those are mapped by its mode and Hessian, and earlier poses
-follow by regression on them (Matheron's rule), which is exact for Gaussians.
+follow by regression on them (Matheron's rule), which is exact for Gaussians. By the same rule all samples follow a
+measurement of gravity.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.models.spatial.gravity import Gravity
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component import Component
@@ -86,16 +88,42 @@ class PredictedSamples:
         step = _normals(seed, robot_key(component.keyframe + 1), (num_samples, layout.robot)) @ noise.T
         ahead = [past.deviations[:, past.rows[robot]] @ transition.T + step]
         gain = [past.covariance_with(robot) @ transition.T]
+        with_robot = [transition @ gain[0][past.rows[robot]] + motion.covariance]
         for number in object_ids:
             key = object_key(number)
             if number in new:
                 root = np.linalg.cholesky(new[number].covariance)
                 ahead.append(_normals(seed, key, (num_samples, layout.landmark)) @ root.T)
                 gain.append(np.zeros((len(past.root), layout.landmark)))
+                with_robot.append(np.zeros((layout.landmark, layout.robot)))
             else:
                 ahead.append(past.deviations[:, past.rows[key]])
                 gain.append(past.covariance_with(key))
-        return cls(past, np.concatenate(ahead, axis=1), np.concatenate(gain, axis=1))
+                with_robot.append(gain[0][past.rows[key]])
+        predicted = cls(past, np.concatenate(ahead, axis=1), np.concatenate(gain, axis=1))
+        if motion.gravity is None:
+            return predicted
+        moved = component.spaces.robot.compose(component.newest_robot(), motion.control)
+        drawn = generator(seed, "gravity", 0, robot_key(component.keyframe + 1)).standard_normal((num_samples, 2))
+        return predicted._given(motion.gravity, moved, np.concatenate(with_robot), drawn)
+
+    def _given(self, gravity: Gravity, robot: Array, with_robot: Array, drawn: Array) -> "PredictedSamples":
+        """The samples given a measurement of gravity, those ahead as deviations from the means that it shifts.
+
+        ``robot`` (s,) is the mean before it, ``with_robot`` (r + O l, r) the covariance of the robot with what is
+        ahead, and ``drawn`` (P, 2) are standard normal errors of the measurement.
+        """
+        (residual, slopes), r = gravity.residual(robot), with_robot.shape[1]
+        ahead, past = with_robot @ slopes.T, self.gain[:, :r] @ slopes.T
+        innovation = slopes @ ahead[:r] + gravity.variance * np.eye(2)
+        off = self.ahead[:, :r] @ slopes.T + np.sqrt(gravity.variance) * drawn
+        by_ahead, by_past = np.linalg.solve(innovation, ahead.T), np.linalg.solve(innovation, past.T)
+        moved = self.past.deviations - (off + residual) @ by_past
+        return PredictedSamples(
+            past=replace(self.past, deviations=moved),
+            ahead=self.ahead - off @ by_ahead,
+            gain=self.gain - past @ by_ahead,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 from semantic_slam.bag.names import absolute
 from semantic_slam.configuration import Configuration
-from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.messages import topics
 
 NAME, TYPE = absolute(topics.IMU), topics.TYPES[topics.IMU]
@@ -14,8 +13,6 @@ def unused_because(configuration: Configuration) -> str:
     """Why the configuration does not use topic imu; "" if it does, for roll and pitch."""
     if not configuration.is_spatial:
         return "a planar robot is level"
-    if not strategy_of(configuration).tracks_objects:
-        return "gravity counts with association: open alone"
     if configuration.odometry.sigma_level_rad > 0.0:
         return "by odometry.sigma_level_rad odometry tells roll and pitch"
     return "" if configuration.imu.sigma_level_rad > 0.0 else "imu.sigma_level_rad is 0"

@@ -11,7 +11,7 @@ from semantic_slam.geometry.pose import covariance_from_planar, planar_from_pose
 from semantic_slam.geometry.transform import between, compose, interpolate, inverse, rotation_angle
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.inference.models.noise.clock_offset import shifts_of
-from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance, odometry_variances
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance, odometry_covariance_in_space
 from semantic_slam.inference.models.odometry_bias import slopes
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.pipeline.odometry.odometry_rate import NOT_KNOWN, Rate
@@ -166,7 +166,7 @@ def motion_shifts(first: Array, second: Array) -> Array:
 
 
 def motion_covariance_in_space(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:
-    """(6, 6) covariance of a 3D motion: as stated by odometry, else of the noise model, equal for all axes.
+    """(6, 6) covariance of a 3D motion: as stated by odometry, else of the noise model.
 
     Over x y z rx ry rz at the second point. Between equal stamps it is :data:`NO_MOTION_VARIANCE` times the identity.
     """
@@ -177,9 +177,7 @@ def motion_covariance_in_space(first: OdometryPoint, second: OdometryPoint, nois
         more_place, more_turn = _missing(first, second)
         return stated + np.diag(np.repeat([more_place, more_turn], 3))
     travelled, turned = second.travelled_m - first.travelled_m, second.turned_rad - first.turned_rad
-    place, turn = odometry_variances(travelled, turned, noise)
-    more_place, more_turn = _missing(first, second)
-    return np.diag(np.repeat([place + more_place, turn + more_turn], 3))
+    return odometry_covariance_in_space(travelled, turned, noise, _missing(first, second))
 
 
 def motion_covariance(first: OdometryPoint, second: OdometryPoint, noise: OdometryConfiguration) -> Array:

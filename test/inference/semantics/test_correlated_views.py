@@ -12,7 +12,7 @@ from worlds.scenes.planar_world import World, beliefs, make_world
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
-from semantic_slam.inference.association.closed_keyframe import predict
+from semantic_slam.inference.association.closed_prediction import predict
 from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.assignments import Assignments

@@ -11,7 +11,7 @@ from worlds.views.harmonic_model import HarmonicModel
 from worlds.views.latent_world import MODEL, make_latent_world
 
 from semantic_slam.geometry.pose import planar_from_pose_vector
-from semantic_slam.inference.association.closed_keyframe import predict
+from semantic_slam.inference.association.closed_prediction import predict
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.assignments import Assignments

@@ -237,7 +237,6 @@ def test_extrinsics_that_are_none_are_refused_by_name() -> None:
     ("changes", "reason"),
     [
         ({"state_space": "planar", "observation": "range_bearing"}, "a planar robot is level"),
-        ({"association": "given"}, "gravity counts with association: open alone"),
         ({"odometry": {"sigma_level_rad": 0.01}}, "by odometry.sigma_level_rad odometry tells roll and pitch"),
         ({"imu": {"sigma_level_rad": 0.0}}, "imu.sigma_level_rad is 0"),
     ],

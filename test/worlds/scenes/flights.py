@@ -26,15 +26,24 @@ class Flight:
 
     def fly(self, engine: Engine, most: int, *, named: bool) -> HybridBelief:
         """The next keyframe, with the nearest points in view."""
+        return engine.process(self.next(most, named=named))
+
+    def next(self, most: int, *, named: bool, sigma_up_rad: float = 0.0) -> Keyframe:
+        """The next keyframe; ``sigma_up_rad``: of gravity, 0: it does not measure any."""
         motion = se3.exp(np.array([0.0, 0.0, 0.35, 0.2, 0.0, 0.0]) + self.random.normal(scale=0.03, size=6))
         self.x = se3.retract(se3.compose(self.x, motion), self.random.normal(size=6) * DRIFT)
         body = self.T_ahead_body
         covariance = se3.covariance_along_parent(se3.inverse(body), np.diag(DRIFT**2))
         seen = self.seen(most, named=named)
         motion = se3.between(body, se3.compose(motion, body))
-        keyframe = Keyframe.spatial(self.keyframe, motion=motion, motion_covariance=covariance, detections=seen)
+        told = {} if sigma_up_rad <= 0.0 else {"up": self._up(sigma_up_rad), "sigma_up_rad": sigma_up_rad}
+        keyframe = Keyframe.spatial(self.keyframe, motion=motion, motion_covariance=covariance, detections=seen, **told)
         self.keyframe += 1
-        return engine.process(keyframe)
+        return keyframe
+
+    def _up(self, sigma_rad: float) -> np.ndarray:
+        turn = se3.compose(self.x, self.T_ahead_body)[3:]
+        return so3.matrix(turn)[2] + sigma_rad * self.random.normal(size=3)
 
     def seen(self, most: int, *, named: bool) -> list[Detection]:
         camera = se3.compose(self.x, T_BODY_CAMERA)

@@ -8,7 +8,7 @@ from semantic_slam.configuration import OdometryConfiguration, PerceptionConfigu
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
-from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance, odometry_variances
+from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance, odometry_covariance_in_space
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class ConfiguredNoise:
         return odometry_covariance(float(np.hypot(*control[:2])), abs(float(wrap_angle(control[2]))), self.odometry)
 
     def of_motion_in_space(self, control: Array, covariance: Array) -> Array:
-        """(6, 6) over x y z rx ry rz of a motion (7,); isotropic if its covariance is not given."""
+        """(6, 6) over x y z rx ry rz of a motion (7,), as configured if its covariance is not given."""
         if not np.isnan(covariance).any():
             return covariance
         travelled, turned = float(np.linalg.norm(control[:3])), float(np.linalg.norm(so3.log(control[3:])))
-        return np.diag(np.repeat(odometry_variances(travelled, turned, self.odometry), 3))
+        return odometry_covariance_in_space(travelled, turned, self.odometry)
 
     def of_detection_in_space(self, range_m: float) -> Array:
         """(3, 3) of [range, off the ray], with the bearing's standard deviation in both directions off the ray."""

@@ -8,11 +8,13 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry import se3, so3
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.inference.models.spatial.detection import across
 
 UP = np.array([0.0, 0.0, 1.0])
 """The vertical in map."""
+MODE_ITERATIONS = 5
+"""Linearisations on the way to a mode; each leaves an error of the order of the square of the one before."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +44,16 @@ class Gravity:
         return across(self.up)
 
     def residual(self, robot: Array) -> tuple[Array, Array]:
-        """(2,) deviation of the measured vertical from a robot's (7,) [rad, first order], and its (2, 6) Jacobian."""
-        true = so3.matrix(robot[3:])[2]  # up along the body's axes
-        slopes = np.zeros((2, 6))
-        slopes[:, se3.ROTATION] = self._aside.T @ so3.hat(true)
-        return self._aside.T @ true, slopes
+        """(..., 2) deviation [rad, first order] of the measured vertical from robots' (..., 7), and its Jacobian."""
+        true = so3.matrix(robot[..., 3:])[..., 2, :]  # up along the body's axes
+        slopes = np.zeros((*true.shape[:-1], 2, 6))
+        slopes[..., se3.ROTATION] = self._aside.T @ so3.hat(true)
+        return true @ self._aside, slopes
+
+    def log_likelihood(self, robot: Array) -> Array:
+        """(...,) log density of the measurement from robots (..., 7)."""
+        squared = squared_norms(self.residual(robot)[0]) / self.variance
+        return np.asarray(-0.5 * squared - np.log(2.0 * np.pi * self.variance))
 
     def levels(self, robot: Array, covariance: Array) -> Levelled:
         """The Kalman update of a robot (7,) and whatever is jointly known with it, covariance (n, n)."""
@@ -58,6 +65,28 @@ class Gravity:
         return Levelled(
             shift=-residual @ gain,
             covariance=covariance - cross @ gain,
+            log_evidence=float(-np.log(2.0 * np.pi) - 0.5 * (np.linalg.slogdet(innovation)[1] + squared)),
+        )
+
+    def at_mode(self, robot: Array, covariance: Array) -> Levelled:
+        """The update as of :meth:`levels`, linearised at its result: the mode, and Laplace's approximation there.
+
+        The covariance remains in the tangent space at the prior mean.
+        """
+        shift: Array = np.zeros(len(covariance))
+        for _ in range(MODE_ITERATIONS):
+            here = shift[:6]
+            residual, slopes = self.residual(se3.retract(robot, here))
+            slopes = slopes @ se3.right_jacobian(here)
+            cross = covariance[:, :6] @ slopes.T
+            innovation = slopes @ cross[:6] + self.variance * np.eye(2)
+            weight = np.linalg.solve(innovation, slopes @ here - residual)
+            shift = np.asarray(cross @ weight)
+        off = self.residual(se3.retract(robot, shift[:6]))[0]
+        squared = off @ off / self.variance + weight @ (innovation - self.variance * np.eye(2)) @ weight
+        return Levelled(
+            shift=shift,
+            covariance=covariance - cross @ np.linalg.solve(innovation, cross.T),
             log_evidence=float(-np.log(2.0 * np.pi) - 0.5 * (np.linalg.slogdet(innovation)[1] + squared)),
         )
 
