@@ -109,8 +109,8 @@ def test_changes_and_their_inverse_lead_back_to_what_was(kind: str) -> None:
     first = looks.revised(step, held.component, there)
     second = looks.revised(step, first.component, back)
     assert first.log_gain < -30.0
-    assert second.log_gain == pytest.approx(-first.log_gain, abs=0.5)
-    assert log_evidence(second.component.smoother) == pytest.approx(log_evidence(held.component.smoother), abs=0.5)
+    assert second.log_gain == pytest.approx(-first.log_gain, abs=0.6)
+    assert log_evidence(second.component.smoother) == pytest.approx(log_evidence(held.component.smoother), abs=0.6)
     told, again = held.component.views, second.component.views
     assert told.keys() == again.keys()
     assert bool(told) == (kind == "detector")
