@@ -11,7 +11,7 @@ LEFT_OUT = frozenset({"steps", "final", "shown", "runs", "keyframes", "tracks_m"
 """Keys of what figures are drawn from: every step of every run. No table shows them."""
 MOST_ITEMS = 40
 """Longer lists are data of figures, too, but for those below."""
-SHOWN = frozenset({"claims", "results"})
+SHOWN = frozenset({"claims", "results", "forgeries"})
 """Lists of which every row is in a table."""
 DIGITS = 6
 """Significant ones: more than any table shows."""
