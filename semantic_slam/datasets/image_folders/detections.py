@@ -84,15 +84,8 @@ def with_positions(
     return replace(told, positions=positions, position_covariances=covariances)
 
 
-def placed(
-    told: Detections,
-    depth_m: NDArray[np.float32],
-    camera: CameraModel,
-    R_body_camera: Array,
-    depth_to_width: float = 0.0,
-) -> Detections:
-    """With places for a robot in the plane: positions from depth, bearings alone where a box shows none."""
-    told = with_positions(told, depth_m, camera, R_body_camera, depth_to_width)
+def with_bearings(told: Detections, camera: CameraModel, R_body_camera: Array) -> Detections:
+    """With bearings alone where a box has no position, for a robot in the plane."""
     bearings, elevations = np.full(len(told), np.nan), np.full(len(told), np.nan)
     covariances = np.full((len(told), 3, 3), np.nan)
     for row in np.flatnonzero(np.isnan(told.positions).any(axis=1)):

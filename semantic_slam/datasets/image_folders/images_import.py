@@ -13,8 +13,9 @@ from semantic_slam.datasets.image_folders.detections import (
     Detector,
     found_by,
     own_boxes,
-    placed,
+    with_bearings,
     with_named_classes,
+    with_positions,
 )
 from semantic_slam.datasets.image_folders.detector_arguments import add_detector, given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
@@ -96,7 +97,11 @@ def write_images(
     drive = Drive(
         odometry=journey.odometry,
         frames=[
-            placed(told, folder.depth_m(frame), folder.camera, rotation, depth_to_width)
+            with_bearings(
+                with_positions(told, folder.depth_m(frame), folder.camera, rotation, depth_to_width),
+                folder.camera,
+                rotation,
+            )
             for frame, told, rotation in frames
         ],
         truth=journey.truth,

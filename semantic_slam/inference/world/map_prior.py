@@ -23,6 +23,8 @@ ROUNDING = 1e-6
 """Relative tolerance for numbers read from files, which are rounded."""
 LEAST_TOLERANCE = 1e-30
 """Absolute tolerance of a covariance whose variances are all 0."""
+MOST_VARIANCE = 1e12
+"""Largest variance [m^2 or rad^2]: beside it a known direction of the same pose would be lost to rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,6 +214,8 @@ def _covariance(values: object) -> Array:
     if covariance.size != 36 or not np.isfinite(covariance).all():
         raise ValueError("covariance needs 36 finite numbers")
     covariance = covariance.reshape(6, 6)
+    if np.abs(covariance).max() > MOST_VARIANCE:
+        raise ValueError(f"covariance has numbers above {MOST_VARIANCE:.0e}; give 1e6 where nothing is known")
     tolerance = ROUNDING * float(np.abs(covariance).max())
     if np.abs(covariance - covariance.T).max() > tolerance or np.linalg.eigvalsh(covariance).min() < -tolerance:
         raise ValueError("covariance is not symmetric and positive semi-definite")

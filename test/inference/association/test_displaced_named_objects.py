@@ -5,14 +5,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from worlds.drives.standing_robot import beliefs_at_rest
 from worlds.exact.object_quadrature import ObjectQuadrature
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
-from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 PLACES, SIGMA_MAP = np.array([[3.0, 0.8], [2.6, -0.9]]), 0.15
@@ -50,12 +49,7 @@ def _run(
         weights={"gate": 60.0, "max_candidates": 4000},
         open_world=world,
     )
-    engine = Engine(
-        configuration, known, initial_pose=np.zeros(3), initial_covariance=np.diag([sigma, sigma, 1e-5]) ** 2,
-        backends=backends,
-    )  # fmt: skip
-    still = (1e-5, 1e-5, 1e-5)
-    return [engine.process(Keyframe.planar(k, detections=own, motion_sigmas=still)) for k, own in enumerate(frames)]
+    return beliefs_at_rest(frames, configuration, known, backends, sigma)
 
 
 def _exact(number: int, seen: Sequence[Detection], wrong: float) -> float:

@@ -5,13 +5,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from worlds.drives.standing_robot import beliefs_at_rest
 from worlds.exact.object_quadrature import ObjectQuadrature
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
-from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.displaced_objects import with_displaced
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
@@ -36,12 +35,7 @@ def _run(
     frames: Sequence[Sequence[Detection]], configuration: Configuration, backends: int = 1, sigma: float = 1e-5
 ) -> list[HybridBelief]:
     """Of a robot that stands at the origin, which it knows to ``sigma``."""
-    engine = Engine(
-        configuration, MAP, initial_pose=np.zeros(3), initial_covariance=np.diag([sigma, sigma, 1e-5]) ** 2,
-        backends=backends,
-    )  # fmt: skip
-    still = (1e-5, 1e-5, 1e-5)
-    return [engine.process(Keyframe.planar(k, detections=own, motion_sigmas=still)) for k, own in enumerate(frames)]
+    return beliefs_at_rest(frames, configuration, MAP, backends, sigma)
 
 
 def _log_clutter(seen: Detection) -> float:

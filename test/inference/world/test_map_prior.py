@@ -36,6 +36,7 @@ def test_rounded_covariance_is_accepted() -> None:
         ({"covariance": (COVARIANCE + np.eye(6, k=1)).tolist()}, "symmetric"),
         ({"covariance": (COVARIANCE - 0.01 * np.eye(6)).tolist()}, "semi-definite"),
         ({"covariance": [1.0] * 35}, "36 finite numbers"),
+        ({"covariance": np.diag([0.01] * 5 + [1e300]).tolist()}, "give 1e6 where nothing is known"),
         ({"id": -1}, "id -1"),
         ({"id": 2**32}, "id 4294967296"),
         ({"class_probabilities": {"chair": -0.1}}, "not negative"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semantic_slam.datasets.image_folders.detections import placed
+from semantic_slam.datasets.image_folders.detections import with_positions
 from semantic_slam.datasets.image_folders.detector_arguments import given_detector
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
 from semantic_slam.datasets.image_folders.images_import import found_in
@@ -89,7 +89,7 @@ def _places(folder: ImageFolder, found: Sequence[Detections], journey: Journey, 
     made = []
     rows = zip(folder.frames, found, journey.R_body_camera, journey.truth.poses, strict=True)
     for frame, told, rotation, pose in rows:
-        positions = placed(told, folder.depth_m(frame), folder.camera, rotation, depth_to_width).positions
+        positions = with_positions(told, folder.depth_m(frame), folder.camera, rotation, depth_to_width).positions
         level = np.column_stack([positions[:, :2], np.zeros(len(positions))])
         made.append(np.asarray(se2.compose(pose, level)[:, :2]))
     return made
