@@ -107,15 +107,17 @@ class SpatialRegion:
         """(...,) probability that nothing occludes ``seen`` (..., 3), with (..., 3, 3), in the optical frame.
 
         Occluders are balls of the occluder's radius about a frame's detections ``shown`` (D, 3), with ``variances`` (D,
-        2) of distance and direction. Distance and angle count as independent normals.
+        2) of distance and direction. Distance and angle count as independent normals; the angle varies along the arc
+        between both directions.
         """
         if self.occluder_radius_m <= 0.0 or not len(shown):
             return np.ones(seen.shape[:-1])
         distance = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)[..., None]
         unit, ranges = seen / distance, np.maximum(np.sqrt(squared_norms(shown)), LEAST_DISTANCE_M)
         along = np.einsum("...i,...ij,...j->...", unit, covariance, unit)[..., None]
-        across = 0.5 * (np.trace(covariance, axis1=-2, axis2=-1)[..., None] - along) / distance**2
-        turn = np.arccos(np.clip(unit @ (shown / ranges[:, None]).T, -1.0, 1.0))
+        cosine = np.clip(unit @ (shown / ranges[:, None]).T, -1.0, 1.0)
+        across = _towards(unit, shown / ranges[:, None], cosine, covariance) / distance**2
+        turn = np.arccos(cosine)
         half = np.arcsin(np.minimum(self.occluder_radius_m / ranges, 1.0))
         sigma = np.sqrt(across + variances[:, 1]) + LEAST_SIGMA
         aside = ndtr((half - turn) / sigma) - ndtr((-half - turn) / sigma)
@@ -152,6 +154,20 @@ def _angle(seen: Array, axis: int) -> tuple[Array, Array]:
     slope = np.zeros(seen.shape)
     slope[..., axis], slope[..., 2] = ahead / squared, -aside / squared
     return np.arctan2(aside, ahead), slope
+
+
+def _towards(unit: Array, others: Array, cosine: Array, covariance: Array) -> Array:
+    """(..., D) variances [m^2] across directions ``unit`` (..., 3), each towards one of ``others`` (D, 3).
+
+    ``cosine`` (..., D) are those of the angles between them. Towards itself a direction has the mean across it.
+    """
+    away = others - cosine[..., None] * unit[..., None, :]
+    squared = squared_norms(away)
+    apart = squared > LEAST_SIGMA**2
+    along = np.vecdot(unit, (covariance @ unit[..., None])[..., 0])
+    mean = 0.5 * (np.trace(covariance, axis1=-2, axis2=-1) - along)
+    towards = np.vecdot(away @ covariance, away) / np.where(apart, squared, 1.0)
+    return np.where(apart, towards, mean[..., None])
 
 
 def _sigma(slope: Array, covariance: Array) -> Array:
