@@ -1,6 +1,5 @@
 """Hypotheses that differ in how much of a detection's error repeats: evidence decides."""
 
-
 import numpy as np
 import pytest
 from worlds.drives.open_room import Room, make_room
