@@ -51,7 +51,7 @@ def quantities(configuration: Configuration, *, places_are_told: bool) -> tuple[
         found.append(Quantity("noise of detections", ("perception.noise_factors",), power=2))
     else:
         found.append(Quantity("noise of detections", tuple(f"perception.{name}" for name in DETECTIONS)))
-    if configuration.detection_errors.correlated_share > 0.0:
+    if configuration.detection_errors.correlated_share > 0.0 and not configuration.detection_errors.correlated_shares:
         found.append(Quantity("what does not repeat", ("detection_errors.correlated_share",), of_the_rest=True))
     if configuration.association in CLUTTER and not configuration.open_world.clutters_per_frame:
         found.append(Quantity("clutter", (CLUTTER[configuration.association],)))

@@ -14,6 +14,11 @@ class DetectionErrorsConfiguration:
         minimum=0.0,
         maximum=0.99,
     )
+    correlated_shares: tuple[float, ...] = parameter(
+        (),
+        "in place of correlated_share; which is right is decided by evidence, hypothesis by hypothesis; empty: that"
+        " alone",
+    )
     common_range_share: float = parameter(
         0.3, "share of what repeats in ranges that all detections of a frame have in common", minimum=0.0, maximum=1.0
     )

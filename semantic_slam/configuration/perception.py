@@ -87,3 +87,9 @@ class PerceptionConfiguration:
         minimum=0.3,
         maximum=1.0,
     )
+    same_place_m: float = parameter(
+        0.05,
+        "detections of a frame without boxes that are nearer to each other show one thing, which the detector calls by"
+        " several names; 0: never",
+        minimum=0.0,
+    )

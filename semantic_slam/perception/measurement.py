@@ -80,6 +80,16 @@ class SemanticMeasurements:
     def __len__(self) -> int:
         return len(self.detection_ids)
 
+    @property
+    def places(self) -> Array:
+        """(D, 3) places in the body frame [m]: the points, else from range, bearing and elevation; NaN: not known."""
+        level = self.ranges_m * np.cos(self.elevations_rad)
+        sideways = np.cos(self.bearings_rad), np.sin(self.bearings_rad)
+        polar = np.stack(
+            [level * sideways[0], level * sideways[1], self.ranges_m * np.sin(self.elevations_rad)], axis=1
+        )
+        return np.where(np.isfinite(self.points), self.points, polar)
+
     def take(self, rows: Index) -> "SemanticMeasurements":
         """Measurements of the selected detections."""
         return with_rows(self, rows, whole=OF_THE_FRAME)

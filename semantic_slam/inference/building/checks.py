@@ -57,6 +57,13 @@ def _check_detection_errors(configuration: Configuration, association: type[Asso
             "detection_errors.correlated_share works only where updates are not iterated;"
             " set association: open, or given, and open_world.iterate_updates: false"
         )
+    if errors.correlated_shares and (
+        errors.correlated_share <= 0.0 or not all(0.0 < own <= 0.99 for own in errors.correlated_shares)
+    ):
+        raise InputError(
+            "detection_errors.correlated_shares must be above 0 and at most 0.99, and correlated_share above 0, too;"
+            " correct them, or empty it"
+        )
     if errors.outlier_share > 0.0 and not (association.tracks_objects and sees_places_in_single_steps(configuration)):
         raise InputError(
             "detection_errors.outlier_share works only with association: open or given, open_world.iterate_updates:"

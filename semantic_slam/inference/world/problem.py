@@ -22,7 +22,8 @@ from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.clutter import Clutter
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.moving import Moving
-from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
+from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
+from semantic_slam.inference.models.noise.noise_settings import NoiseSettings, errors_under
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import NoSemantics, Semantics
@@ -139,6 +140,10 @@ class Problem:
         priors = {entry.object_id: entry.prior for entry in self.objects}
         existence = {entry.object_id: entry.existence for entry in self.objects}
         return Component.root(self.spaces, self.model, self.robot, priors, self.latent, existence, self.joint)
+
+    def tail_of(self, component: Component) -> HeavyTail | None:
+        """The outliers that a hypothesis expects among detections; None: none is one."""
+        return HeavyTail.of(errors_under(component.settings, self.detection_errors), component.outliers)
 
     def _single_steps(self, smoother: Smoother) -> Smoother:
         """The smoother configured for a single (not iterated) update per keyframe."""

@@ -1,13 +1,15 @@
-"""Merging of boxes in one frame that show one object under several labels, such as a laptop also called a tv.
+"""Merging of detections in one frame that show one object under several labels, such as a laptop also called a tv.
 
-Separate solid objects do not share one image outline: the nearer one occludes the other. Split objects, and objects
-merged with a neighbour, have other outlines than the object; these are left to births, misses and false alarms.
+Separate solid objects do not share one image outline: the nearer one occludes the other. Nor are they at one place,
+which tells where detections have no boxes. Split objects, and objects merged with a neighbour, have other outlines than
+the object; these are left to births, misses and false alarms.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
+from semantic_slam.configuration import Configuration, PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.perception.measurement import SemanticMeasurements
 
@@ -32,16 +34,20 @@ def _area(sides: Array) -> Array:
     return np.asarray(longer[..., 0] * longer[..., 1])
 
 
-def joined(measurements: SemanticMeasurements, least_overlap: float) -> SemanticMeasurements:
-    """Merge detections of one outline into the best-scored one, which keeps the class scores of all.
+def joined(measurements: SemanticMeasurements, configuration: Configuration) -> SemanticMeasurements:
+    """Merge detections of one object into the best-scored one, which keeps the class scores of all.
 
-    A box is merged into the best one that it overlaps by ``least_overlap`` or more; boxes with different track ids
-    stay separate.
+    A box is merged into the best one that it overlaps by ``perception.same_outline`` or more, a detection without a box
+    into the best one without that is less than ``perception.same_place_m`` away. Different track ids stay separate, as
+    do places with ``association: given``, whose identities may come with another message.
     """
-    boxes = measurements.boxes
-    if len(measurements) < 2 or least_overlap >= 1.0 or not np.isfinite(boxes).any():
+    if len(measurements) < 2:
         return measurements
-    leaders = _leaders(measurements, overlaps(boxes, boxes) >= least_overlap)
+    settings = configuration.perception
+    same = _same_outline(measurements, settings)
+    if configuration.association != "given":
+        same = same | _same_place(measurements, settings)
+    leaders = _leaders(measurements, same)
     kept = np.unique(leaders)
     if len(kept) == len(leaders):
         return measurements
@@ -53,8 +59,23 @@ def joined(measurements: SemanticMeasurements, least_overlap: float) -> Semantic
     return replace(told, class_scores=scores, track_ids=tuple(names)).take(kept)
 
 
+def _same_outline(measurements: SemanticMeasurements, settings: PerceptionConfiguration) -> Flags:
+    """(D, D) whether two boxes have one outline."""
+    if settings.same_outline >= 1.0:
+        return np.zeros((len(measurements),) * 2, dtype=bool)
+    return overlaps(measurements.boxes, measurements.boxes) >= settings.same_outline
+
+
+def _same_place(measurements: SemanticMeasurements, settings: PerceptionConfiguration) -> Flags:
+    """(D, D) whether two detections without boxes are at one place."""
+    places, sides = measurements.places, measurements.boxes[:, 2:] - measurements.boxes[:, :2]
+    has_box = _area(np.nan_to_num(sides)) > 0.0
+    distances = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    return np.asarray((distances < settings.same_place_m) & ~has_box[:, None] & ~has_box)
+
+
 def _leaders(measurements: SemanticMeasurements, same: Flags) -> Index:
-    """(D,) index of the best detection with the same outline; the detection itself where none is better."""
+    """(D,) index of the best detection of the same object; the detection itself where none is better."""
     scores = np.nan_to_num(measurements.scores, nan=-np.inf)
     leaders, leading = np.arange(len(scores)), list[int]()
     for row in np.argsort(-scores, kind="stable").tolist():

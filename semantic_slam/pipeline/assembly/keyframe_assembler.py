@@ -131,9 +131,11 @@ class KeyframeAssembler:
         rows, prefix = np.arange(len(told)), f"{topics.MEASUREMENTS}: "
         best = best_scored(rows, told.scores, settings.max_detections, self.dropped, prefix)
         told = told if len(best) == len(told) else told.take(best)
-        found = joined(told, settings.same_outline)
+        found = joined(told, self._configuration)
         if len(found) < len(told):
-            self.dropped[f"{topics.MEASUREMENTS}: boxes joined to one with the same outline"] += len(told) - len(found)
+            self.dropped[f"{topics.MEASUREMENTS}: joined to one with the same outline or place"] += len(told) - len(
+                found
+            )
         self._measurements.add(measurements.stamp_ns, found)
 
     def add_identities(self, identities: GroundTruthAssociations) -> None:

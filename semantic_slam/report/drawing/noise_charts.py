@@ -15,6 +15,7 @@ MEANINGS = {
     "odometry.slipped": "Probability that odometry slipped from the keyframe before.",
     "perception.noise_factor": "Factor on the covariance of a detection's place.",
     "perception.ranges_are_depth": "Probability that a detection's range is its depth along the sensor's axis.",
+    "detection_errors.correlated_share": "Share of the variance of a detection's place that repeats in the next views.",
     "detection_errors.range_offset_m": "Metres by which all ranges are too long.",
     "detection_errors.yaw_rad": "Radians by which all bearings are too far to the left.",
     "open_world.detection_probability": "Of an object right at the sensor that nothing hides.",

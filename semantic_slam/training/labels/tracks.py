@@ -118,7 +118,7 @@ class _Reader:
         """Measurements of a keyframe, as the run took them."""
         if stamp_ns not in self._measured:
             told = self._run.record.measurements[stamp_ns]
-            self._measured[stamp_ns] = joined(told, self._run.configuration.perception.same_outline)
+            self._measured[stamp_ns] = joined(told, self._run.configuration)
         return self._measured[stamp_ns]
 
     def _seen_from(self, number: int, keyframe: int, measured: SemanticMeasurements) -> tuple[float, float, float]:

@@ -62,9 +62,10 @@ class _Sensor:
         self._detectable: Flags = random.random(len(objects)) < self._runs.share
         clutters = configuration.open_world.clutters_per_frame or (configuration.open_world.clutter_per_frame,)
         self._clutter, self._perception = float(random.choice(clutters)), configuration.perception
-        share = configuration.detection_errors.correlated_share
+        errors = configuration.detection_errors
+        share = float(random.choice(errors.correlated_shares)) if errors.correlated_shares else errors.correlated_share
         self._share = share if truth.correlated_share is None else truth.correlated_share
-        self._errors = RepeatedErrors(configuration.detection_errors)
+        self._errors = RepeatedErrors(errors)
         self._metre = 1.0 + self._perception.sigma_range_scale * float(random.normal())
         self._is_depth = str(random.choice(self._perception.ranges_are)) == DEPTH
 

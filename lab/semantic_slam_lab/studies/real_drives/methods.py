@@ -20,7 +20,7 @@ WITH_ROBOTS = "with_robots"
 
 
 def _with_independent_errors(base: Configuration) -> Configuration:
-    return replace(base, detection_errors=replace(base.detection_errors, correlated_share=0.0))
+    return replace(base, detection_errors=replace(base.detection_errors, correlated_share=0.0, correlated_shares=()))
 
 
 def _without_outliers(base: Configuration) -> Configuration:
@@ -29,6 +29,7 @@ def _without_outliers(base: Configuration) -> Configuration:
 
 def _with_noise_as_stated(base: Configuration) -> Configuration:
     told = replace(base, odometry=replace(base.odometry, noise_factors=(1.0,), estimate_bias=False))
+    told = replace(told, detection_errors=replace(told.detection_errors, correlated_shares=()))
     sensor = replace(told.open_world, detection_probabilities=(), detection_half_ranges_m=())
     world = replace(sensor, birth_densities=(), clutters_per_frame=())
     perception = replace(told.perception, noise_factors=(1.0,), ranges_are=(DISTANCE,))
@@ -61,11 +62,12 @@ ABLATIONS: dict[str, Callable[[Configuration], Configuration] | None] = {
 
 @dataclass(frozen=True)
 class Chosen:
-    """What ours settled on: factors on the covariances of odometry and detections, and what ranges are."""
+    """What ours settled on: factors on the covariances of odometry and detections, what ranges are, what repeats."""
 
     odometry_factor: float = 1.0
     detection_factor: float = 1.0
     ranges_are: str = DISTANCE
+    correlated_share: float | None = None  # None: as configured
 
 
 AS_CONFIGURED = Chosen()
@@ -113,7 +115,15 @@ def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Config
     if switched := ABLATIONS.get(method):
         return switched(base)
     perception = replace(base.perception, noise_factors=(chosen.detection_factor,), ranges_are=(chosen.ranges_are,))
-    told = replace(base, odometry=scaled(base.odometry, chosen.odometry_factor), perception=perception)
+    errors = base.detection_errors
+    share = errors.correlated_share if chosen.correlated_share is None else chosen.correlated_share
+    errors = replace(errors, correlated_share=share, correlated_shares=())
+    told = replace(
+        base,
+        odometry=scaled(base.odometry, chosen.odometry_factor),
+        perception=perception,
+        detection_errors=errors,
+    )
     if method == GIVEN:
         return replace(base if chosen == AS_CONFIGURED else told, association=GIVEN)
     association = "open" if method == "one_hypothesis" else method

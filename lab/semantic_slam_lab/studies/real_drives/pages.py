@@ -35,6 +35,7 @@ COLUMNS = {
     "odometry_factor": ("odometry covariance ×", ".0f"),
     "detection_factor": ("detections' covariance ×", ".1f"),
     "ranges_are_depth": ("ranges are depths", ".0f"),
+    "correlated_share": ("repeats", ".2f"),
     "cpu_s": ("CPU [s]", ".0f"),
     "real_time_factor": ("× real time", ".1f"),
 }

@@ -112,6 +112,7 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
         "odometry_factor": chosen.odometry_factor * task.chosen.odometry_factor,
         "detection_factor": chosen.detection_factor,
         "ranges_are_depth": float(chosen.ranges_are == DEPTH),
+        "correlated_share": _share(chosen, configuration),
         "num_keyframes": len(record.beliefs),
         "detections_left_out": sum(n for reason, n in summary.dropped.items() if "outside the region" in reason),
     }
@@ -129,7 +130,14 @@ def _chosen(component: Component, configuration: Configuration) -> Chosen:
         perception = configuration.perception
         return Chosen(detection_factor=perception.noise_factors[0], ranges_are=perception.ranges_are[0])
     own = component.settings
-    return Chosen(own.odometry_factor, own.detection_factor, DEPTH if own.ranges_are_depth else DISTANCE)
+    kind = DEPTH if own.ranges_are_depth else DISTANCE
+    return Chosen(own.odometry_factor, own.detection_factor, kind, own.correlated_share)
+
+
+def _share(chosen: Chosen, configuration: Configuration) -> float:
+    """Share of a detection's variance that repeats."""
+    share = chosen.correlated_share
+    return configuration.detection_errors.correlated_share if share is None else share
 
 
 def _by_batch(task: Task, bag: Path, beliefs: Path) -> Outcome:

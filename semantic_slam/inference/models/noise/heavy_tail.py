@@ -22,7 +22,7 @@ class HeavyTail:
 
     @classmethod
     def of(cls, settings: DetectionErrorsConfiguration, counts: OutlierCounts) -> "HeavyTail | None":
-        """As configured, updated by a hypothesis's ``counts``; None: no detection is an outlier."""
+        """Under what a hypothesis takes errors to be, updated by its ``counts``; None: no detection is an outlier."""
         if settings.outlier_share <= 0.0:
             return None
         repeated = settings.correlated_share

@@ -4,7 +4,6 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
-from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.world.problem import Problem
@@ -23,7 +22,7 @@ def associated_pairs(
     relative = spaces.relative_position(robots, objects)
     detections = problem.model.collect(prediction.detections).take(numbers)
     by_object = problem.model.geometry(detections, robots, objects).jacobian_object
-    if (tail := HeavyTail.of(problem.detection_errors, prediction.component.outliers)) is not None:
+    if (tail := problem.tail_of(prediction.component)) is not None:
         by_object[rows.column("outlier")[candidates, numbers]] /= tail.width
     return SeenAgain(
         candidates=candidates,

@@ -19,7 +19,6 @@ from semantic_slam.inference.association.gating import (
     pair_densities,
 )
 from semantic_slam.inference.association.strategy import Parents
-from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.joint.costs import JointCosts
@@ -158,7 +157,7 @@ class OpenAssociation:
             prediction.detections,
             prediction.predicted,
             prediction.errors,
-            HeavyTail.of(self.problem.detection_errors, prediction.component.outliers),
+            self.problem.tail_of(prediction.component),
         )
 
     def ranked(self, prediction: Prediction, pairs: PairDensities) -> RankedAssignments:

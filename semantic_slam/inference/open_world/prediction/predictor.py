@@ -1,6 +1,7 @@
 """Prediction of a keyframe by one hypothesis."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.correlated_errors import ErrorTransition, PredictedErrors
 from semantic_slam.inference.models.moving import Moving
+from semantic_slam.inference.models.noise.noise_settings import errors_under
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.spatial.camera import Camera
@@ -42,6 +44,7 @@ class Predictor:
     ):
         self.model, self.settings, self.errors = model, settings, errors
         self._moving, self._departures = moving or Moving(), departures or Departures(settings)
+        self._moving_under = {self._moving.errors: self._moving}
 
     def predict(
         self,
@@ -62,6 +65,7 @@ class Predictor:
         detections' ``labels`` matter where objects move.
         """
         predicted, tracked = PredictedRobot.of(component, motion), tracked_states(component)
+        settings = errors_under(component.settings, self.errors)
         robot, geometry = predicted.state, geometry_of(component.spaces)
         region = geometry.region(self.settings).reaching(sensed).read_by(component.settings)
         births = geometry.births(self.model, detections, robot, region)
@@ -74,8 +78,8 @@ class Predictor:
             near, beyond = named, np.full(len(births), -np.inf)
         local = local_around(component, robot, near, geometry.ahead(region, tracked.states, robot, reach))
         local, shift = predicted.moved(local)
-        carried = None if tracked.errors is None else tracked.errors.moved(predicted.noise.control, self.errors)
-        local, errors = self._with_errors(local, carried, component.objects.ids[near], detections)
+        carried = None if tracked.errors is None else tracked.errors.moved(predicted.noise.control, settings)
+        local, errors = _with_errors(settings, local, carried, component.objects.ids[near], detections)
         belief = predicted.with_objects(near, local, shift)
         objects = objects_in_reach(component, predicted, reach, near, belief)
         detected = np.zeros(component.objects.existence_given.shape)
@@ -146,7 +150,7 @@ class Predictor:
         if movers is None or not (len(movers) or self._moving.shares(labels).any()):
             return None
         return predicted_movers(
-            self._moving,
+            self._moving_with(errors_under(component.settings, self._moving.errors)),
             movers,
             predicted.motion(len(self._moving.sensor_sigmas), drifts=bool(detections)),
             stamp_ns,
@@ -156,18 +160,29 @@ class Predictor:
             labels=labels,
         )
 
-    def _with_errors(
-        self, local: LocalMap, carried: CarriedErrors | None, near_ids: Index, detections: Sequence[Any]
-    ) -> tuple[LocalMap, PredictedErrors | None]:
-        """The local map with these detections' correlated errors replacing earlier ones; unchanged without any."""
-        if self.errors.correlated_share <= 0.0 or not detections:
-            return local, None
-        ranged = np.array([detection.has_range for detection in detections], dtype=bool)
-        transition = ErrorTransition.of(self.errors, carried, detections)
-        local = local.with_errors(transition.matrix, transition.noise)
-        return local, PredictedErrors(
-            transition=transition,
-            slopes=transition.white.slopes(ranged),
-            covariance=local.covariance[local.errors, local.errors],
-            cross=local.covariance[local.rows(near_ids), local.errors],
-        )
+    def _moving_with(self, errors: DetectionErrorsConfiguration) -> Moving:
+        """The model of moving objects under these errors of detections, made once for each."""
+        if errors not in self._moving_under:
+            self._moving_under[errors] = replace(self._moving, errors=errors)
+        return self._moving_under[errors]
+
+
+def _with_errors(
+    settings: DetectionErrorsConfiguration,
+    local: LocalMap,
+    carried: CarriedErrors | None,
+    near_ids: Index,
+    detections: Sequence[Any],
+) -> tuple[LocalMap, PredictedErrors | None]:
+    """The local map with these detections' correlated errors replacing earlier ones; unchanged without any."""
+    if settings.correlated_share <= 0.0 or not detections:
+        return local, None
+    ranged = np.array([detection.has_range for detection in detections], dtype=bool)
+    transition = ErrorTransition.of(settings, carried, detections)
+    local = local.with_errors(transition.matrix, transition.noise)
+    return local, PredictedErrors(
+        transition=transition,
+        slopes=transition.white.slopes(ranged),
+        covariance=local.covariance[local.errors, local.errors],
+        cross=local.covariance[local.rows(near_ids), local.errors],
+    )

@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dpotrf, dpotri
 from semantic_slam.configuration import DetectionErrorsConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.models.correlated_errors import ErrorTransition
+from semantic_slam.inference.models.noise.noise_settings import errors_under
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior
@@ -68,7 +69,13 @@ class WholeDrive:
             numbers=np.array([n for _, n, _ in rows], dtype=int),
             polar=np.array([(own.range_m, own.bearing_rad) for _, _, own in rows]).reshape(-1, 2),
             polar_whiten=np.array([own.whiten for _, _, own in rows]).reshape(-1, 2, 2),
-            covariance=partial(_errors, problem, motions, frames, [row[:2] for row in rows]),
+            covariance=partial(
+                _errors,
+                errors_under(component.settings, problem.detection_errors),
+                motions,
+                frames,
+                [row[:2] for row in rows],
+            ),
             map_places=np.array([prior.mean[:2] for prior in priors]).reshape(-1, 2),
             map_whiten=_whitening(spreads),
         )
@@ -114,10 +121,12 @@ def _in_map(prior: GaussianPrior) -> Array:
 
 
 def _errors(
-    problem: Problem, motions: Sequence[Motion], frames: Sequence[Sequence[Any]], rows: Sequence[tuple[int, int]]
+    settings: DetectionErrorsConfiguration,
+    motions: Sequence[Motion],
+    frames: Sequence[Sequence[Any]],
+    rows: Sequence[tuple[int, int]],
 ) -> Array:
     """(2 n, 2 n) covariance of the whitened errors of the detections ``rows`` (keyframe, number in it)."""
-    settings = problem.detection_errors
     if settings.correlated_share <= 0.0:
         return np.eye(2 * len(rows))
     steps = _transitions(settings, motions, frames)
