@@ -101,7 +101,8 @@ class Classifier:
             sensor_position=np.asarray(T_base_camera[:3], dtype=np.float64),
             in_coverage=recognised & self._in_coverage(features, covariances),
             dropped=self.dropped.total(),
-            free_range_scan=self._sight(frame, boxes, T_base_camera),
+            free_range_scan=self._free_range_scan(frame, T_base_camera),
+            free_ranges_m=self._free_ranges(frame, boxes),
             elevations_rad=places.elevations_rad,
             place_covariances=np.where(are_told[:, None, None], places.covariances, np.nan),
             class_scores=left_out() if self._network is not None else rows.class_scores,
@@ -138,13 +139,17 @@ class Classifier:
         is_told |= own.are_told & own.are_covariances_usable()
         return told.where(is_told, shown), is_told, own.where(is_told, seen)
 
-    def _sight(self, frame: Frame, boxes: Array, T_base_camera: Array) -> Array:
-        """(B, 2) bearing and range of the farthest surface in each direction, none without depth; packed in space."""
-        if self._in_space:
-            return ImageSight.of(frame.camera, frame.depth_m, boxes).packed()
-        if frame.depth_m is None:
+    def _free_range_scan(self, frame: Frame, T_base_camera: Array) -> Array:
+        """(B, 2) bearing and range of the farthest surface in each direction; none without depth, or in space."""
+        if frame.depth_m is None or self._in_space:
             return np.zeros((0, 2))
         return farthest_free_ranges(frame.depth_m, frame.camera, T_base_camera)
+
+    def _free_ranges(self, frame: Frame, boxes: Array) -> Array:
+        """(R, C) distance of the farthest surface in each direction of the image; left out without depth, or in plane."""
+        if frame.depth_m is None or not self._in_space:
+            return left_out()
+        return ImageSight.of(frame.camera, frame.depth_m, boxes).free_ranges_m
 
     def _features(self, frame: Frame, boxes: Array, samples: Array) -> tuple[Array, Array]:
         """(D, F) semantic features and (D, F, F) covariances over the passes; zero with a learned extractor."""

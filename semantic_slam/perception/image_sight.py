@@ -1,8 +1,6 @@
 """What a camera's image covers in space: its edges, and how far a depth image sees in each direction.
 
-Behind the surfaces of a depth image nothing is detected. A message carries it in the place of the planar scan of free
-ranges, as rows of two numbers: [rows, -1 - columns] of the grid, [left, right] and [top, bottom] edge, then the grid,
-two cells to a row. No planar scan begins so: its ranges are not negative.
+Behind the surfaces of a depth image nothing is detected.
 """
 
 from dataclasses import dataclass
@@ -14,19 +12,15 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.perception.boxes.box_sizes import pixel_rays
 from semantic_slam.perception.frame import CameraModel
+from semantic_slam.perception.measurement import GRID
 
-NUM_ROWS, NUM_COLUMNS = 16, 24
-"""Cells of the grid, which are even in the tangents of both angles off the optical axis."""
+NUM_ROWS, NUM_COLUMNS = GRID
 READINGS = 4
 """Depth readings of a cell along each axis."""
 LEAST_VALID = 0.5
 """Smallest share of valid readings of a usable cell: out-of-range cannot be told from unreadable depth."""
-MOST_CELLS = 1 << 16
-"""Largest number of cells along an axis that a message may have."""
 WIDEST_RAD = 1.55
 """Largest angle of an edge off the optical axis: images span less than half a turn."""
-HEADER = 3
-"""Rows before the grid."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +28,7 @@ class ImageSight:
     """Edges of an image as angles off the optical axis, and free ranges of R x C directions within them."""
 
     edges_rad: Array  # (2, 2) [left, right] in the plane of x and z, [top, bottom] in that of y and z
-    free_ranges_m: Array  # (R, C) distance of the farthest surface of each cell; NaN: not known; no cells without depth
+    free_ranges_m: Array  # (R, C) distance of the farthest surface of each cell; NaN: not known
 
     @classmethod
     def of(cls, camera: CameraModel, depth_m: NDArray[np.float32] | None = None, boxes: Array | None = None) -> Self:
@@ -42,35 +36,22 @@ class ImageSight:
 
         These are of detected objects, which are no surfaces that hide themselves.
         """
-        edges = _edges(camera)
+        edges = edges_of(camera)
         if depth_m is None:
-            return cls(edges, np.zeros((0, 0)))
+            return cls(edges, np.full((NUM_ROWS, NUM_COLUMNS), np.nan))
         return cls(edges, _free_ranges(depth_m, camera, edges, np.zeros((0, 4)) if boxes is None else boxes))
 
     @classmethod
-    def unpacked(cls, rows: Array) -> Self | None:
-        """The sight of a message's (B, 2) ``rows``; None if they are none, such as those of a planar scan."""
-        if not _is_packed(rows) or not np.isfinite(rows[:HEADER]).all():
+    def told(cls, edges_rad: Array, free_ranges_m: Array) -> Self | None:
+        """As a message has it, NaN where nothing is known; None where the edges are not those of an image."""
+        if not (np.abs(edges_rad) <= WIDEST_RAD).all() or (edges_rad[:, 0] >= edges_rad[:, 1]).any():
             return None
-        shape, edges = rows[0] * [1.0, -1.0] - [0.0, 1.0], rows[1:HEADER].copy()
-        if (shape < 0.0).any() or (shape % 1.0).any() or (shape > MOST_CELLS).any():
-            return None
-        count, cells = int(shape.prod()), rows[HEADER:].ravel()
-        if len(cells) != count + count % 2 or (edges[:, 0] >= edges[:, 1]).any() or (np.abs(edges) > WIDEST_RAD).any():
-            return None
-        ranges = cells[:count].reshape(int(shape[0]), int(shape[1]))
-        return cls(edges, np.where(ranges > 0.0, ranges, np.nan))
-
-    def packed(self) -> Array:
-        """(B, 2) rows of a message."""
-        rows, columns = self.free_ranges_m.shape
-        cells = np.append(self.free_ranges_m.ravel(), [np.nan] * (self.free_ranges_m.size % 2))
-        return np.concatenate([[[rows, -1.0 - columns]], self.edges_rad, cells.reshape(-1, 2)])
+        return cls(edges_rad, np.where(free_ranges_m > 0.0, free_ranges_m, np.nan))
 
     @property
     def sees_depth(self) -> bool:
-        """Whether there is a depth image."""
-        return self.free_ranges_m.size > 0
+        """Whether any surface is known."""
+        return bool(np.isfinite(self.free_ranges_m).any())
 
     def ranges_at(self, right: Array, down: Array) -> Array:
         """(...,) free ranges [m] in directions with tangents ``right`` and ``down`` (...,); inf where not known."""
@@ -80,16 +61,7 @@ class ImageSight:
         return np.where(inside_rows & inside_columns & np.isfinite(found), found, np.inf)
 
 
-def planar_scan(rows: Array) -> Array:
-    """The (B, 2) bearings and ranges of a planar scan; none of them if the ``rows`` of the message are a sight."""
-    return rows[:0] if _is_packed(rows) else rows
-
-
-def _is_packed(rows: Array) -> bool:
-    return len(rows) >= HEADER and bool(rows[0, 1] < 0.0)
-
-
-def _edges(camera: CameraModel) -> Array:
+def edges_of(camera: CameraModel) -> Array:
     """(2, 2) angles [rad] of the image's edges off the optical axis, lens distortion removed."""
     width, height = float(camera.width), float(camera.height)
     middles = np.array([[0.0, camera.cy], [width, camera.cy], [camera.cx, 0.0], [camera.cx, height]])

@@ -1,4 +1,4 @@
-"""What an image covers: edges by the intrinsics, free ranges by its depth, there and back through a message."""
+"""What an image covers: edges by the intrinsics, free ranges by its depth."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semantic_slam.perception.frame import CameraModel
-from semantic_slam.perception.image_sight import NUM_COLUMNS, NUM_ROWS, ImageSight, planar_scan
+from semantic_slam.perception.image_sight import NUM_COLUMNS, NUM_ROWS, ImageSight
 
 CAMERA = CameraModel(640, 480, 500.0, 400.0, 300.0, 260.0)
 
@@ -43,31 +43,25 @@ def test_what_has_no_depth_and_what_is_detected_hides_nothing() -> None:
     assert np.isinf(unread) and np.isinf(detected) and read == pytest.approx(2.0, rel=0.03)
 
 
-def test_a_message_carries_it_and_a_planar_scan_is_none() -> None:
+def test_what_a_message_tells_is_the_sight_again() -> None:
     depth = wall(2.0)
     depth[:100, :200] = np.nan
     for sight in (ImageSight.of(CAMERA, depth), ImageSight.of(CAMERA)):
-        found = ImageSight.unpacked(sight.packed())
-        assert found is not None and len(planar_scan(sight.packed())) == 0
+        found = ImageSight.told(sight.edges_rad, sight.free_ranges_m)
+        assert found is not None
         np.testing.assert_array_equal(found.edges_rad, sight.edges_rad)
         np.testing.assert_array_equal(found.free_ranges_m, sight.free_ranges_m)
-    scan = np.array([[-0.2, 3.0], [0.0, 2.0], [0.2, 2.5], [0.3, 1.0]])
-    assert ImageSight.unpacked(scan) is None and len(planar_scan(scan)) == 4
 
 
-@pytest.mark.parametrize(
-    ("row", "value"),
-    [
-        (0, [16.0, -24.0]),  # another number of cells
-        (0, [16.5, -25.0]),
-        (0, [1e300, -1e300]),
-        (0, [np.nan, -25.0]),
-        (1, [0.6, -0.6]),
-        (2, [-2.0, 0.5]),
-        (2, [-np.inf, 0.5]),
-    ],
-)
-def test_forged_rows_are_no_sight(row: int, value: list[float]) -> None:
-    rows = ImageSight.of(CAMERA, wall(2.0)).packed()
-    rows[row] = value
-    assert ImageSight.unpacked(rows) is None
+@pytest.mark.parametrize("edges", [[np.nan, np.nan], [0.6, -0.6], [-2.0, 0.5], [-np.inf, 0.5]])
+def test_edges_of_no_image_are_no_sight(edges: list[float]) -> None:
+    sight = ImageSight.of(CAMERA, wall(2.0))
+    assert ImageSight.told(np.array([edges, sight.edges_rad[1]]), sight.free_ranges_m) is None
+    assert ImageSight.told(np.array([sight.edges_rad[0], edges]), sight.free_ranges_m) is None
+
+
+def test_ranges_that_are_none_hide_nothing() -> None:
+    sight = ImageSight.of(CAMERA, wall(2.0))
+    for forged in (np.nan, -1.0, 0.0, np.inf):
+        told = ImageSight.told(sight.edges_rad, np.full_like(sight.free_ranges_m, forged))
+        assert told is not None and np.isinf(told.ranges_at(np.zeros(1), np.zeros(1))).all()

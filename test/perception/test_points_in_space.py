@@ -103,13 +103,17 @@ def test_how_large_boxes_look_where_the_image_does_not_cut_them() -> None:
     assert np.isnan(reader.measure(seen(bearings_rad=np.zeros(2)), 0).angular_sizes_rad).all()
 
 
+def sight_of(told: SemanticMeasurements) -> ImageSight | None:
+    return ImageSight.told(told.image_edges_rad, told.free_ranges_m)
+
+
 def test_a_depth_image_tells_how_far_the_camera_sees_but_not_in_boxes() -> None:
     """In the plane there is a scan instead; without depth the edges of the image are told alone."""
-    sight = ImageSight.unpacked(measured(2.0).free_range_scan)
+    sight = sight_of(measured(2.0))
     assert sight is not None
     np.testing.assert_allclose(np.tan(sight.edges_rad), [[-0.64, 0.64], [-0.48, 0.48]])
     inside, beside = (np.array([50.0, 55.0]) - [160.0, 120.0]) / 250.0, np.array([-0.2, 0.3])
     assert np.isinf(sight.ranges_at(*inside)) and sight.ranges_at(*beside) == pytest.approx(2.13, abs=0.06)
-    alone = ImageSight.unpacked(measured(None).free_range_scan)
+    alone = sight_of(measured(None))
     assert alone is not None and not alone.sees_depth
-    assert ImageSight.unpacked(measured(2.0, in_space=False).free_range_scan) is None
+    assert sight_of(measured(2.0, in_space=False)) is None

@@ -15,7 +15,6 @@ from semantic_slam.inference.models.odometry_bias import CLOCK, by_bias, slopes
 from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.step import Motion, Step
-from semantic_slam.perception.image_sight import planar_scan
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 
@@ -64,7 +63,7 @@ class PlanarReader:
             vectors=None if self._vectors is None else self._vectors.vectors(keyframe),
             in_coverage=measurements.in_coverage,
             dropped=measurements.dropped,
-            free_range_scan=planar_scan(measurements.free_range_scan),
+            free_range_scan=measurements.free_range_scan,
         )
 
     def _region_after(self, keyframe: Keyframe) -> SensedRegion | None:

@@ -152,7 +152,7 @@ def camera_of(measurements: SemanticMeasurements) -> Camera:
     turn = measurements.sensor_orientation
     turn = turn if np.isfinite(turn).all() else LOOKS_AHEAD[3:]
     pose = np.concatenate([measurements.sensor_position, turn])
-    return Camera(pose, ImageSight.unpacked(measurements.free_range_scan))
+    return Camera(pose, ImageSight.told(measurements.image_edges_rad, measurements.free_ranges_m))
 
 
 def _which(measurements: SemanticMeasurements, row: int) -> str:

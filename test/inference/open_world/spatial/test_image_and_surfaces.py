@@ -108,8 +108,8 @@ def after_misses(sight: ImageSight | None, **world: Any) -> tuple[Engine, Hybrid
         seen = [Detection.in_space(place, covariance=1e-3 * np.eye(3)) for place in PLACES.values()] if k < 2 else []
         keyframe = Keyframe.spatial(k, detections=seen, motion_covariance=1e-8 * np.eye(6))
         if sight is not None and k >= 2:
-            scan = sight.packed()
-            keyframe = replace(keyframe, measurements=replace(keyframe.measurements, free_range_scan=scan))
+            told = {"image_edges_rad": sight.edges_rad, "free_ranges_m": sight.free_ranges_m}
+            keyframe = replace(keyframe, measurements=replace(keyframe.measurements, **told))
         belief = engine.process(keyframe)
     return engine, belief
 
