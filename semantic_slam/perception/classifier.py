@@ -146,7 +146,7 @@ class Classifier:
         return farthest_free_ranges(frame.depth_m, frame.camera, T_base_camera)
 
     def _free_ranges(self, frame: Frame, boxes: Array) -> Array:
-        """(R, C) distance of the farthest surface in each direction of the image; left out without depth, or in plane."""
+        """(R, C) distance of the farthest surface in each direction; left out without depth, or in the plane."""
         if frame.depth_m is None or not self._in_space:
             return left_out()
         return ImageSight.of(frame.camera, frame.depth_m, boxes).free_ranges_m
