@@ -85,6 +85,11 @@ class OpenWorldConfiguration:
         minimum=1e-3,
         maximum=3.0,
     )
+    region_by_camera: bool = parameter(
+        False,
+        "state_space: spatial: the region's edges are those of the image, by camera_info, in place of field_of_view_rad"
+        " and vertical_field_of_view_rad, which hold where a recording has no camera_info; every frame waits for it",
+    )
     direction_rad: float = parameter(
         0.0,
         "bearing of the region's centre in the body frame, counter-clockwise from straight ahead",

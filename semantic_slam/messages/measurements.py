@@ -5,7 +5,7 @@ from typing import Any
 from semantic_slam.messages.layout import Layout, MayBeEmpty, contents, filled
 from semantic_slam.messages.standard import header_message, header_stamp_ns
 from semantic_slam.perception.frame import Detections
-from semantic_slam.perception.measurement import SemanticMeasurements
+from semantic_slam.perception.measurement import GRID, SemanticMeasurements
 
 DETECTIONS_TYPE = "semantic_slam_msgs/msg/DetectionArray"
 MEASUREMENTS_TYPE = "semantic_slam_msgs/msg/SemanticMeasurementArray"
@@ -52,6 +52,8 @@ MEASUREMENTS_LAYOUT: Layout = {
     "point_covariances": MayBeEmpty(("D", 3, 3)),
     "sensor_orientation": MayBeEmpty((4,)),
     "angular_sizes_rad": MayBeEmpty(("D", 2)),
+    "image_edges_rad": MayBeEmpty((2, 2)),
+    "free_ranges_m": MayBeEmpty(GRID),
 }
 FIELD_NAMES = {
     "ranges": "ranges_m",

@@ -20,6 +20,7 @@ from semantic_slam.perception.collaborators import (
 from semantic_slam.perception.crops import box_fault, square_crop
 from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
+from semantic_slam.perception.image_sight import ImageSight
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
 from semantic_slam.perception.points_in_space import SpatialPoints, points_of_boxes, told_points, with_points
@@ -100,7 +101,8 @@ class Classifier:
             sensor_position=np.asarray(T_base_camera[:3], dtype=np.float64),
             in_coverage=recognised & self._in_coverage(features, covariances),
             dropped=self.dropped.total(),
-            free_range_scan=_free_range_scan(frame, T_base_camera),
+            free_range_scan=self._free_range_scan(frame, T_base_camera),
+            free_ranges_m=self._free_ranges(frame, boxes),
             elevations_rad=places.elevations_rad,
             place_covariances=np.where(are_told[:, None, None], places.covariances, np.nan),
             class_scores=left_out() if self._network is not None else rows.class_scores,
@@ -136,6 +138,18 @@ class Classifier:
         seen, own = points_of_boxes(boxes, distances, frame.camera, T_base_camera, self._settings), told_points(rows)
         is_told |= own.are_told & own.are_covariances_usable()
         return told.where(is_told, shown), is_told, own.where(is_told, seen)
+
+    def _free_range_scan(self, frame: Frame, T_base_camera: Array) -> Array:
+        """(B, 2) bearing and range of the farthest surface in each direction; none without depth, or in space."""
+        if frame.depth_m is None or self._in_space:
+            return np.zeros((0, 2))
+        return farthest_free_ranges(frame.depth_m, frame.camera, T_base_camera)
+
+    def _free_ranges(self, frame: Frame, boxes: Array) -> Array:
+        """(R, C) distance of the farthest surface in each direction; left out without depth, or in the plane."""
+        if frame.depth_m is None or not self._in_space:
+            return left_out()
+        return ImageSight.of(frame.camera, frame.depth_m, boxes).free_ranges_m
 
     def _features(self, frame: Frame, boxes: Array, samples: Array) -> tuple[Array, Array]:
         """(D, F) semantic features and (D, F, F) covariances over the passes; zero with a learned extractor."""
@@ -196,10 +210,3 @@ class Classifier:
             if self._appearance is not None:
                 recognised[row] = self._appearance.recognise(once.appearance)
         return samples, total_entropy, model_part, recognised
-
-
-def _free_range_scan(frame: Frame, T_base_camera: Array) -> Array:
-    """(B, 2) bearing [rad] and range [m] of the farthest surface in each direction; no rows without depth."""
-    if frame.depth_m is None:
-        return np.zeros((0, 2))
-    return farthest_free_ranges(frame.depth_m, frame.camera, T_base_camera)

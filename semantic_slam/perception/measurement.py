@@ -19,9 +19,15 @@ OF_THE_FRAME = frozenset(
         "sensor_orientation",
         "dropped",
         "free_range_scan",
+        "image_edges_rad",
+        "free_ranges_m",
     }
 )
 """Fields of :class:`SemanticMeasurements` that describe the whole frame, without a row per detection."""
+
+
+GRID = (16, 24)
+"""Rows and columns of the grid of free ranges, which is even in the tangents of the angles off the optical axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +74,11 @@ class SemanticMeasurements:
     angular_sizes_rad: Array = field(default_factory=left_out)  # (D, 2) width and height of the box as seen from the
     # camera; NaN where the image's border cuts them; left out: NaN
 
+    image_edges_rad: Array = field(default_factory=left_out)  # (2, 2) [left, right] and [top, bottom] edge of the image
+    # off the optical axis; left out: NaN, not known
+    free_ranges_m: Array = field(default_factory=left_out)  # (R, C) of the farthest surface of the depth image in each
+    # direction of a grid between these edges; left out: NaN, not known
+
     def __post_init__(self) -> None:
         rows = len(self)
         if not len(self.elevations_rad):
@@ -75,6 +86,7 @@ class SemanticMeasurements:
         shapes = {"class_scores": (rows, len(self.class_names)), "embeddings": (rows, 0)}
         spatial = {"points": (rows, 3), "place_covariances": (rows, 3, 3), "point_covariances": (rows, 3, 3)}
         spatial |= {"sensor_orientation": (4,), "angular_sizes_rad": (rows, 2)}
+        spatial |= {"image_edges_rad": (2, 2), "free_ranges_m": GRID}
         fill_left_out(self, shapes | spatial)
 
     def __len__(self) -> int:

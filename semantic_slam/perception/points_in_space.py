@@ -13,6 +13,7 @@ from semantic_slam.geometry.sightline import in_plane, place_of_point
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
 from semantic_slam.perception.frame import CameraModel, Detections
+from semantic_slam.perception.image_sight import edges_of
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places
 
@@ -94,7 +95,7 @@ def with_points(
 ) -> SemanticMeasurements:
     """Add points and the camera mounting pose, (7,), or empty where unknown, to measurements.
 
-    With a known ``camera``, angular sizes are added, and ray covariances for boxes without a range.
+    With a known ``camera``, angular sizes are added, ray covariances for boxes without a range, and the image's edges.
     """
     told: dict[str, Any] = {"points": points.points, "point_covariances": points.covariances}
     pose = np.asarray(T_base_camera, dtype=np.float64)
@@ -102,6 +103,8 @@ def with_points(
         told["angular_sizes_rad"] = angular_sizes(measured.boxes, camera)
     if len(pose):
         told |= {"sensor_position": pose[:3], "sensor_orientation": pose[3:] / np.linalg.norm(pose[3:])}
+    if len(pose) and camera is not None:
+        told["image_edges_rad"] = edges_of(camera)
     if len(pose) and camera is not None:
         told["place_covariances"] = _with_rays(measured, points, camera, pose, settings)
     return replace(measured, **told)

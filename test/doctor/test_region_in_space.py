@@ -105,3 +105,25 @@ def test_boxes_are_where_the_camera_is_mounted(tmp_path: Path, has_pictures: boo
 
 def _with_region(**region: Any) -> Configuration:
     return replace(SPACE, open_world=replace(SPACE.open_world, **region))
+
+
+@pytest.mark.parametrize("has_pictures", [True, False])
+def test_where_the_image_is_the_region_no_box_lies_outside_whatever_is_typed(
+    tmp_path: Path, has_pictures: bool
+) -> None:
+    entries = input_entries(8)
+    if not has_pictures:
+        for topic in (topics.IMAGE_COMPRESSED, topics.DEPTH_COMPRESSED):
+            entries = without(entries, topic)
+    written = write_bag(tmp_path / "bag", entries)
+    typed, image = (_with_region(field_of_view_rad=0.15, region_by_camera=own) for own in (False, True))
+    assert of_region(written, image, MapPrior()) == []
+    assert len(of_region(written, typed, MapPrior())) == 1
+
+
+def test_a_camera_says_nothing_of_how_far_it_sees(tmp_path: Path) -> None:
+    """The remedy names the range, and no angle."""
+    written = write_bag(tmp_path / "bag", input_entries(8))
+    near = _with_region(field_of_view_rad=0.15, max_range_m=0.5, region_by_camera=True)
+    (found,) = of_region(written, near, MapPrior())
+    assert "max_range_m near" in found.remedy and "field_of_view_rad" not in found.remedy

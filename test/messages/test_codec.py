@@ -44,7 +44,8 @@ def measurements(d=2, t=3, c=4, f=2):
         feature_covariances=numbers(d, f, f), predictive_entropy=numbers(d), mutual_information=numbers(d),
         ranges_m=ranges, bearings_rad=numbers(d), geometric_covariances=numbers(d, 2, 2),
         sensor_position=numbers(3), in_coverage=numbers(d) > 1, dropped=3,
-        free_range_scan=numbers(4, 2), elevations_rad=numbers(d),
+        free_range_scan=numbers(4, 2), elevations_rad=numbers(d), image_edges_rad=numbers(2, 2),
+        free_ranges_m=numbers(16, 24),
     )  # fmt: skip
 
 

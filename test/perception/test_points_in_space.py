@@ -10,6 +10,7 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
+from semantic_slam.perception.image_sight import ImageSight
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places import BAD_COVARIANCE, PlaceReader
 from semantic_slam.perception.range_bearing import range_and_bearing
@@ -100,3 +101,19 @@ def test_how_large_boxes_look_where_the_image_does_not_cut_them() -> None:
     reader = PlaceReader(SETTINGS, in_space=True)
     np.testing.assert_array_equal(reader.measure(seen(), 0, CAMERA, MOUNTED).sensor_orientation, MOUNTED[3:])
     assert np.isnan(reader.measure(seen(bearings_rad=np.zeros(2)), 0).angular_sizes_rad).all()
+
+
+def sight_of(told: SemanticMeasurements) -> ImageSight | None:
+    return ImageSight.told(told.image_edges_rad, told.free_ranges_m)
+
+
+def test_a_depth_image_tells_how_far_the_camera_sees_but_not_in_boxes() -> None:
+    """In the plane there is a scan instead; without depth the edges of the image are told alone."""
+    sight = sight_of(measured(2.0))
+    assert sight is not None
+    np.testing.assert_allclose(np.tan(sight.edges_rad), [[-0.64, 0.64], [-0.48, 0.48]])
+    inside, beside = (np.array([50.0, 55.0]) - [160.0, 120.0]) / 250.0, np.array([-0.2, 0.3])
+    assert np.isinf(sight.ranges_at(*inside)) and sight.ranges_at(*beside) == pytest.approx(2.13, abs=0.06)
+    alone = sight_of(measured(None))
+    assert alone is not None and not alone.sees_depth
+    assert sight_of(measured(2.0, in_space=False)) is None

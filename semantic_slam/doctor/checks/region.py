@@ -9,11 +9,11 @@ from semantic_slam.doctor.finding import Finding, Severity
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.association.strategy import strategy_of
-from semantic_slam.inference.inputs.spatial_reader import points_of
+from semantic_slam.inference.inputs.spatial_reader import camera_of, points_of
 from semantic_slam.inference.open_world.planar.region import sensor_region
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.pipeline.assembly.points_input import seen_from_camera
+from semantic_slam.pipeline.assembly.points_input import are_outside, seen_from_camera
 
 NAME = "region"
 SOME, MOST = 0.2, 0.8
@@ -48,7 +48,7 @@ def _in_plane(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -
 
 
 def _in_space(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
-    region = SpatialRegion.of(world)
+    region = SpatialRegion.of(world).reaching(camera_of(told[-1]))
     seen = np.concatenate([seen_from_camera(each, region) for each in told])
     has_range = np.concatenate([np.isfinite(points_of(each)[0]).all(axis=1) for each in told])
     distances_m = np.linalg.norm(seen[has_range], axis=1)
@@ -56,29 +56,29 @@ def _in_space(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -
     reach = f"{np.degrees(width_rad):.0f} x {np.degrees(height_rad):.0f} deg about the optical axis"
     if len(distances_m):
         reach += f" and {distances_m.min():.3g} to {distances_m.max():.3g} m"
-    fields = np.degrees([world.field_of_view_rad, world.vertical_field_of_view_rad])
+    fields = np.degrees([2.0 * region.half_width_rad, 2.0 * region.half_height_rad])
     yield from _finding(
-        ~region.holds(seen),
+        np.concatenate([are_outside(each, region) for each in told]),
         f"{world.min_range_m:g} to {world.max_range_m:g} m, {fields[0]:.0f} x {fields[1]:.0f} deg",
         f"span {reach}",
-        _remedy_in_space(world, width_rad, height_rad, distances_m),
+        _remedy_in_space(region, width_rad, height_rad, distances_m),
     )
 
 
-def _remedy_in_space(world: OpenWorldConfiguration, width_rad: float, height_rad: float, distances_m: Array) -> str:
+def _remedy_in_space(region: SpatialRegion, width_rad: float, height_rad: float, distances_m: Array) -> str:
     """What of the region to enlarge; where no image is so wide, the camera looks elsewhere."""
     if max(width_rad, height_rad) > WIDEST_RAD:
         return "state where the camera looks, by perception.extrinsics: the pose of its optical frame in the body"
     wanted = []
-    if width_rad > world.field_of_view_rad:
+    if not region.by_camera and width_rad > 2.0 * region.half_width_rad:
         wanted.append(f"field_of_view_rad near {width_rad:.2f}")
-    if height_rad > world.vertical_field_of_view_rad:
+    if not region.by_camera and height_rad > 2.0 * region.half_height_rad:
         wanted.append(f"vertical_field_of_view_rad near {height_rad:.2f}")
     if len(distances_m):
         nearest_m, farthest_m = np.quantile(distances_m, [1.0 - REACH, REACH])
-        if nearest_m < world.min_range_m:
+        if nearest_m < region.min_range_m:
             wanted.append(f"min_range_m near {nearest_m:.2g}")
-        if farthest_m > world.max_range_m:
+        if farthest_m > region.max_range_m:
             wanted.append(f"max_range_m near {farthest_m:.2g}")
     elsewhere = "perception.extrinsics if it does not look as stated"
     return f"set of open_world {', '.join(wanted)}, as far as the camera sees, or {elsewhere}"

@@ -17,6 +17,8 @@ def check_space(configuration: Configuration, association: type[AssociationStrat
     if not configuration.is_spatial:
         if configuration.odometry.sigma_level_rad > 0.0:
             raise InputError("odometry.sigma_level_rad: a planar robot is level; set it to 0, or state_space: spatial")
+        if configuration.open_world.region_by_camera:
+            raise InputError("open_world.region_by_camera: needs state_space: spatial; set it to false, or that")
         return
     for is_set, remedy in _planar_alone(configuration, association):
         if is_set:

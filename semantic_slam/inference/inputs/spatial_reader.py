@@ -19,6 +19,7 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection, a
 from semantic_slam.inference.models.spatial.gravity import Gravity
 from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges, log_angle
 from semantic_slam.inference.models.step import Motion, Step
+from semantic_slam.perception.image_sight import ImageSight
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 
@@ -147,10 +148,11 @@ class SpatialReader:
 
 
 def camera_of(measurements: SemanticMeasurements) -> Camera:
-    """The camera's mounting pose; its optical axis is the body's x if no orientation is stated."""
+    """The camera's mounting pose and sight; its optical axis is the body's x if no orientation is stated."""
     turn = measurements.sensor_orientation
     turn = turn if np.isfinite(turn).all() else LOOKS_AHEAD[3:]
-    return Camera(np.concatenate([measurements.sensor_position, turn]))
+    pose = np.concatenate([measurements.sensor_position, turn])
+    return Camera(pose, ImageSight.told(measurements.image_edges_rad, measurements.free_ranges_m))
 
 
 def _which(measurements: SemanticMeasurements, row: int) -> str:

@@ -1,7 +1,7 @@
 """The null model's detections in space: uniform over the volume of the sensor's region; and gravity."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -67,8 +67,9 @@ class SpatialPlaces:
         return all(isinstance(detection, SpatialDetection) for detection in detections)
 
     def reaching(self, step: Step) -> Self:
-        """The places themselves: in space no region is learned."""
-        return self
+        """The places of an open world, whose region may be the image of the step's camera."""
+        region = self.region.reaching(step.camera)
+        return replace(self, region=region, volume_m3=region.volume_m3, solid_angle=region.solid_angle)
 
     def log_density(self, step: Step, used: Sequence[int]) -> float:
         detections = [step.detections[i] for i in used]

@@ -29,6 +29,7 @@ class PlacesAssembler(DetectionsInput):
         super().__init__()
         self._reader = PlaceReader(configuration.perception, in_space=configuration.is_spatial)
         self._in_space = configuration.is_spatial
+        self._has_region_of_camera = self._in_space and configuration.open_world.region_by_camera
         self._base_frame = configuration.perception.base_frame
         self._camera_pose = camera_pose
         self._num_measured = 0
@@ -91,7 +92,9 @@ class PlacesAssembler(DetectionsInput):
         return self._reader.measure(detections, self._num_measured, camera, T_base_camera)
 
     def _needs_camera(self, detections: Detections) -> bool:
-        """Whether detections have boxes that count and have no place but by the camera."""
+        """Whether detections have boxes that count and have no place but by the camera, or it is where misses count."""
+        if self._has_region_of_camera:
+            return True
         are_told = _have_places(detections)
         if are_told.any() and not self._in_space:
             return False

@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 
 from semantic_slam.configuration import Configuration
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.sightline import LEAST_DISTANCE_M
 from semantic_slam.inference.inputs.spatial_reader import camera_of, points_of, rays_of
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
@@ -49,12 +49,24 @@ class PointsInput:
         return measurements if kept.all() else measurements.take(np.flatnonzero(kept))
 
     def inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """Without detections outside the camera's region; of a ray without range only the direction is checked."""
-        outside = ~self._region.holds(seen_from_camera(measurements, self._region))
+        """Without detections outside the camera's region; see :func:`are_outside`."""
+        outside = are_outside(measurements, self._region)
         if not outside.any():
             return measurements
         self._dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
         return measurements.take(np.flatnonzero(~outside))
+
+
+def are_outside(measurements: SemanticMeasurements, region: SpatialRegion) -> Flags:
+    """(D,) which detections lie outside the region; of a ray without range only the direction is checked.
+
+    Where the camera's image is the region, rays are never outside: those of boxes that its border cuts leave it.
+    """
+    camera = camera_of(measurements)
+    outside = ~region.reaching(camera).holds(seen_from_camera(measurements, region))
+    if region.by_camera and camera.sight is not None:
+        outside &= np.isfinite(points_of(measurements)[0]).all(axis=1)
+    return np.asarray(outside)
 
 
 def seen_from_camera(measurements: SemanticMeasurements, region: SpatialRegion) -> Array:

@@ -209,3 +209,8 @@ def test_what_is_known_of_a_range_has_the_moments_of_what_lies_within() -> None:
         assert found.sigma == pytest.approx(np.sqrt(density @ (grid - expected) ** 2), abs=1e-4)
     even = LogRange(0.0, 1e4).within(0.3, 5.0)
     assert (even.mean, even.sigma) == pytest.approx((LogRange.between(0.3, 5.0).mean, (high - low) / 12**0.5), rel=1e-3)
+
+
+def test_the_region_of_a_camera_is_refused_in_the_plane() -> None:
+    with pytest.raises(InputError, match="region_by_camera: needs state_space: spatial"):
+        Engine(Configuration.of(association="open", open_world={"region_by_camera": True}))

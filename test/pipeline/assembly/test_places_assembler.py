@@ -8,6 +8,7 @@ from worlds.bags.bag_factory import T_BASE_CAMERA, input_entries, of_topic
 
 from semantic_slam.configuration import Configuration, load_configuration
 from semantic_slam.errors import InputError
+from semantic_slam.inference.inputs.spatial_reader import camera_of
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.perception.frame import Detections
@@ -100,3 +101,41 @@ def test_positions_alone_wait_for_no_camera() -> None:
     places = assembler()
     places.add_detections(to_message(replace(ALONE, positions=np.tile(POINT, (2, 1)))))
     assert [len(found) for found in places.take()] == [2]
+
+
+BY_CAMERA = replace(SPACE, open_world=replace(SPACE.open_world, region_by_camera=True))
+
+
+def test_where_the_image_is_the_region_every_frame_waits_for_the_camera_and_is_the_same_however_late_it_comes() -> None:
+    """A frame of positions, one of boxes, and one without detections."""
+    alone = replace(ALONE, positions=np.tile(POINT, (2, 1)), boxes=np.full((2, 4), np.nan), frame_id="base_link")
+    frames = [alone, replace(ALONE, stamp_ns=ALONE.stamp_ns + 1), ALONE.take(np.zeros(0, dtype=np.intp))]
+    frames[2] = replace(frames[2], stamp_ns=ALONE.stamp_ns + 2)
+    found = []
+    for camera_after in range(4):
+        places, told = assembler(BY_CAMERA), []
+        for number, frame in enumerate(frames):
+            if number == camera_after:
+                places.add_camera_info(CAMERA_INFO)
+            places.add_detections(to_message(frame))
+            told += places.take()
+        assert len(told) == (3 if camera_after < 3 else 0)
+        if camera_after == 3:
+            places.add_camera_info(CAMERA_INFO)
+        found.append(told + places.take())
+    for others in found[1:]:
+        for one, other in zip(found[0], others, strict=True):
+            for name, values in vars(one).items():
+                np.testing.assert_array_equal(values, getattr(other, name))
+    for one in found[0]:
+        camera = camera_of(from_message(to_message(one)))
+        assert camera.sight is not None and not camera.sight.sees_depth
+        np.testing.assert_array_equal(camera.T_body_camera, T_BASE_CAMERA)
+
+
+def test_without_camera_info_the_region_is_as_typed() -> None:
+    places = assembler(BY_CAMERA)
+    places.add_detections(to_message(replace(ALONE, positions=np.tile(POINT, (2, 1)))))
+    assert places.take() == []
+    (told,) = places.flush()
+    assert camera_of(told).sight is None and len(told) == 2

@@ -6,6 +6,7 @@ import numpy as np
 
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.perception.image_sight import ImageSight
 
 LOOKS_AHEAD = np.array([0.0, 0.0, 0.0, -0.5, 0.5, -0.5, 0.5])
 """Optical frame of a camera at the body's origin that looks along the body's x axis."""
@@ -16,6 +17,7 @@ class Camera:
     """A camera on the robot."""
 
     T_body_camera: Array = field(default_factory=lambda: LOOKS_AHEAD)  # (7,) of its optical frame
+    sight: ImageSight | None = None  # edges and free ranges of its image; None: not known
 
     def seen(self, points: Array) -> Array:
         """(..., 3) points of the body frame in the optical frame."""

@@ -152,7 +152,8 @@ def expected_births_in_space(
         hiding = component.spaces.landmark.position(tracked.states[component.objects.existence > HIDES])
         left = undetected_share_in_space(region, rates, tracked.trail, places, hiding)
         found = found * np.maximum(left, settings.least_undetected_share)
-    expected = region.volume_m3 * (shares @ found[:count])
+    shown = region.seen_before_surfaces(everywhere, np.zeros((count, 3, 3)))
+    expected = region.volume_m3 * ((shares * shown) @ found[:count])
     at_births = found[count:].reshape(len(births), len(AROUND), len(rates)).mean(axis=1)
     at_births *= _in_sight(region, detections)[:, None]
     intensity, existence = birth(at_births, rates.clutter_per_frame / region.volume_m3 + second)

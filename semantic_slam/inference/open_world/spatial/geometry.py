@@ -1,7 +1,7 @@
 """Open-world geometry in space: SE(3) for the robot, R^3 or SE(3) for objects, whose attitude gravity holds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -56,7 +56,8 @@ class SpatialGeometry:
     def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
         nothing = np.zeros((0, 3)), np.zeros((0, 2))
         places = self._places(region, objects, objects.robot[None], objects.robot_covariance[None])
-        overlap, unoccluded = _overlap(region, nothing, places, objects.views.unoccluded)
+        unlit = replace(region, camera=replace(region.camera, sight=None))
+        overlap, unoccluded = _overlap(unlit, nothing, places, objects.views.unoccluded)
         return objects.views.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
 
     def detections_at(
@@ -149,6 +150,7 @@ def _overlap(region: SpatialRegion, shown: tuple[Array, Array], places: Places, 
     """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now."""
     overlap, lasting = places.overlap(region.margins)
     unoccluded = region.not_occluded(places.points, places.covariance, *shown)
+    unoccluded = unoccluded * region.seen_before_surfaces(places.points, places.covariance)
     if region.occluder_radius_m > 0.0:
         across = 0.5 * np.trace(places.covariance, axis1=-2, axis2=-1) / _squared_distances(places.points)
         of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0

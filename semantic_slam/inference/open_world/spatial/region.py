@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array, Flags, squared_norms
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.open_world.margins import Margins
 from semantic_slam.inference.open_world.rings import Rings
+from semantic_slam.inference.open_world.spatial.free_ranges import seen_before_surfaces
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 
 LEAST_SIGMA = 1e-6
@@ -31,6 +32,8 @@ class SpatialRegion:
     max_range_m: float
     half_width_rad: float  # to each side, below a quarter turn
     half_height_rad: float  # up and down
+    middle_rad: tuple[float, float] = (0.0, 0.0)  # angles of the image's middle off the optical axis, right and down
+    by_camera: bool = False  # the image's edges are those of a keyframe's camera, where they are known
     occluder_radius_m: float = 0.0  # radius of occluding balls; 0: no occlusion
     camera: Camera = field(default_factory=Camera)
 
@@ -43,12 +46,21 @@ class SpatialRegion:
             half_width_rad=0.5 * settings.field_of_view_rad,
             half_height_rad=0.5 * settings.vertical_field_of_view_rad,
             occluder_radius_m=settings.occluder_radius_m,
+            by_camera=settings.region_by_camera,
         )
 
     @property
     def solid_angle(self) -> float:
         """[rad^2] of the image."""
-        return float(4.0 * np.arcsin(np.sin(self.half_width_rad) * np.sin(self.half_height_rad)))
+        (left, right), (top, bottom) = np.sin(self.edges_rad)
+        corners = np.arcsin([right * bottom, -left * bottom, -right * top, left * top])
+        return float(corners.sum())
+
+    @property
+    def edges_rad(self) -> Array:
+        """(2, 2) angles of the image's edges off the optical axis: [left, right] and [top, bottom]."""
+        halves = np.array([self.half_width_rad, self.half_height_rad])
+        return np.asarray(np.array(self.middle_rad)[:, None] + halves[:, None] * [-1.0, 1.0])
 
     @property
     def volume_m3(self) -> float:
@@ -61,7 +73,18 @@ class SpatialRegion:
 
     def reaching(self, sensed: Camera | None) -> Self:
         """The region with the camera of a keyframe; None: as it is."""
-        return self if sensed is None else replace(self, camera=sensed)
+        if sensed is None:
+            return self
+        if not self.by_camera or sensed.sight is None:
+            return replace(self, camera=sensed)
+        (right, down), (width, height) = sensed.sight.edges_rad.mean(axis=1), np.ptp(sensed.sight.edges_rad, axis=1)
+        return replace(
+            self,
+            camera=sensed,
+            middle_rad=(float(right), float(down)),
+            half_width_rad=0.5 * float(width),
+            half_height_rad=0.5 * float(height),
+        )
 
     def read_by(self, settings: Any) -> Self:
         """The region itself: in space ranges are distances under all noise settings."""
@@ -81,8 +104,8 @@ class SpatialRegion:
         """
         distance = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)
         parts = [(distance, seen / distance[..., None], self.min_range_m, self.max_range_m)]
-        for axis, half in ((0, self.half_width_rad), (1, self.half_height_rad)):
-            parts.append((*_angle(seen, axis), -half, half))
+        for axis, (low, high) in enumerate(self.edges_rad.tolist()):
+            parts.append((*_angle(seen, axis), low, high))
         sigmas = [_sigma(slope, covariance) for _, slope, _, _ in parts]
         each = list(zip(parts, sigmas, strict=True))
         return Margins(
@@ -99,6 +122,8 @@ class SpatialRegion:
 
     def shows(self, right: Array, down: Array, ahead: Array) -> Flags:
         """(...,) whether points lie within the image's edges, whatever their distance."""
+        if self.middle_rad != (0.0, 0.0):
+            return _between(right, ahead, *self.edges_rad[0]) & _between(down, ahead, *self.edges_rad[1])
         aside = np.abs(right) * np.cos(self.half_width_rad) <= ahead * np.sin(self.half_width_rad)
         across = np.abs(down) * np.cos(self.half_height_rad) <= ahead * np.sin(self.half_height_rad)
         return np.asarray(aside & across)
@@ -107,21 +132,30 @@ class SpatialRegion:
         """(...,) probability that nothing occludes ``seen`` (..., 3), with (..., 3, 3), in the optical frame.
 
         Occluders are balls of the occluder's radius about a frame's detections ``shown`` (D, 3), with ``variances`` (D,
-        2) of distance and direction. Distance and angle count as independent normals.
+        2) of distance and direction. Distance and angle count as independent normals; the angle varies along the arc
+        between both directions.
         """
         if self.occluder_radius_m <= 0.0 or not len(shown):
             return np.ones(seen.shape[:-1])
         distance = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)[..., None]
         unit, ranges = seen / distance, np.maximum(np.sqrt(squared_norms(shown)), LEAST_DISTANCE_M)
         along = np.einsum("...i,...ij,...j->...", unit, covariance, unit)[..., None]
-        across = 0.5 * (np.trace(covariance, axis1=-2, axis2=-1)[..., None] - along) / distance**2
-        turn = np.arccos(np.clip(unit @ (shown / ranges[:, None]).T, -1.0, 1.0))
+        cosine = np.clip(unit @ (shown / ranges[:, None]).T, -1.0, 1.0)
+        across = _towards(unit, shown / ranges[:, None], cosine, covariance) / distance**2
+        turn = np.arccos(cosine)
         half = np.arcsin(np.minimum(self.occluder_radius_m / ranges, 1.0))
         sigma = np.sqrt(across + variances[:, 1]) + LEAST_SIGMA
         aside = ndtr((half - turn) / sigma) - ndtr((-half - turn) / sigma)
         apart = np.sqrt(along + variances[:, 0]) + LEAST_SIGMA
         behind = ndtr((distance - ranges - 2.0 * self.occluder_radius_m) / apart)
         return np.asarray((1.0 - aside * behind).prod(axis=-1))
+
+    def seen_before_surfaces(self, seen: Array, covariance: Array) -> Array:
+        """(...,) probability that no surface of the depth image hides ``seen`` (..., 3), with (..., 3, 3)."""
+        sight = self.camera.sight
+        if self.occluder_radius_m <= 0.0 or sight is None or not sight.sees_depth:
+            return np.ones(seen.shape[:-1])
+        return seen_before_surfaces(sight, seen, covariance, self.occluder_radius_m)
 
     def shells(self, count: int) -> Array:
         """(count,) middle distances of shells of equal volume."""
@@ -134,8 +168,8 @@ class SpatialRegion:
         Points of the same ray are consecutive, one in each shell.
         """
         x, y = (
-            np.tan(half) * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
-            for half, count in ((self.half_width_rad, NUM_COLUMNS), (self.half_height_rad, NUM_ROWS))
+            low + (high - low) * (np.arange(count) + 0.5) / count
+            for (low, high), count in zip(np.tan(self.edges_rad), (NUM_COLUMNS, NUM_ROWS), strict=True)
         )
         right, down, reach = (grid.ravel() for grid in np.meshgrid(x, y, shells.ranges_m, indexing="ij"))
         rays = np.stack([right, down, np.ones(len(right))], axis=1)
@@ -152,6 +186,26 @@ def _angle(seen: Array, axis: int) -> tuple[Array, Array]:
     slope = np.zeros(seen.shape)
     slope[..., axis], slope[..., 2] = ahead / squared, -aside / squared
     return np.arctan2(aside, ahead), slope
+
+
+def _between(aside: Array, ahead: Array, low: float, high: float) -> Flags:
+    """(...,) whether angles off the optical axis, in front of the camera, lie between two below a quarter turn."""
+    above = aside * np.cos(low) >= ahead * np.sin(low)
+    return np.asarray(above & (aside * np.cos(high) <= ahead * np.sin(high)))
+
+
+def _towards(unit: Array, others: Array, cosine: Array, covariance: Array) -> Array:
+    """(..., D) variances [m^2] across directions ``unit`` (..., 3), each towards one of ``others`` (D, 3).
+
+    ``cosine`` (..., D) are those of the angles between them. Towards itself a direction has the mean across it.
+    """
+    away = others - cosine[..., None] * unit[..., None, :]
+    squared = squared_norms(away)
+    apart = squared > LEAST_SIGMA**2
+    along = np.vecdot(unit, (covariance @ unit[..., None])[..., 0])
+    mean = 0.5 * (np.trace(covariance, axis1=-2, axis2=-1) - along)
+    towards = np.vecdot(away @ covariance, away) / np.where(apart, squared, 1.0)
+    return np.asarray(np.where(apart, towards, mean[..., None]))
 
 
 def _sigma(slope: Array, covariance: Array) -> Array:
