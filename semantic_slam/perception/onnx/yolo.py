@@ -56,7 +56,8 @@ class YoloTable(ABC):
 
 def table_of(outputs: Sequence[Array]) -> Array:
     """(A, B) table among the outputs; those of other ranks are raw grids, which it repeats."""
-    (table,) = (output[0] for output in outputs if output.ndim == 3)
+    tables: list[Array] = [output[0] for output in outputs if output.ndim == 3]
+    (table,) = tables
     return table
 
 

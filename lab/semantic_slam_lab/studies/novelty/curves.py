@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.training.appearance import LEFT_OUT, fit_appearance
 from semantic_slam.viewpoint.appearance import KnownAppearance, hellinger
 from semantic_slam_lab.studies.novelty.features import Measured, Views
@@ -42,7 +42,7 @@ def scores_of(measured: Measured, known: Index) -> dict[str, Scores]:
     return {OURS: _by_densities(appearance, groups), NEAREST: _by_cosine(fitted, groups)}
 
 
-def _only(views: Views, wanted: Array) -> Views:
+def _only(views: Views, wanted: Flags) -> Views:
     rows = np.flatnonzero(wanted)
     return replace(views, features=views.features[rows], instance=views.instance[rows], direction=views.direction[rows])
 
@@ -81,7 +81,7 @@ def curve_of(draws: list[Scores]) -> dict[str, dict[str, list[float]]]:
 def _shares(scores: list[Array], limits: list[list[Any]]) -> list[float]:
     """(rates,) mean over draws of the share of scores above the limit."""
     above = [(own[:, None] > np.array(limit)).mean(axis=0) for own, limit in zip(scores, limits, strict=True)]
-    return np.mean(above, axis=0).tolist()
+    return [float(share) for share in np.mean(above, axis=0)]
 
 
 def separation(draws: list[Scores]) -> dict[str, float]:
