@@ -48,11 +48,11 @@ SECTIONS = (
         "`in_coverage` by the features of the trunk (`perception.novelty_false_alarms`), as a curve. COIL-100: in each"
         " draw twelve objects are known by photographs every 20°, all others are unknown; *noise*: independent"
         " pixels; *coloured blocks*: rectangles on one colour. False alarms are new views of the known objects, half"
-        " way between the fitted ones: exactly that share of them is called unknown in a column. The last two rows"
-        " have the limit of a user, who knows the views left out of the fit alone. *ours*: density of known objects'"
-        " views against that of things that are made up; *nearest fitted view*: cosine of the features. The ImageNet"
-        " network is SqueezeNet. Random rooms are those of the training: other scales, light, inexact boxes, and a"
-        " part hidden at times. The page of the study has the curves as a picture.",
+        " way between the fitted ones: that share of them, to one view of each draw, is called unknown in a column. The"
+        " last two rows have the limit of a user, who knows the views left out of the fit alone. *ours*: density of"
+        " known objects' views against that of things that are made up; *nearest fitted view*: cosine of the features."
+        " The ImageNet network is SqueezeNet. Random rooms are those of the training: other scales, light, inexact"
+        " boxes, and a part hidden at times. The page of the study has the curves as a picture.",
         tuple((text, curve(network, setting)) for network, setting, text in SETTINGS),
     ),
 )

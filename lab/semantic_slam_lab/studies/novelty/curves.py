@@ -66,7 +66,8 @@ def curve_of(draws: list[Scores]) -> dict[str, dict[str, list[float]]]:
     """By group the share that is called unknown, at every rate of :data:`RATES`; means over draws.
 
     ``stated``: the limit is that of the views left out of the fit, so that of known objects' new views about the rate
-    is called unknown. ``realised``: the limit is the one at which exactly the rate of them is, as misses are compared.
+    is called unknown. ``realised``: the limit is the rate's quantile of these new views themselves, as methods are
+    compared.
     """
     limits = {
         "stated": [[np.quantile(own.limits, 1.0 - rate, method="higher") for rate in RATES] for own in draws],
