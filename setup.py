@@ -41,6 +41,7 @@ EXTRAS = {
         "mkdocs~=1.6",
         "mkdocs-material~=9.8",
         "mypy~=2.4",
+        "onnx~=1.23",
         "packaging>=26",
         "pytest~=9.2",
         "ruff~=0.17.5",

@@ -1,8 +1,9 @@
-"""Detects objects in pictures with a NanoDet ONNX file, run by OpenCV:
+"""Detects objects in pictures with the ONNX file of a NanoDet or YOLO network, run by OpenCV:
 
-python examples/detector_node.py nanodet_m.onnx coco.names --ros-args -r image/compressed:=/camera/image/compressed
+python examples/detector_node.py yolo11n.onnx coco.names --ros-args -r image/compressed:=/camera/image/compressed
 
-With -p compressed:=false it takes the topic image instead.
+With -p compressed:=false it takes the topic image instead. Where the file leaves its input size open -p input_size:=640
+states it, and where its output fits several layouts -p layout:=yolov5 does.
 """
 
 import sys
@@ -17,7 +18,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from semantic_slam.errors import MessageError
 from semantic_slam.messages.images import decode_image
-from semantic_slam.perception.onnx_detector import OnnxDetector, read_class_names
+from semantic_slam.perception.onnx.detector import DetectorSettings, OnnxDetector, read_class_names
 
 
 def detection_array(detector, image):
@@ -38,9 +39,11 @@ def detection_array(detector, image):
 
 
 class DetectorNode(Node):
-    def __init__(self, detector):
+    def __init__(self, network, names):
         super().__init__("detector")
-        self._detector = detector
+        size, layout = self.declare_parameter("input_size", 0).value, self.declare_parameter("layout", "").value
+        settings = DetectorSettings(input_size=size or None, layout=layout or None)
+        self._detector = OnnxDetector(network, read_class_names(names), settings)
         self._publisher = self.create_publisher(DetectionArray, "detections", 10)
         is_compressed = self.declare_parameter("compressed", True).value
         kind, topic = (CompressedImage, "image/compressed") if is_compressed else (Image, "image")
@@ -57,7 +60,7 @@ def main():
     network, names = map(Path, remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)
     try:
-        node = DetectorNode(OnnxDetector(network, read_class_names(names)))
+        node = DetectorNode(network, names)
         while rclpy.ok():
             rclpy.spin_once(node, timeout_sec=1.0)  # spin() may wait for ever: a signal just before it waits is missed
     except KeyboardInterrupt:

@@ -1,7 +1,7 @@
 """Node ``hypothesis_manager``: takes measurements and odometry, publishes the hybrid belief, pose, path and markers.
 
 Services (semantic_slam_msgs/srv):
-  ~/find_objects     FindObjects: the mapped objects of a class that lie in a region
+  ~/find_objects     FindObjects: the mapped objects of a class, or that look like a vector or a text, in a region
   ~/get_object       GetObject: everything known about one object
   ~/query_place      QueryPlace: which objects are in a region, and which expected ones are missing there
   ~/explain          Explain: the evidence for an object's class
@@ -118,10 +118,10 @@ class HypothesisManagerNode(PipelineNode):
         self._publisher = BeliefPublisher(self, frames, self.lossless)
         self._publisher.broadcast_odom(broadcasts_odom)
         self._belief: HybridBelief | None = None  # the newest
-        self._objects = ObjectServices(self)
         self._background = InBackground(self, "services")
+        self._objects = ObjectServices(self, self._background, self._configuration.semantic_model)
         lookalikes = LookalikeService(self._background, self._configuration.semantic_model)
-        self._answers = lookalikes, self._objects, MapService(self, self._run)
+        self._answers = lookalikes, MapService(self, self._run)
         self._explain = ExplainService(self)
         self._session_services = SessionServices(self, self._background, self, read_map_prior)
         self._progress = Outlet(
@@ -200,6 +200,7 @@ class HypothesisManagerNode(PipelineNode):
         self._belief, self._belief_stamp_ns, self._announced = None, 0, -1
         for service in self._answers:
             service.belief = None
+        self._objects.begin()
         self._explain.begin()
         self._explanation = explanation_status(None)
 
@@ -302,7 +303,8 @@ class HypothesisManagerNode(PipelineNode):
         # In a lossless replay late subscribers get the whole history; live subscribers have received these beliefs.
         start, is_repeated = self._session.assembler.first_pose, self._is_recovering and not self.lossless
         self._publisher.publish(belief, keyframe.odometry, start, is_repeated=is_repeated)
-        self._belief, self._objects.map_prior = belief, self._session.map_prior
+        self._belief = belief
+        self._objects.tell(belief, keyframe.measurements, self._session.map_prior)
         for service in self._answers:
             service.belief = belief
         self._explain.tell(self._pool.kept, belief)

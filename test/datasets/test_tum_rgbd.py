@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from worlds.bags.image_folder import hand_held
 from worlds.bags.imported import messages_of, read_bag
 from worlds.bags.tum_folder import stamp_s, write_tum_folder
+from worlds.views.onnx_networks import COLOURS, write_network
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import import_dataset
@@ -190,3 +191,25 @@ def test_what_is_missing_is_said_in_a_line(folder, tmp_path):
     (folder / "groundtruth.txt").unlink()
     with pytest.raises(InputError, match=r"neither groundtruth.txt nor odometry.txt"):
         imported(folder, tmp_path)
+
+
+def test_a_detectors_open_input_has_the_size_that_the_command_gives(folder, tmp_path):
+    """Patches are red; an input of the pictures' width leaves them at their size, in cells of 8 pixels."""
+    network = write_network(tmp_path / "net.onnx", "yolov5", open_sizes=(2, 3))
+    (tmp_path / "net.names").write_text("\n".join(COLOURS))
+    words = ("--detector", str(network), "--labels-of", str(tmp_path / "net.names"))
+    with pytest.raises(InputError, match=r"leaves its input size open.*--input-size"):
+        imported(folder, tmp_path, *words)
+    frames = messages_of(imported(folder, tmp_path, *words, "--input-size", "160"), topics.DETECTIONS)
+    true = messages_of(imported(folder, tmp_path / "own"), topics.DETECTIONS)
+    for found, own in zip(frames[:-1], true[:-1], strict=True):
+        assert found.labels and set(found.labels) == {"red"}
+        centres = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
+        inside = (centres[:, None] > own.boxes[:, :2]) & (centres[:, None] < own.boxes[:, 2:])
+        assert inside.all(axis=2).any(axis=0).all()
+
+
+def test_what_describes_a_detector_needs_one(folder, tmp_path):
+    for words in (("--input-size", "640"), ("--layout", "yolov5")):
+        with pytest.raises(InputError, match="are a detector's"):
+            imported(folder, tmp_path, *words)

@@ -1,48 +1,21 @@
 """Vectors that detections carry: through bags and pipeline to objects that are told apart and found by their looks."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
-from worlds.bags.bag_factory import Entry, input_entries, of_topic, write_bag, write_configuration
+from worlds.bags.bag_factory import input_entries, of_topic
 from worlds.bags.imported import read_bag
 from worlds.bags.places import NUM_FRAMES, place_entries
+from worlds.bags.vectors import LOOKS, SIZE, looking, run
 
 from semantic_slam.answers.appearances import appearances_of
 from semantic_slam.answers.find_objects import find_objects
 from semantic_slam.answers.question import Question
-from semantic_slam.configuration import SemanticModelConfiguration, load_configuration
+from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.world.map_prior import read_map_prior
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import from_message, to_message
-from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.report.make import make_report
-
-SIZE = 300
-LOOKS = np.random.default_rng(0).normal(size=(2, SIZE))
-
-
-def looking(entries: list[Entry], sigma: float = 0.3, looks: np.ndarray = LOOKS) -> list[Entry]:
-    """The detections of every frame, which show the two objects in turn."""
-    random = np.random.default_rng(1)
-    for entry in of_topic(entries, topics.DETECTIONS):
-        found = from_message(entry.message)
-        vectors = looks[: len(found)] + random.normal(0.0, sigma, (len(found), looks.shape[1]))
-        entry.message = to_message(replace(found, embeddings=vectors))
-    return entries
-
-
-def run(folder: Path, entries: list[Entry], prior=None, **changes: object) -> Path:
-    settings = {"perception": {"network": "nowhere.safetensors"}, "association": "open"}
-    settings |= {"semantic_model": {"kind": "embedding"}} | changes
-    configuration = write_configuration(folder / "configuration", **settings)
-    done = run_bag(write_bag(folder / "bag", entries), folder / "belief", load_configuration(configuration), prior)
-    if done.fault is not None:
-        raise done.fault
-    return folder / "belief"
 
 
 @pytest.mark.parametrize("entries", [place_entries("ranges"), input_entries(NUM_FRAMES)], ids=["places", "pictures"])

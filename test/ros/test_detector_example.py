@@ -17,6 +17,7 @@ from rclpy.node import Node
 from semantic_slam_msgs.msg import DetectionArray
 from sensor_msgs.msg import CompressedImage, Image
 from worlds.processes.installed import ROOT
+from worlds.views.onnx_networks import black_with_block, write_network
 
 from semantic_slam.errors import MessageError
 from semantic_slam.messages import topics
@@ -111,6 +112,36 @@ def test_a_picture_that_does_not_decode_is_an_error_of_ours(example: ModuleType)
         example.detection_array(boxes_of(1), CompressedImage(format="jpeg", data=b"none"))
 
 
+def heard(node: Node, message: CompressedImage | Image, topic: str, words: list[str]) -> Detections:
+    """What the example tells of a picture that is published until it answers."""
+    received: list[Detections] = []
+    node.create_subscription(DetectionArray, "detections", lambda told: received.append(read(told)), 10, raw=True)
+    publisher = node.create_publisher(type(message), topic, 10)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    detector = subprocess.Popen([sys.executable, str(EXAMPLE), *words])
+    try:
+        give_up = time.monotonic() + PATIENCE_S
+        while not received and time.monotonic() < give_up:
+            publisher.publish(message)
+            executor.spin_once(timeout_sec=0.1)
+    finally:
+        detector.terminate()
+    assert detector.wait(timeout=PATIENCE_S) == 0
+    return received[0]
+
+
+def test_a_network_of_open_input_and_layout_takes_both_from_parameters(node: Node, tmp_path: Path) -> None:
+    """Rows of one score, six numbers, may be of two layouts."""
+    network = write_network(tmp_path / "net.onnx", "one_class", open_sizes=(2, 3))
+    (tmp_path / "net.names").write_text("bright")
+    block = np.ascontiguousarray(black_with_block((64, 64), (16, 24, 24, 32), "red")[..., ::-1])
+    words = [str(network), str(tmp_path / "net.names"), "--ros-args", "-p", "input_size:=64", "-p", "layout:=yolov5"]
+    found = heard(node, picture(block), "image/compressed", words)
+    assert found.labels == ("bright",)
+    np.testing.assert_allclose(found.boxes, [[16.0, 24.0, 24.0, 32.0]], atol=1e-3)
+
+
 @pytest.mark.real_data
 @pytest.mark.slow
 @pytest.mark.parametrize("compressed", [True, False])
@@ -123,20 +154,6 @@ def test_with_nanodet_the_node_finds_the_chairs_of_a_kitchen(
     height, width = pixels.shape[:2]
     raw = Image(height=height, width=width, encoding="bgr8", step=3 * width, data=pixels.tobytes())
     message, topic = (picture(pixels), "image/compressed") if compressed else (raw, "image")
-    received: list[Detections] = []
-    node.create_subscription(DetectionArray, "detections", lambda told: received.append(read(told)), 10, raw=True)
-    publisher = node.create_publisher(type(message), topic, 10)
-    executor = SingleThreadedExecutor(context=node.context)
-    executor.add_node(node)
     files = [str(weights / "nanodet_m.onnx"), str(weights / "coco.names")]
-    option = f"compressed:={compressed}".lower()
-    detector = subprocess.Popen([sys.executable, str(EXAMPLE), *files, "--ros-args", "-p", option])
-    try:
-        give_up = time.monotonic() + PATIENCE_S
-        while not received and time.monotonic() < give_up:
-            publisher.publish(message)
-            executor.spin_once(timeout_sec=0.1)
-    finally:
-        detector.terminate()
-    assert detector.wait(timeout=PATIENCE_S) == 0
-    assert {"chair", "cup"} <= set(received[0].labels) and len(received[0].class_names) == 80
+    found = heard(node, message, topic, [*files, "--ros-args", "-p", f"compressed:={compressed}".lower()])
+    assert {"chair", "cup"} <= set(found.labels) and len(found.class_names) == 80

@@ -70,7 +70,15 @@ def _region(chance: Generator) -> list[float]:
 
 
 def _find(_: Path, chance: Generator) -> Any:
-    return FindObjects.Request(name=_name(chance), region=_region(chance), least_probability=_number(chance))
+    return FindObjects.Request(
+        name=_name(chance),
+        region=_region(chance),
+        least_probability=_number(chance),
+        vector=[_number(chance) for _ in range(chance.integers(3))],
+        text_names=[_name(chance) for _ in range(chance.integers(3))],
+        text_vectors=[_number(chance) for _ in range(chance.integers(3))],
+        mapped=_number(chance),
+    )
 
 
 def _query(_: Path, chance: Generator) -> Any:

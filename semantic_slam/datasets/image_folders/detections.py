@@ -23,7 +23,7 @@ LEAST_REPORTED = 0.05
 
 
 class Detector(Protocol):
-    """From a picture to boxes; see :class:`semantic_slam.perception.onnx_detector.OnnxDetector`."""
+    """From a picture to boxes; see :class:`semantic_slam.perception.onnx.detector.OnnxDetector`."""
 
     def __call__(self, image: Bytes, *, stamp_ns: int, frame_id: str) -> Detections: ...
 

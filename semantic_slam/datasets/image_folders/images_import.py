@@ -17,7 +17,7 @@ from semantic_slam.datasets.image_folders.detections import (
     with_named_classes,
     with_positions,
 )
-from semantic_slam.datasets.image_folders.detector_arguments import add_detector, given_detector
+from semantic_slam.datasets.image_folders.detector_arguments import add_detector, detector_of
 from semantic_slam.datasets.image_folders.image_folder import ImageFolder
 from semantic_slam.datasets.image_folders.images_in_space import drive_in_space, write_images_in_space
 from semantic_slam.datasets.image_folders.journey import Journey, frame_stamps_ns, journey_by_odometry, journey_by_truth
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace, bag: Path) -> None:
     check_drift(arguments)
     if not 0.0 <= arguments.depth_to_width <= 1.0:
         raise InputError(f"--depth-to-width {arguments.depth_to_width}: must be in 0..1")
-    detector = given_detector(arguments.detector, arguments.labels_of)
+    detector = detector_of(arguments)
     folder = read_image_folder(arguments.source)
     folder = replace(folder, frames=folder.frames[: arguments.max_keyframes])
     file = arguments.odometry or found_or_none(arguments.source, ODOMETRY_FILE)

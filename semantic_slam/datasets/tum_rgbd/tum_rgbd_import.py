@@ -9,7 +9,7 @@ from semantic_slam.datasets.drives.drive import Message
 from semantic_slam.datasets.drives.noisy_odometry import add_drift, check_drift
 from semantic_slam.datasets.drives.tables import found_or_none
 from semantic_slam.datasets.image_folders.detections import Detector
-from semantic_slam.datasets.image_folders.detector_arguments import add_detector, given_detector
+from semantic_slam.datasets.image_folders.detector_arguments import add_detector, detector_of
 from semantic_slam.datasets.space.drive import SpatialDrive, write_spatial_drive
 from semantic_slam.datasets.space.journey import drive_by_odometry, odometry_of
 from semantic_slam.datasets.space.mount import mounted
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, bag: Path) -> None:
     """Write the bag and say what it holds; raises InputError."""
     check_drift(arguments)
-    detector = given_detector(arguments.detector, arguments.labels_of)
+    detector = detector_of(arguments)
     folder = read_tum_folder(arguments.source)
     drive = read_drive(folder, arguments.drift, arguments.seed, detector, arguments.max_keyframes)
     written = write_spatial_drive(drive, bag, "tum_rgbd", arguments.max_keyframes, of_camera(folder, drive))

@@ -1,38 +1,57 @@
 """Services ``~/find_objects``, ``~/get_object`` and ``~/query_place`` of the hypothesis manager."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from rclpy.node import Node
 from semantic_slam_msgs.srv import FindObjects, GetObject, QueryPlace
 
+from semantic_slam.answers.appearance_history import AppearanceHistory
 from semantic_slam.answers.find_objects import find_objects
 from semantic_slam.answers.get_object import get_object
 from semantic_slam.answers.query_place import query_place
-from semantic_slam.answers.question import Question
+from semantic_slam.answers.question import MAPPED, Question
 from semantic_slam.answers.region import Region
+from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.ros.services.answering import answering, newest
+from semantic_slam.ros.services.in_background import InBackground
 
 
 class ObjectServices:
-    """Answers from the attribute ``belief``, the newest one."""
+    """Answers from the attribute ``belief``, the newest one, and the appearances of the run so far.
 
-    def __init__(self, node: Node) -> None:
+    Objects are found in the background, because a question by vector compares all vectors of the run.
+    """
+
+    def __init__(self, node: Node, background: InBackground, settings: SemanticModelConfiguration) -> None:
         self.belief: HybridBelief | None = None
         self.map_prior: MapPrior | None = None  # of the run that the belief belongs to
+        self._settings, self._history = settings, AppearanceHistory(settings)
         self._services = [
-            node.create_service(FindObjects, "~/find_objects", answering(self._find)),
+            background.create_service(FindObjects, "~/find_objects", answering(self._find)),
             node.create_service(GetObject, "~/get_object", answering(self._get)),
             node.create_service(QueryPlace, "~/query_place", answering(self._query)),
         ]
 
+    def begin(self) -> None:
+        """Start another run: forget the belief and what its objects look like."""
+        self.belief, self._history = None, AppearanceHistory(self._settings)
+
+    def tell(self, belief: HybridBelief, measurements: SemanticMeasurements, map_prior: MapPrior | None) -> None:
+        """Set the newest belief of a run on ``map_prior``, and add its keyframe's measurements."""
+        self.belief, self.map_prior = belief, map_prior
+        self._history.add(belief, measurements)
+
     def _find(self, request: Any, response: Any) -> None:
-        belief = newest(self.belief)
-        found = find_objects(belief, _question(request))
+        belief, history, question = newest(self.belief), self._history, _question(request)
+        needs_looks = question.vector is not None or bool(question.text_vectors)
+        found = find_objects(belief, question, history.appearances() if needs_looks else None)
         response.keyframe = belief.keyframe
         response.object_ids = [own.object_id for own in found.objects]
         response.object_names = [own.name for own in found.objects]
@@ -63,7 +82,28 @@ class ObjectServices:
 
 
 def _question(request: Any) -> Question:
-    return Question(name=request.name, region=_region(request), least_probability=request.least_probability)
+    return Question(
+        name=request.name,
+        vector=np.array(request.vector) if len(request.vector) else None,
+        text_vectors=_text_vectors(request),
+        region=_region(request),
+        least_probability=request.least_probability,
+        mapped=request.mapped if request.mapped != 0.0 else MAPPED,
+    )
+
+
+def _text_vectors(request: Any) -> Mapping[str, Array]:
+    """Name -> (F,) of the named text vectors. Raises InputError where names and numbers do not go together."""
+    names, numbers = list(request.text_names), np.array(request.text_vectors, dtype=np.float64)
+    if not names and not len(numbers):
+        return {}
+    if len(set(names)) != len(names):
+        raise InputError("a name of text_names is given twice; give each once")
+    if not names or not len(numbers) or len(numbers) % len(names):
+        raise InputError(
+            f"text_vectors has {len(numbers)} numbers for {len(names)} text_names; give a row of equal length for each"
+        )
+    return dict(zip(names, numbers.reshape(len(names), -1), strict=True))
 
 
 def _region(request: Any) -> Region | None:

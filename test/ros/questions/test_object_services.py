@@ -12,14 +12,22 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from semantic_slam_lab.studies.embeddings.known_map import map_of
 from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath, QueryPlace, SaveMap
+from worlds.bags.places import place_entries
+from worlds.bags.vectors import LOOKS, looking, run
 from worlds.scenes.small_map import LOOSE, run_to_its_end
 
+from semantic_slam.answers.appearances import appearances_of
+from semantic_slam.answers.find_objects import find_objects
+from semantic_slam.answers.question import Question
+from semantic_slam.configuration import SemanticModelConfiguration
+from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.maps.map_file import read_map
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.ros.publishing import path_publisher
+from semantic_slam.ros.services.in_background import InBackground
 from semantic_slam.ros.services.map_service import MapService
 from semantic_slam.ros.services.object_services import ObjectServices
 from semantic_slam.ros.wire import qos
@@ -69,9 +77,13 @@ def test_the_path_is_told_whole_and_published_in_part(asked: tuple[Node, Ask], m
     assert [own.pose.position.x for own in sent[-1].poses] == [2.0, 3.0]
 
 
+def services_of(node: Node) -> ObjectServices:
+    return ObjectServices(node, InBackground(node, "services"), SemanticModelConfiguration())
+
+
 def test_objects_are_found_by_class_and_region_and_told_one_by_one(asked: tuple[Node, Ask]) -> None:
     node, ask = asked
-    ours = ObjectServices(node)
+    ours = services_of(node)
     assert "no belief yet" in ask(FindObjects, "find_objects", FindObjects.Request(name="cup")).fault
     ours.belief = replace(
         map_of(3),
@@ -92,9 +104,38 @@ def test_objects_are_found_by_class_and_region_and_told_one_by_one(asked: tuple[
     assert dict(zip(told.class_names, told.class_probabilities, strict=True)) == {"chair": 0.9, "cup": 0.1}
 
 
+def test_objects_are_found_by_vectors_and_texts_as_the_command_line_finds_them(
+    asked: tuple[Node, Ask], tmp_path: Path
+) -> None:
+    node, ask = asked
+    record = read_record(run(tmp_path, looking(place_entries("ranges", 16))))
+    ours = services_of(node)
+    for belief in record.beliefs:
+        ours.tell(belief, record.measurements[belief.stamp_ns], None)
+    looks = appearances_of(record.beliefs, record.measurements, SemanticModelConfiguration())
+    texts = {f"look {n}": look + 1.0 for n, look in enumerate([*LOOKS, -LOOKS[0]])}
+    first = []
+    by_text = {"text_names": list(texts), "text_vectors": np.concatenate(list(texts.values())).tolist()}
+    for request, question in (
+        ({"vector": LOOKS[1].tolist()}, Question(vector=LOOKS[1])),
+        ({"vector": LOOKS[1].tolist(), "mapped": 0.1}, Question(vector=LOOKS[1], mapped=0.1)),
+        ({"name": "look 0", **by_text}, Question(name="look 0", text_vectors=texts)),
+    ):
+        told = ask(FindObjects, "find_objects", FindObjects.Request(**request))
+        expected = find_objects(record.beliefs[-1], question, looks)
+        assert (told.fault, told.keyframe) == ("", record.beliefs[-1].keyframe)
+        assert list(told.object_ids) == [own.object_id for own in expected.objects]
+        np.testing.assert_allclose(told.probabilities, [own.probability for own in expected.objects])
+        assert told.unknown == pytest.approx(expected.unknown)
+        first.append(told.probabilities[0])
+    assert first[0] > 0.9 and first[1] < first[0]
+    ours.begin()
+    assert "no belief yet" in ask(FindObjects, "find_objects", FindObjects.Request(vector=[1.0])).fault
+
+
 def test_a_place_is_told_with_what_is_there_and_what_is_gone(asked: tuple[Node, Ask]) -> None:
     node, ask = asked
-    ours = ObjectServices(node)
+    ours = services_of(node)
     ours.belief = replace(map_of(2), existence=np.array([0.25, 1.0]), missing=np.array([0.75, 0.0]))
     ours.map_prior = MapPrior((ObjectPrior.planar(9, 0.0, 0.0, sigma_m=0.01, sigma_rad=0.1),))
     region = [-0.5, -0.5, 0.5, 0.5]
@@ -125,6 +166,22 @@ def test_the_map_is_written_and_a_file_that_is_there_stays(asked: tuple[Node, As
     [
         (FindObjects, "find_objects", FindObjects.Request(name="tv"), "is no class of the map"),
         (FindObjects, "find_objects", FindObjects.Request(name="cup", region=[1.0]), "region has 1 numbers"),
+        (FindObjects, "find_objects", FindObjects.Request(vector=[1.0, 2.0]), "no detection of this run has a vector"),
+        (FindObjects, "find_objects", FindObjects.Request(name="a", vector=[1.0]), "one after the other"),
+        (FindObjects, "find_objects", FindObjects.Request(vector=[1.0], mapped=1.0), "between 0 and 1"),
+        (
+            FindObjects,
+            "find_objects",
+            FindObjects.Request(name="a", text_names=["a", "b"], text_vectors=[1.0] * 3),
+            "3 numbers for 2 text_names",
+        ),
+        (FindObjects, "find_objects", FindObjects.Request(name="a", text_names=["a"]), "0 numbers for 1 text_names"),
+        (
+            FindObjects,
+            "find_objects",
+            FindObjects.Request(name="a", text_names=["a", "a"], text_vectors=[1.0] * 4),
+            "given twice",
+        ),
         (QueryPlace, "query_place", QueryPlace.Request(least_probability=2.0), "least probability"),
         (GetObject, "get_object", GetObject.Request(object_id=7), "object 7 is not on the map, which has 0, 1"),
     ],
@@ -133,5 +190,5 @@ def test_what_cannot_be_answered_is_one_line(
     asked: tuple[Node, Ask], kind: Any, name: str, request_: Any, fault: str
 ) -> None:
     node, ask = asked
-    ObjectServices(node).belief = map_of(2)
+    services_of(node).belief = map_of(2)
     assert fault in ask(kind, name, request_).fault

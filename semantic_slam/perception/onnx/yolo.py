@@ -1,0 +1,119 @@
+"""YOLO's layouts: a single output that is a table with a row for every box."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Bytes
+
+LEAST_SPREAD = 0.5
+"""Share of the input over which the centres of all boxes must spread at least: every cell of the input has a box."""
+
+
+@dataclass(frozen=True)
+class YoloTable(ABC):
+    """Layout with a single output, (1, N, columns), or (1, columns, N) where it is transposed.
+
+    Input: RGB, 0..1.
+    """
+
+    num_classes: int
+    size: tuple[int, int]  # height and width of the input, pixels
+    is_transposed: bool
+
+    name: ClassVar[str]  # that a user may give
+    grey: ClassVar[int] = 114
+    usually_transposed: ClassVar[bool] = False
+
+    @staticmethod
+    @abstractmethod
+    def num_columns(num_classes: int) -> int:
+        """Length of a row."""
+
+    @classmethod
+    def of(
+        cls, shape: tuple[int, ...], num_classes: int, size: tuple[int, int], *, in_any_turn: bool
+    ) -> "YoloTable | None":
+        """Recognise an (A, B) table, turned as this layout's networks have it or in any way; None: it is of another."""
+        turns = (cls.usually_transposed, not cls.usually_transposed) if in_any_turn else (cls.usually_transposed,)
+        columns = cls.num_columns(num_classes)
+        return next((cls(num_classes, size, turn) for turn in turns if shape[0 if turn else 1] == columns), None)
+
+    def normalised(self, pixels: Bytes) -> Array:
+        return np.asarray(pixels / 255.0)
+
+    def boxes(self, outputs: Sequence[Array]) -> tuple[Array, Array]:
+        table = table_of(outputs)
+        return self._read(table.T if self.is_transposed else table)
+
+    @abstractmethod
+    def _read(self, table: Array) -> tuple[Array, Array]:
+        """Boxes and scores of an (N, columns) table. Raises ValueError for numbers that are not of this layout."""
+
+
+def table_of(outputs: Sequence[Array]) -> Array:
+    """(A, B) table among the outputs; those of other ranks are raw grids, which it repeats."""
+    tables: list[Array] = [output[0] for output in outputs if output.ndim == 3]
+    (table,) = tables
+    return table
+
+
+class _CentredBoxes(YoloTable, ABC):
+    """Boxes by centre and size, in pixels of the input, one at least for every cell."""
+
+    def _corners(self, table: Array) -> Array:
+        """(N, 4) x_min y_min x_max y_max of rows that begin with centre and size. Raises ValueError."""
+        centres, halves = table[:, :2], table[:, 2:4] / 2.0
+        if (np.ptp(centres, axis=0) < LEAST_SPREAD * np.array(self.size[::-1])).any():
+            raise ValueError("the boxes are not in pixels of the input")
+        return np.concatenate([centres - halves, centres + halves], axis=1)
+
+
+class WithObjectness(_CentredBoxes):
+    """Layout of YOLOv5 and v7: centre, size, objectness, and scores of the classes given that there is an object."""
+
+    name = "yolov5"
+
+    @staticmethod
+    def num_columns(num_classes: int) -> int:
+        return 5 + num_classes
+
+    def _read(self, table: Array) -> tuple[Array, Array]:
+        return self._corners(table), table[:, 4:5] * table[:, 5:]
+
+
+class WithClassScores(_CentredBoxes):
+    """Layout of YOLOv8 and v11: centre, size, and scores of the classes."""
+
+    name = "yolov8"
+    usually_transposed = True
+
+    @staticmethod
+    def num_columns(num_classes: int) -> int:
+        return 4 + num_classes
+
+    def _read(self, table: Array) -> tuple[Array, Array]:
+        return self._corners(table), table[:, 4:]
+
+
+class EndToEnd(YoloTable):
+    """Layout of YOLOv10 and of exports with suppression: two corners, the best class's score, its number."""
+
+    name = "end_to_end"
+
+    @staticmethod
+    def num_columns(num_classes: int) -> int:
+        return 6
+
+    def _read(self, table: Array) -> tuple[Array, Array]:
+        numbers, scores = table[:, 5], np.full((len(table), self.num_classes), np.nan)
+        if (numbers != np.round(numbers)).any():
+            raise ValueError("the sixth column holds no numbers of classes")
+        if (numbers >= self.num_classes).any():
+            raise ValueError(f"class {numbers.max():.0f}, counted from 0, has no name")
+        rows = np.flatnonzero(numbers >= 0)  # others fill the table up
+        scores[rows, numbers[rows].astype(np.intp)] = table[rows, 4]
+        return table[:, :4], scores
