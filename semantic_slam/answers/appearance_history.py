@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.answers.appearances import Appearances, appearances_of
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.perception.measurement import SemanticMeasurements
 
@@ -59,6 +60,7 @@ def _vectors_of(measurements: SemanticMeasurements) -> SemanticMeasurements:
         features=np.zeros((rows, 0)),
         feature_covariances=np.zeros((rows, 0, 0)),
         free_range_scan=np.zeros((0, 2)),
+        free_ranges_m=left_out(),
     )
 
 

@@ -5,7 +5,8 @@ from typing import Any
 from semantic_slam.messages.layout import Layout, MayBeEmpty, contents, filled
 from semantic_slam.messages.standard import header_message, header_stamp_ns
 from semantic_slam.perception.frame import Detections
-from semantic_slam.perception.measurement import GRID, SemanticMeasurements
+from semantic_slam.perception.image_sight import GRID
+from semantic_slam.perception.measurement import SemanticMeasurements
 
 DETECTIONS_TYPE = "semantic_slam_msgs/msg/DetectionArray"
 MEASUREMENTS_TYPE = "semantic_slam_msgs/msg/SemanticMeasurementArray"

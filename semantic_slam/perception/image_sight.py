@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.perception.boxes.box_sizes import pixel_rays
 from semantic_slam.perception.frame import CameraModel
-from semantic_slam.perception.measurement import GRID
 
-NUM_ROWS, NUM_COLUMNS = GRID
+GRID = NUM_ROWS, NUM_COLUMNS = 16, 24
+"""Cells of the grid, which are even in the tangents of both angles off the optical axis."""
 READINGS = 4
 """Depth readings of a cell along each axis."""
 LEAST_VALID = 0.5
@@ -28,7 +28,7 @@ class ImageSight:
     """Edges of an image as angles off the optical axis, and free ranges of R x C directions within them."""
 
     edges_rad: Array  # (2, 2) [left, right] in the plane of x and z, [top, bottom] in that of y and z
-    free_ranges_m: Array  # (R, C) distance of the farthest surface of each cell; NaN: not known
+    free_ranges_m: Array  # (R, C) distance of the farthest surface of each cell; NaN: not known; no cells without depth
 
     @classmethod
     def of(cls, camera: CameraModel, depth_m: NDArray[np.float32] | None = None, boxes: Array | None = None) -> Self:
@@ -38,7 +38,7 @@ class ImageSight:
         """
         edges = edges_of(camera)
         if depth_m is None:
-            return cls(edges, np.full((NUM_ROWS, NUM_COLUMNS), np.nan))
+            return cls(edges, np.zeros((0, 0)))
         return cls(edges, _free_ranges(depth_m, camera, edges, np.zeros((0, 4)) if boxes is None else boxes))
 
     @classmethod
@@ -50,8 +50,8 @@ class ImageSight:
 
     @property
     def sees_depth(self) -> bool:
-        """Whether any surface is known."""
-        return bool(np.isfinite(self.free_ranges_m).any())
+        """Whether there is a depth image."""
+        return self.free_ranges_m.size > 0
 
     def ranges_at(self, right: Array, down: Array) -> Array:
         """(...,) free ranges [m] in directions with tangents ``right`` and ``down`` (...,); inf where not known."""

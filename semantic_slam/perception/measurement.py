@@ -26,10 +26,6 @@ OF_THE_FRAME = frozenset(
 """Fields of :class:`SemanticMeasurements` that describe the whole frame, without a row per detection."""
 
 
-GRID = (16, 24)
-"""Rows and columns of the grid of free ranges, which is even in the tangents of the angles off the optical axis."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class SemanticMeasurements:
     """Measurements of D detections; T dropout passes, C classes, F feature and E embedding components."""
@@ -77,7 +73,7 @@ class SemanticMeasurements:
     image_edges_rad: Array = field(default_factory=left_out)  # (2, 2) [left, right] and [top, bottom] edge of the image
     # off the optical axis; left out: NaN, not known
     free_ranges_m: Array = field(default_factory=left_out)  # (R, C) of the farthest surface of the depth image in each
-    # direction of a grid between these edges; left out: NaN, not known
+    # direction of a grid between these edges; left out: no cells
 
     def __post_init__(self) -> None:
         rows = len(self)
@@ -86,7 +82,7 @@ class SemanticMeasurements:
         shapes = {"class_scores": (rows, len(self.class_names)), "embeddings": (rows, 0)}
         spatial = {"points": (rows, 3), "place_covariances": (rows, 3, 3), "point_covariances": (rows, 3, 3)}
         spatial |= {"sensor_orientation": (4,), "angular_sizes_rad": (rows, 2)}
-        spatial |= {"image_edges_rad": (2, 2), "free_ranges_m": GRID}
+        spatial |= {"image_edges_rad": (2, 2), "free_ranges_m": (0, 0)}
         fill_left_out(self, shapes | spatial)
 
     def __len__(self) -> int:
