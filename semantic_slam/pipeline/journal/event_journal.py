@@ -7,7 +7,8 @@ handles the recorded ones again, and is then where the last process stopped.
 from collections.abc import Callable, Iterator, Mapping
 
 from semantic_slam.errors import InputError
-from semantic_slam.pipeline.journal.journal import NoJournal, Record
+from semantic_slam.pipeline.journal.journal import NoJournal
+from semantic_slam.pipeline.journal.segment import Record
 
 END = "end"
 """The end of a replay; events after it belong to another session."""
@@ -48,6 +49,11 @@ class EventJournal:
         if event.name not in self._handlers:
             raise InputError(f"parameter journal: it goes on with {event.name} where no answer is due; remove it")
         self._handlers[event.name](event.data)
+
+    @property
+    def is_past(self) -> bool:
+        """Whether all recorded events are handled."""
+        return self._journal.next is None
 
     def sync(self) -> None:
         """Flush what is recorded to disk, so that it survives a power cut."""
