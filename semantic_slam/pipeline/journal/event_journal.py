@@ -50,11 +50,6 @@ class EventJournal:
             raise InputError(f"parameter journal: it goes on with {event.name} where no answer is due; remove it")
         self._handlers[event.name](event.data)
 
-    @property
-    def is_past(self) -> bool:
-        """Whether all recorded events are handled."""
-        return self._journal.next is None
-
     def sync(self) -> None:
         """Flush what is recorded to disk, so that it survives a power cut."""
         self._journal.sync()

@@ -1,7 +1,7 @@
 """Where the keyframes of each run are kept: in nameless files, or in files that a restarted manager finds again."""
 
 import os
-from collections.abc import Collection
+from collections import deque
 from functools import cached_property
 from pathlib import Path
 
@@ -38,6 +38,7 @@ class KeptRuns:
         """``folder`` of the files; None: they are nameless."""
         self._folder = folder
         self._lengths: dict[str, int] = {}
+        self._stored: deque[str] = deque(maxlen=2)  # runs of the last two snapshots
 
     def go_on(self, run_id: str, length: int) -> None:
         """Have the run with this id go on from the first ``length`` bytes of its file when it begins again."""
@@ -55,11 +56,12 @@ class KeptRuns:
             kept.fault = f"the keyframes of this run are not there again ({fault.strerror or fault})"
             return kept
 
-    def forget_all_but(self, run_ids: Collection[str]) -> None:
-        """Remove the files of other runs."""
+    def pass_snapshot(self, run_id: str) -> None:
+        """Remove the files of runs that have ended before the last two snapshots; ``run_id`` is that of the newest."""
+        self._stored.append(run_id)
         if self._folder is None:
             return
-        kept = {self._place(run_id) for run_id in run_ids}
+        kept = {self._place(own) for own in self._stored}
         for place in self._folder.glob(f"{PREFIX}*"):
             if place not in kept:
                 place.unlink(missing_ok=True)

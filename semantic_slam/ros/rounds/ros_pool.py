@@ -83,6 +83,7 @@ class RosPool:
     def start(self, run: RunConfiguration) -> None:
         """Publish the run's configuration, latched, so that backends that start later receive it, too."""
         self._run_id, self.kept, self._begun = run.run_id, self.runs.begin(run), None
+        self._goes_on = self.kept.num_keyframes > 0
         self.close()
         if from_dict(json.loads(run.configuration), "run configuration").history.is_on:
             self._checkpoints = folder_of(run.run_id)
