@@ -142,10 +142,6 @@ class HypothesisManagerNode(PipelineNode):
         self._changes = RunChanges(self, lambda: self._session, self.change, self._pool, self._publisher)
         self.health.add_source(lambda: [*self._pool.statuses(), self._status, *self._statuses()])
 
-    @property
-    def _wants_identities(self) -> bool:
-        return strategy_of(self._configuration).wants_identities
-
     def _listen(self) -> None:
         # The order matters: when several messages are ready, the executor serves the subscription created first.
         self._input(topics.INITIAL_POSE, self._set_initial_pose, required=False)
@@ -154,7 +150,7 @@ class HypothesisManagerNode(PipelineNode):
                 self._input(topics.TF_STATIC, self._transforms.add, required=False)
             self._input(topics.IMU, lambda message: self._session.assembler.add_imu(message))
         self._input(topics.ODOMETRY, lambda message: self._session.assembler.add_odometry(message))
-        if self._wants_identities:
+        if strategy_of(self._configuration).wants_identities:
             identities = topics.GROUND_TRUTH_ASSOCIATIONS
             self._input(identities, lambda m: self._session.assembler.add_identities(from_message(m)), required=False)
         handle = self._kept(topics.MEASUREMENTS, self._add_measurements)
@@ -256,12 +252,14 @@ class HypothesisManagerNode(PipelineNode):
         """Replay the journal up to where the last process stopped, then announce the progress."""
         self._is_recovering = True
         self._snapshots.restore(self, self._session, self._pool_of_run)
+        of_snapshot = self._session.num_keyframes
         for event in self._journal.past():
             if self.lossless and event.name != SNAPSHOT:
                 self._repeats.is_known(event.name, event.data)
             self.guarded(event.name, partial(self._journal.happen_again, event))
         if self._session.num_keyframes:
-            self.get_logger().info(f"{self._session.num_keyframes} keyframes of the journal are there again")
+            text = f"{self._session.num_keyframes} keyframes of the journal are there again"
+            self.get_logger().info(f"{text}, {of_snapshot} of them from a snapshot" if of_snapshot else text)
         if self._belief is not None and not self.lossless:
             self._publisher.repeat(self._belief)  # the last belief may not have reached anybody
         self._is_recovering = False
