@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from semantic_slam_lab.soak.journaled_manager import Event, KeepingPool, LivingPool, Manager, events_of
 from semantic_slam_lab.soak.robots import robot
 from semantic_slam_lab.soak.tour import Tour
-from worlds.processes.journaled_manager import Event, KeepingPool, LivingPool, Manager, events_of
 from worlds.same_beliefs import assert_same
 
 from semantic_slam.configuration import Configuration
@@ -99,7 +99,9 @@ def test_a_snapshot_of_another_version_is_one_line_with_the_remedy(
 ) -> None:
     folder = shutil.copytree(run.folder, tmp_path / "copy")
     monkeypatch.setattr(Manager, "STATE", ("frames", "pool"))
-    with pytest.raises(InputError, match=r"no journal of this version \(no state of Manager\); remove it and run again"):
+    with pytest.raises(
+        InputError, match=r"no journal of this version \(no state of Manager\); remove it and run again"
+    ):
         Manager(folder, run.configuration)
 
 
