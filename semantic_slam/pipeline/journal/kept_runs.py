@@ -11,7 +11,7 @@ from semantic_slam.nameless_file import NamelessFile
 from semantic_slam.pipeline.journal.kept_run import KeptRun
 
 PREFIX = "keyframes."
-"""Of the names of the files; the digest of the run's id follows."""
+"""Begins the names of the files; the digest of the run's id follows."""
 
 
 class NamedFile(NamelessFile):
