@@ -43,7 +43,7 @@ def unpacked(data: bytes) -> Any:
         reader = _Reader(data, end)
         reader.lineages = LineageTable.of(reader.value(columns))
         return reader.value(tree)
-    except (struct.error, LookupError, TypeError, AttributeError, ImportError, RecursionError) as fault:
+    except (struct.error, LookupError, ValueError, TypeError, AttributeError, ImportError, RecursionError) as fault:
         raise ValueError(f"no record of this version ({type(fault).__name__})") from None
 
 
