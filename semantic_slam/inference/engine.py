@@ -10,7 +10,7 @@ the unnormalised weights w psi are collected over all parents and normalised onc
 
 from collections import Counter
 from dataclasses import replace
-from typing import Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,10 +46,26 @@ from semantic_slam.inference.world.carried import is_carried_lately
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.state import restore, state_of
 
 
 class Engine:
     """Runs the hybrid inference of one run: drives the backends through the two rounds of each keyframe."""
+
+    STATE: ClassVar[tuple[str, ...]] = (
+        "_reader",
+        "registry",
+        "hypotheses",
+        "rounds",
+        "copies",
+        "alternatives",
+        "genuine",
+        "reference",
+        "recovery",
+        "explanation",
+        "log_evidence",
+        "_last_stamp_ns",
+    )
 
     def __init__(
         self,
@@ -111,6 +127,24 @@ class Engine:
         self.explanation = Explanation()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept, in nats
         self._last_stamp_ns: int | None = None  # of the newest keyframe; None before the first one
+
+    @property
+    def may_be_stored(self) -> bool:
+        """Whether :meth:`state` is all that the engine needs: it neither replays earlier keyframes, nor will."""
+        return self.revision.is_over and self.relocation.is_over and self.recovery.is_over
+
+    def state(self) -> dict[str, Any]:
+        """What the run so far has made of the engine, as long as it ``may_be_stored``; backends' components apart."""
+        return {"own": state_of(self), "stamps_ns": self.steps.stamps_ns}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a state of an engine of the same run. Raises ValueError or KeyError for any other."""
+        restore(self, state["own"])
+        self.steps.forget(state["stamps_ns"])
+
+    @property
+    def _reader(self) -> Any:
+        return self.problem.reader
 
     def _copies_of_known_objects(self) -> Distinct | SummarisedCopies:
         return SummarisedCopies(self.problem) if self.problem.history.is_on else Distinct()

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +88,8 @@ class DiscardedMass:
 
 class Hypotheses:
     """The set of live hypotheses; ids are digests of content, so that every process names a hypothesis alike."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("live", "discarded")
 
     def __init__(self, log_root_weights: Sequence[float], owner: int, bagging: Bagging) -> None:
         """Start with one root hypothesis for each noise setting that is to be decided by the evidence."""

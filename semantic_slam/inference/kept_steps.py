@@ -34,6 +34,13 @@ class KeptSteps(Sequence[Step]):
         """Number of keyframes on disk; these are the oldest ones."""
         return len(self._ends) - 1
 
+    def forget(self, stamps_ns: "array[int]") -> None:
+        """Hold the stamps of earlier keyframes alone, after a restart; their steps cannot be asked for."""
+        self.stamps_ns = stamps_ns
+        self._kept.clear()
+        self._disk = NamelessFile()
+        self._ends = array("q", bytes(self._ends.itemsize * (len(stamps_ns) + 1)))
+
     def append(self, step: Step) -> None:
         """Add the step of the next keyframe."""
         self.stamps_ns.append(step.stamp_ns)
@@ -74,6 +81,8 @@ class KeptSteps(Sequence[Step]):
 
     def _from_disk(self, keyframe: int) -> Step:
         begin, end = self._ends[keyframe : keyframe + 2]
+        if begin == end:
+            raise LostComponentError(f"keyframe {keyframe} was forgotten at a restart")
         try:
             data = self._disk.read(end - begin, begin)
         except OSError as fault:

@@ -6,6 +6,7 @@ so that another backend can rebuild it bit by bit. See docs/architecture.md.
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,6 +35,8 @@ class HeldComponent:
 
 class Rounds:
     """Runs both rounds with the backends of ``pool``; hypotheses that a backend lost are rebuilt by the others."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("lost",)
 
     def __init__(self, pool: BackendPool, run_id: str, hypotheses: Hypotheses) -> None:
         self._pool, self._run_id, self._hypotheses = pool, run_id, hypotheses

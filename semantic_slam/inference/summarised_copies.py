@@ -6,6 +6,7 @@ every further ambiguity doubles their number. They are merged: the heavier one t
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +25,8 @@ CLASS_APART = 0.1
 
 class SummarisedCopies:
     """Finds and merges such duplicates among a keyframe's candidates; ``num_merged`` counts those of the newest."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_recent", "_objects", "num_merged")
 
     def __init__(self, problem: Problem) -> None:
         self._settings = replace(problem.open_world, merge_ghosts=False)

@@ -1,6 +1,6 @@
 """Camera model, odometry and static transforms from sensor messages."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -60,6 +60,8 @@ def transform_vector(transform: Any) -> Array:
 
 class TransformTree:
     """Static transforms between frames, from /tf_static."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_parents",)
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Array]] = {}  # child -> (parent, T_parent_child)

@@ -1,6 +1,7 @@
 """Holds keyframes back in a live run until the first detection makes the detector's labels known."""
 
 from collections.abc import Iterable
+from typing import ClassVar
 
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
@@ -18,6 +19,8 @@ class FirstLabel:
     The run then starts with the same keyframe as if the labels had been known from the start. With
     ``semantic_model.labels`` configured, nothing is held back.
     """
+
+    STATE: ClassVar[tuple[str, ...]] = ("_is_awaited", "_waiting", "labels")
 
     def __init__(self, settings: SemanticModelConfiguration) -> None:
         self._is_awaited = class_model_kind(settings).labels is not None and not settings.labels

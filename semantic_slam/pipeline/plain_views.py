@@ -1,7 +1,7 @@
 """Standard messages derived from a hybrid belief, for subscribers that ignore hypotheses; all in the map frame."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -52,6 +52,8 @@ class MarkersView:
 
     Their opacity follows the object's existence probability; they are deleted once it is no longer in the belief.
     """
+
+    STATE: ClassVar[tuple[str, ...]] = ("_shown",)
 
     def __init__(self, frame: str = MAP_FRAME) -> None:
         self._frame = frame

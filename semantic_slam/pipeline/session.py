@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from typing import Any, ClassVar
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
@@ -18,6 +19,7 @@ from semantic_slam.pipeline.first_label import FirstLabel
 from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
 from semantic_slam.pipeline.start import announced_run
 from semantic_slam.pipeline.unmeant_labels import UnmeantLabels
+from semantic_slam.state import restore, state_of
 
 CHANGEABLE = ("keyframes.policy", "keyframes.distance_m", "keyframes.angle_rad", "open_world.time_budget_ms")
 """Parameters that may change during a run; all others are part of the model that its beliefs share."""
@@ -27,6 +29,20 @@ SOMETHING = ("object",)
 
 class Session:
     """Keyframes and beliefs of one run, which starts with its first keyframe."""
+
+    STATE: ClassVar[tuple[str, ...]] = (
+        "number",
+        "map_prior",
+        "num_keyframes",
+        "assembler",
+        "_configuration",
+        "_first_label",
+        "_unmeant",
+        "_initial_pose",
+        "_is_told_pose",
+        "_next_pose",
+        "_first",
+    )
 
     def __init__(
         self,
@@ -125,6 +141,23 @@ class Session:
             belief = self._engine.process(keyframe)
             self.num_keyframes += 1
             yield keyframe, belief
+
+    @property
+    def may_be_stored(self) -> bool:
+        """Whether :meth:`state` is all that the session needs."""
+        return self._engine is not None and self._engine.may_be_stored
+
+    def state(self) -> dict[str, Any]:
+        """The state of the session and its engine. Raises InputError before the first keyframe."""
+        if self._engine is None:
+            raise InputError("there is no belief yet; ask after the first keyframe")
+        return {"own": state_of(self), "run": self._engine.run, "engine": self._engine.state()}
+
+    def restore(self, state: dict[str, Any], pool: BackendPool) -> None:
+        """Go on from a state of a session of the same configuration. Raises ValueError or KeyError for any other."""
+        restore(self, state["own"])
+        self._engine = Engine.of_run(state["run"], pool)
+        self._engine.restore(state["engine"])
 
     def follower(self, map_prior: MapPrior | None) -> "Session":
         """The next session, on ``map_prior``; it takes over the settings and a pose set for the next run."""

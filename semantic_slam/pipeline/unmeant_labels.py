@@ -7,6 +7,7 @@ are known at its start a run is refused; those of a live detector may come later
 from collections import Counter
 from dataclasses import replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ LONGEST_LABEL = 80
 
 class UnmeantLabels:
     """What is left out of a run's keyframes after its first one; ``dropped`` counts it by label."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("dropped", "_news")
 
     def __init__(self, configuration: Configuration) -> None:
         self.dropped: Counter[str] = Counter()

@@ -32,10 +32,8 @@ budget to another, open_world.time_budget_ms.
 import json
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
@@ -49,13 +47,12 @@ from semantic_slam.messages.ground_truth import ReplayProgress
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.assembly.frame_count import FrameCount
-from semantic_slam.pipeline.gravity.gravity_by_imu import ImuSource
-from semantic_slam.pipeline.gravity.imu_use import unused_because
 from semantic_slam.pipeline.journal.event_journal import CHANGE, END, PAUSE, RESTART, SESSION, EventJournal
+from semantic_slam.pipeline.journal.journal import SNAPSHOT
 from semantic_slam.pipeline.journal.journal_of_run import open_journal
 from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
+from semantic_slam.pipeline.journal.snapshots import Snapshots
 from semantic_slam.pipeline.preamble import checked_initial_pose
-from semantic_slam.pipeline.provenance import source_text
 from semantic_slam.pipeline.session import CHANGEABLE, Session
 from semantic_slam.ros.node.changes import Values
 from semantic_slam.ros.node.health import Level, Status, dropped_status, explanation_status
@@ -67,6 +64,7 @@ from semantic_slam.ros.node.parameters import (
 )
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.node.repeats import Repeats
+from semantic_slam.ros.node.run_inputs import imu_source, map_prior_of, source_of
 from semantic_slam.ros.publishing.belief_publisher import BeliefPublisher
 from semantic_slam.ros.publishing.frames import declare_frames
 from semantic_slam.ros.rounds.ros_pool import RosPool
@@ -84,6 +82,16 @@ from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name
 class HypothesisManagerNode(PipelineNode):
     """ROS node that wraps the keyframe assembler and the hypothesis manager."""
 
+    STATE: ClassVar[tuple[str, ...]] = (
+        "refused",
+        "_frames",
+        "_repeats",
+        "_transforms",
+        "_publisher",
+        "_is_paused",
+        "_belief_stamp_ns",
+    )
+
     def __init__(self) -> None:
         super().__init__("hypothesis_manager")
         self._configuration = declare_configuration(self, CHANGEABLE)
@@ -94,16 +102,18 @@ class HypothesisManagerNode(PipelineNode):
         self._pool = RosPool(self, range(num_backends), timeout_s)
         broadcasts_odom = declare_changeable(self, "broadcast_odom", False)
         self._transforms = TransformTree()
-        self._imu = self._imu_source() if declare_fixed(self, "has_imu", False) else None
-        self._map_prior = _map_prior(declare_fixed(self, "map_prior", ""))
+        has_imu, waits = declare_fixed(self, "has_imu", False), self.lossless
+        self._imu = imu_source(self, self._configuration, self._transforms, waits=waits) if has_imu else None
+        self._map_prior = map_prior_of(declare_fixed(self, "map_prior", ""))
         source_bag = declare_fixed(self, "source_bag", "")
         journal = declare_fixed(self, "journal", "")
         frames = declare_frames(self)
         resume = declare_fixed(self, "resume", True)
         refuse_undeclared(self)
-        self._source = _source(source_bag)
+        self._source = source_of(source_bag)
         opened = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
         self._journal = EventJournal(opened, self._handlers())
+        self._snapshots = Snapshots(opened, self._configuration.history, self._pool)
         self._pool_of_run = JournaledPool(self._pool, opened)
         self._session = Session(self._configuration, self._map_prior, self._source, imu=self._imu)
         self._is_paused = False
@@ -132,18 +142,6 @@ class HypothesisManagerNode(PipelineNode):
         self._changes = RunChanges(self, lambda: self._session, self.change, self._pool, self._publisher)
         self.health.add_source(lambda: [*self._pool.statuses(), self._status, *self._statuses()])
 
-    @property
-    def _wants_identities(self) -> bool:
-        return strategy_of(self._configuration).wants_identities
-
-    def _imu_source(self) -> ImuSource | None:
-        """Source of IMU readings; None, with a warning, if the configuration does not use topic imu."""
-        reason = unused_because(self._configuration)
-        if reason:
-            self.get_logger().warning(f"parameter has_imu: topic {topics.IMU} is not used: {reason}")
-            return None
-        return ImuSource(self._transforms, waits=self.lossless)
-
     def _listen(self) -> None:
         # The order matters: when several messages are ready, the executor serves the subscription created first.
         self._input(topics.INITIAL_POSE, self._set_initial_pose, required=False)
@@ -152,7 +150,7 @@ class HypothesisManagerNode(PipelineNode):
                 self._input(topics.TF_STATIC, self._transforms.add, required=False)
             self._input(topics.IMU, lambda message: self._session.assembler.add_imu(message))
         self._input(topics.ODOMETRY, lambda message: self._session.assembler.add_odometry(message))
-        if self._wants_identities:
+        if strategy_of(self._configuration).wants_identities:
             identities = topics.GROUND_TRUTH_ASSOCIATIONS
             self._input(identities, lambda m: self._session.assembler.add_identities(from_message(m)), required=False)
         handle = self._kept(topics.MEASUREMENTS, self._add_measurements)
@@ -169,6 +167,8 @@ class HypothesisManagerNode(PipelineNode):
         def handle(data: bytes) -> None:
             if not (self.lossless and not self._is_finished and self._repeats.is_known(topic, data)):
                 self._journal.happen(topic, data)
+                if not self._is_finished:
+                    self._snapshots.take(self, self._session)
 
         return handle
 
@@ -252,12 +252,15 @@ class HypothesisManagerNode(PipelineNode):
     def _recover(self, _: None) -> None:
         """Replay the journal up to where the last process stopped, then announce the progress."""
         self._is_recovering = True
+        self._snapshots.restore(self, self._session, self._pool_of_run)
+        of_snapshot = self._session.num_keyframes
         for event in self._journal.past():
-            if self.lossless:
+            if self.lossless and event.name != SNAPSHOT:
                 self._repeats.is_known(event.name, event.data)
             self.guarded(event.name, partial(self._journal.happen_again, event))
         if self._session.num_keyframes:
-            self.get_logger().info(f"{self._session.num_keyframes} keyframes of the journal are there again")
+            text = f"{self._session.num_keyframes} keyframes of the journal are there again"
+            self.get_logger().info(f"{text}, {of_snapshot} of them from a snapshot" if of_snapshot else text)
         if self._belief is not None and not self.lossless:
             self._publisher.repeat(self._belief)  # the last belief may not have reached anybody
         self._is_recovering = False
@@ -275,6 +278,7 @@ class HypothesisManagerNode(PipelineNode):
             topics.CLASSIFIER_PROGRESS: self._count_lost,
             END: lambda _: self._finish(),
             RESTART: lambda _: self._frames.interrupted(),
+            SNAPSHOT: lambda _: self._snapshots.pass_by(self._session),
         }
 
     def _set_initial_pose(self, message: Any) -> None:
@@ -310,6 +314,7 @@ class HypothesisManagerNode(PipelineNode):
         self._explain.tell(self._pool.kept, belief)
         self._explanation = explanation_status(belief, self._session.carried)
         self._belief_stamp_ns = belief.stamp_ns
+        self._snapshots.count()
 
     def _run(self) -> RunConfiguration:
         """Configuration of the current run. Raises InputError before its first keyframe."""
@@ -366,15 +371,9 @@ class HypothesisManagerNode(PipelineNode):
         number, waiting = str(self._session.num_keyframes), self._session.num_without_label
         text = f"{number} keyframes" + (f", {waiting} wait for the first detection with a label" if waiting else "")
         text += ", paused" if self._is_paused else ""
-        return [Status("keyframes", Level.OK, text, {"keyframes": number}), self._explanation]
-
-
-def _map_prior(path: str) -> MapPrior | None:
-    return read_map_prior(Path(path)) if path else None
-
-
-def _source(bag: str) -> str:
-    return source_text(Path(bag), BagReader(Path(bag)).sha256()) if bag else ""
+        fault = self._snapshots.fault
+        of_journal = [Status("journal", Level.WARN, fault)] if fault else []
+        return [Status("keyframes", Level.OK, text, {"keyframes": number}), self._explanation, *of_journal]
 
 
 main = main_of(HypothesisManagerNode, __doc__ or "")

@@ -3,6 +3,7 @@
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam_lab.soak.comparison import compared
 from semantic_slam_lab.soak.measures import EVERY, soaked
+from semantic_slam_lab.soak.restarts import AT, restarted
 from semantic_slam_lab.soak.robots import ROBOTS, robot
 
 
@@ -17,6 +18,8 @@ def _command() -> None:
     parser.add_argument("--keyframes", type=int, default=2000)
     parser.add_argument("--horizon", type=int, default=0, help="history.horizon_keyframes; 0: off")
     parser.add_argument("--against-full", action="store_true", help="hold the summary against the whole graph")
+    parser.add_argument("--restarts", action="store_true", help="what the journal takes, and a restart from it costs")
+    parser.add_argument("--whole-journal", action="store_true", help="with --restarts: without snapshots")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     configuration = robot(arguments.robot, arguments.horizon)
@@ -27,7 +30,10 @@ def _command() -> None:
                 f" to {row.largest_ratio:.4f} of the whole graph's"
             )
         return
-    for number, measured in enumerate(soaked(configuration, arguments.keyframes, arguments.seed)):
+    rows = soaked(configuration, arguments.keyframes, arguments.seed)
+    if arguments.restarts:
+        rows = restarted(configuration, AT, arguments.seed, snapshots=not arguments.whole_journal)
+    for number, measured in enumerate(rows):
         if number == 0:
             print("  ".join(f"{name:>13}" for name in measured))
         print("  ".join(f"{value:13.6g}" for value in measured.values()), flush=True)

@@ -7,7 +7,7 @@ posterior probabilities. Only what is reported changes, in the form of revisions
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class Held(Protocol):
 class NoAlternatives:
     """Reports histories as they are; for closed worlds, where few local ambiguities arise."""
 
+    STATE: ClassVar[tuple[str, ...]] = ()
+
     def follow(self, weighed: CandidateTable, live: Mapping[int, Hypothesis], held: Mapping[int, Held]) -> None:
         """Do nothing: pruned histories are not remembered."""
 
@@ -48,6 +50,8 @@ class NoAlternatives:
 
 class Alternatives:
     """Remembers the associations that pruned open-world histories had; updated by the engine at every keyframe."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_lineages", "_shares", "_known", "_told", "_tells", "_renamed")
 
     def __init__(self, root_ids: Sequence[int]) -> None:
         self._lineages: dict[int, Lineage] = {number: () for number in root_ids}  # of the live hypotheses

@@ -2,6 +2,8 @@
 
 import json
 import struct
+from array import array
+from collections import Counter, OrderedDict, deque
 from dataclasses import fields, is_dataclass
 from importlib import import_module
 from math import prod
@@ -10,18 +12,26 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.checkpoints.lineage_table import LineageTable
+from semantic_slam.inference.states.lineage import LineageStep
 
-PACKAGE = "semantic_slam.inference."
+PACKAGES = tuple(
+    f"semantic_slam.{name}."
+    for name in ("configuration", "inference", "messages", "perception", "pipeline", "viewpoint")
+)
 """Where the dataclasses are that may be read."""
 LENGTH = struct.Struct("<Q")
-CONTAINERS: dict[str, type] = {"tuple": tuple, "list": list, "frozenset": frozenset}
+CONTAINERS: dict[str, type] = {"tuple": tuple, "list": list, "set": set, "frozenset": frozenset}
+MAPPINGS: dict[str, type] = {"dict": dict, "Counter": Counter, "OrderedDict": OrderedDict}
 
 
 def packed(value: Any) -> bytes:
-    """The bytes of a value. Raises TypeError for what is neither a dataclass of the inference, container nor number."""
-    arrays: list[Array] = []
-    text = json.dumps(_tree(value, arrays)).encode()
-    return LENGTH.pack(len(text)) + text + b"".join(array.tobytes("A") for array in arrays)
+    """The bytes of a value. Raises TypeError for what is neither a dataclass of this package, container nor number."""
+    writer = _Writer()
+    tree = writer.tree(value)
+    columns = _Writer()
+    text = json.dumps([columns.tree(writer.lineages.columns()), tree]).encode()
+    return LENGTH.pack(len(text)) + text + b"".join(own.tobytes("A") for own in (*columns.arrays, *writer.arrays))
 
 
 def unpacked(data: bytes) -> Any:
@@ -29,38 +39,64 @@ def unpacked(data: bytes) -> Any:
     try:
         (length,) = LENGTH.unpack_from(data)
         end = LENGTH.size + length
-        return _Reader(data, end).value(json.loads(data[LENGTH.size : end]))
-    except (struct.error, LookupError, TypeError, AttributeError, ImportError, RecursionError) as fault:
+        columns, tree = json.loads(data[LENGTH.size : end])
+        reader = _Reader(data, end)
+        reader.lineages = LineageTable.of(reader.value(columns))
+        return reader.value(tree)
+    except (struct.error, LookupError, ValueError, TypeError, AttributeError, ImportError, RecursionError) as fault:
         raise ValueError(f"no record of this version ({type(fault).__name__})") from None
 
 
-def _tree(value: Any, arrays: list[Array]) -> Any:
-    """JSON of a value: itself for a plain one, else a list of kind and contents; arrays follow the text."""
-    if value is None or type(value) in (bool, int, float, str):
-        return value
-    if isinstance(value, np.ndarray | np.generic):
-        return _array_tree(value, arrays)
-    if isinstance(value, dict):
-        return ["dict", [[_tree(key, arrays), _tree(own, arrays)] for key, own in value.items()]]
-    kind = type(value)
-    if kind.__name__ in CONTAINERS and kind is CONTAINERS[kind.__name__]:
-        return [kind.__name__, [_tree(own, arrays) for own in value]]
-    if not (is_dataclass(kind) and kind.__module__.startswith(PACKAGE)):
-        raise TypeError(f"{kind.__module__}.{kind.__qualname__} has no record")
-    told = {own.name: _tree(getattr(value, own.name), arrays) for own in fields(kind) if own.init}
-    return ["object", kind.__module__, kind.__qualname__, told]
+def _is_lineage(value: Any) -> bool:
+    return type(value) is tuple and bool(value) and type(value[0]) is LineageStep
 
 
-def _array_tree(value: Any, arrays: list[Array]) -> Any:
-    """Type, shape and order in memory of an array or number, as sums over it may depend on that order."""
-    if value.dtype.hasobject:
-        raise TypeError("an array of objects has no record")
-    if isinstance(value, np.generic):
-        arrays.append(np.asarray(value))
-        return ["number", value.dtype.str]
-    order = "F" if value.flags.f_contiguous and not value.flags.c_contiguous else "C"
-    arrays.append(value if order == "F" else np.ascontiguousarray(value))
-    return ["array", value.dtype.str, list(value.shape), order]
+class _Writer:
+    """Makes JSON of values; arrays and lineages are collected beside it."""
+
+    def __init__(self) -> None:
+        self.arrays: list[Array] = []
+        self.lineages = LineageTable()
+
+    def tree(self, value: Any) -> Any:
+        """JSON of a value: itself for a plain one, else a list of kind and contents."""
+        if value is None or type(value) in (bool, int, float, str):
+            return value
+        if isinstance(value, np.ndarray | np.generic):
+            return self._array(value)
+        if _is_lineage(value):
+            return ["lineage", self._array(self.lineages.rows(value))]
+        kind = type(value)
+        if MAPPINGS.get(kind.__name__) is kind:
+            return [kind.__name__, [[self.tree(key), self.tree(own)] for key, own in value.items()]]
+        if CONTAINERS.get(kind.__name__) is kind:
+            every = sorted(value, key=repr) if kind in (set, frozenset) else value
+            return [kind.__name__, [self.tree(own) for own in every]]
+        if kind is deque:
+            return ["deque", [self.tree(own) for own in value], value.maxlen]
+        if kind is array:
+            return ["numbers", value.typecode, self._array(np.array(value, dtype=value.typecode))]
+        if kind is bytes:
+            return ["bytes", self._array(np.frombuffer(value, np.uint8))]
+        return self._object(value)
+
+    def _object(self, value: Any) -> Any:
+        kind = type(value)
+        if not (is_dataclass(kind) and kind.__module__.startswith(PACKAGES)):
+            raise TypeError(f"{kind.__module__}.{kind.__qualname__} has no record")
+        told = {own.name: self.tree(getattr(value, own.name)) for own in fields(kind) if own.init}
+        return ["object", kind.__module__, kind.__qualname__, told]
+
+    def _array(self, value: Any) -> Any:
+        """Type, shape and order in memory of an array or number, as sums over it may depend on that order."""
+        if value.dtype.hasobject:
+            raise TypeError("an array of objects has no record")
+        if isinstance(value, np.generic):
+            self.arrays.append(np.asarray(value))
+            return ["number", value.dtype.str]
+        order = "F" if value.flags.f_contiguous and not value.flags.c_contiguous else "C"
+        self.arrays.append(value if order == "F" else np.ascontiguousarray(value))
+        return ["array", value.dtype.str, list(value.shape), order]
 
 
 class _Reader:
@@ -68,6 +104,7 @@ class _Reader:
 
     def __init__(self, data: bytes, at: int) -> None:
         self._data, self._at = data, at
+        self.lineages = LineageTable()
 
     def value(self, tree: Any) -> Any:
         """The value of a piece of JSON."""
@@ -79,8 +116,16 @@ class _Reader:
             return self._numbers(dtype, prod(shape)).reshape(shape, order=order).copy(order)
         if kind == "number":
             return self._numbers(told[0], 1)[0]
-        if kind == "dict":
-            return {self.value(key): self.value(own) for key, own in told[0]}
+        if kind == "lineage":
+            return self.lineages.lineage(self.value(told[0]))
+        if kind in MAPPINGS:
+            return MAPPINGS[kind]({self.value(key): self.value(own) for key, own in told[0]})
+        if kind == "deque":
+            return deque([self.value(own) for own in told[0]], maxlen=told[1])
+        if kind == "numbers":
+            return array(told[0], self.value(told[1]).tobytes())
+        if kind == "bytes":
+            return self.value(told[0]).tobytes()
         if kind == "object":
             return self._object(*told)
         return CONTAINERS[kind](self.value(own) for own in told[0])
@@ -91,7 +136,7 @@ class _Reader:
         return found
 
     def _object(self, module: str, name: str, told: dict[str, Any]) -> Any:
-        if not module.startswith(PACKAGE):
+        if not module.startswith(PACKAGES):
             raise TypeError(f"{module} has no records")
         kind = getattr(import_module(module), name)
         if not (isinstance(kind, type) and is_dataclass(kind)):

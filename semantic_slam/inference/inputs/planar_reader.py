@@ -1,5 +1,7 @@
 """Conversion of keyframes to steps of the planar engine."""
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -26,6 +28,8 @@ class PlanarReader:
     ``feature_names`` (F,) or empty: classes whose scores serve as features if no classifier has measured any.
     ``words`` reads the detector's labels and ``vectors`` appearance vectors, where these are evidence of classes.
     """
+
+    STATE: ClassVar[tuple[str, ...]] = ("_sensed", "_vectors")
 
     def __init__(
         self,

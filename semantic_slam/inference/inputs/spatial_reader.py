@@ -1,6 +1,7 @@
 """Conversion of keyframes to steps of the engine in space."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,6 +30,8 @@ class SpatialReader:
     ``words`` reads the detector's labels and ``vectors`` appearance vectors, where these are evidence, and ``features``
     the features that class models need; ``ranges`` is the prior of a range that was not measured.
     """
+
+    STATE: ClassVar[tuple[str, ...]] = ("_vectors",)
 
     def __init__(
         self,

@@ -1,5 +1,7 @@
 """Appearance vectors (embeddings) of detections, and the statistics of all vectors so far."""
 
+from typing import ClassVar
+
 from semantic_slam.errors import InputError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.detection_vectors import DetectionVectors
@@ -12,6 +14,8 @@ REMEMBERED = 4
 
 class VectorReader:
     """Reads the vectors of keyframes in order; they are reduced to ``dimensions`` (L) components."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_size", "_seen")
 
     def __init__(self, dimensions: int) -> None:
         self._dimensions = dimensions

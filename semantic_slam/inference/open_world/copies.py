@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Protocol, Self, TypeVar
+from typing import ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +110,7 @@ class Placed(Protocol):
 class Distinct:
     """No merging: in a world of known objects no hypothesis becomes the copy of another."""
 
+    STATE: ClassVar[tuple[str, ...]] = ()
     num_merged = 0
 
     def merged(self, candidates: C) -> C:
@@ -131,6 +132,8 @@ class Copies:
 
     ``num_merged`` counts the hypotheses merged at the newest keyframe.
     """
+
+    STATE: ClassVar[tuple[str, ...]] = ("_recent", "num_merged")
 
     def __init__(self, problem: Problem):
         self.settings, self._ratio = problem.open_world, float(np.log(problem.pruning.ratio))

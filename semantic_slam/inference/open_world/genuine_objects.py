@@ -6,6 +6,7 @@ unused.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,6 +23,8 @@ MORE = 1.05
 
 class GenuineObjects:
     """Accumulates the scores of each live hypothesis's objects, keyframe by keyframe."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_news", "_moments", "_odds", "_kinds", "_num_fitted", "_of")
 
     def __init__(
         self, settings: OpenWorldConfiguration, errors: DetectionErrorsConfiguration, *, counts_misses: bool = True

@@ -17,6 +17,7 @@ way:
 """
 
 from collections.abc import Iterable, Sequence
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import gammaln
@@ -34,6 +35,8 @@ from semantic_slam.inference.world.objects import ObjectEntry
 
 class Reference:
     """The null model of one run. It is stateful: give it every keyframe once, in order."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_named",)
 
     def __init__(
         self,

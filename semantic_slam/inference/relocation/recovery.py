@@ -8,6 +8,7 @@ of these enter with P(history, Z_1:k), as those of a lost robot do, once they we
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,8 @@ class _Suspect:
 class Recovery:
     """Proposes and weighs histories in which the robot was carried (kidnapped)."""
 
+    STATE: ClassVar[tuple[str, ...]] = ("_num_noted", "_num_expected", "_begun", "_origins")
+
     def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
         self._horizon, self._replay, self._registry = settings.horizon, replay, registry
         self._new_ground = NewGround(replay) if replay.association.tracks_objects else None
@@ -67,6 +70,14 @@ class Recovery:
     def is_on(self) -> bool:
         """Whether the robot may be carried."""
         return self._replay.problem.carried is not None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether no history is replayed, nor will be: the robot is not carried, or is not searched for any more."""
+        if not self.is_on:
+            return True
+        follows = self._new_ground is not None and bool(self._new_ground.followed)
+        return self._is_too_late and not (self._suspects or follows or self._places.lineages)
 
     def note(self, log_ratio: float) -> None:
         """Record by how many nats the newest keyframe was likelier under the reference than under the belief."""

@@ -52,6 +52,12 @@ class Relocation:
         """Whether the robot started lost (unknown start pose)."""
         return self._replay.problem.starts is not None
 
+    @property
+    def is_over(self) -> bool:
+        """Whether no history is replayed, nor will be: the robot did not start lost, or it is too late."""
+        is_too_late = len(self._replay.steps) > self.settings.horizon
+        return not self.is_on or (is_too_late and self._catching_up.is_idle)
+
     def placed(self, live: Mapping[int, Hypothesis], log_evidence: float, ratio: float) -> dict[int, Hypothesis]:
         """New hypotheses that weigh at least 1 / ``ratio`` of the best live one.
 

@@ -34,6 +34,11 @@ class Revision:
         """Whether any kind of revision is enabled."""
         return self._settings.is_on
 
+    @property
+    def is_over(self) -> bool:
+        """Whether no history is replayed, nor will be: none is revised, or the drive exceeds the horizon."""
+        return not self.is_on or len(self._replay.steps) > self._settings.horizon
+
     def go_on(self) -> None:
         """Replay, through the newest keyframe, as far as that needs no knowledge of the hypotheses after it.
 

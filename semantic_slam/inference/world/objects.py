@@ -10,6 +10,7 @@ from bisect import bisect_right
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,17 @@ class ReportedObjects:
 
 class ObjectRegistry:
     """Ids, names and class priors of the objects, map prior first, then those that detections introduced."""
+
+    STATE: ClassVar[tuple[str, ...]] = (
+        "_known",
+        "_by_name",
+        "_first_new",
+        "_labels",
+        "_alive",
+        "_reported",
+        "_all",
+        "_stated",
+    )
 
     def __init__(self, entries: Sequence[ObjectEntry], class_shares: Array, displaced: Displaced | None = None):
         """Start from the mapped objects; ``class_shares`` (C,) is the class prior of objects that are not mapped."""

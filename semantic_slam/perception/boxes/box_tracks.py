@@ -6,6 +6,7 @@ them.
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -65,6 +66,8 @@ class _Tracks:
 
 class BoxTracks:
     """Assigns track names to the boxes of one camera, frame by frame."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_tracks", "_count")
 
     def __init__(self) -> None:
         self._tracks = _Tracks.begun((), 0, np.zeros((0, 4)))

@@ -2,6 +2,7 @@
 
 from collections import Counter, OrderedDict
 from dataclasses import replace
+from typing import ClassVar
 
 from semantic_slam.errors import MessageError
 from semantic_slam.messages import topics
@@ -19,6 +20,19 @@ class FrameCount:
 
     A restarted classifier measures the last frames again, and its drop counts restart from zero.
     """
+
+    STATE: ClassVar[tuple[str, ...]] = (
+        "stamp_ns",
+        "missed",
+        "_was_down",
+        "_num_measured",
+        "_lost_before",
+        "_lost",
+        "_sequence",
+        "_again_until_ns",
+        "_dropped",
+        "_dropped_before",
+    )
 
     def __init__(self, *, is_gapless: bool = False) -> None:
         """``is_gapless``: the transport loses no measurements, so that sequence numbers must be consecutive."""

@@ -13,7 +13,7 @@ includes the motion since the previous keyframe, over skipped measurements.
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -55,6 +55,21 @@ LONGEST_NAME = 80
 
 class KeyframeAssembler:
     """Selects the measurements that become keyframes and adds odometry; ``dropped`` counts unused ones by reason."""
+
+    STATE: ClassVar[tuple[str, ...]] = (
+        "dropped",
+        "policy",
+        "_tracks",
+        "_odometry",
+        "_measurements",
+        "_identities",
+        "_last_keyframe",
+        "_last_poses",
+        "_last_driven",
+        "_imu",
+        "_next_index",
+        "is_paused",
+    )
 
     def __init__(
         self,

@@ -8,7 +8,7 @@ IMU message.
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,6 +44,8 @@ class ImuSource:
 
 class GravityByImu:
     """Buffers IMU readings and measures gravity at keyframes; ``dropped`` counts, by reason, what was not used."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_readings", "_last_look_ns", "_has_begun", "_wanted_ns")
 
     def __init__(self, configuration: Configuration, source: ImuSource, dropped: Counter[str]) -> None:
         """Raises InputError for invalid extrinsics."""

@@ -7,7 +7,8 @@ handles the recorded ones again, and is then where the last process stopped.
 from collections.abc import Callable, Iterator, Mapping
 
 from semantic_slam.errors import InputError
-from semantic_slam.pipeline.journal.journal import NoJournal, Record
+from semantic_slam.pipeline.journal.journal import NoJournal
+from semantic_slam.pipeline.journal.segment import Record
 
 END = "end"
 """The end of a replay; events after it belong to another session."""

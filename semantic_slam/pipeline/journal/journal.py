@@ -1,37 +1,51 @@
 """Journal on disk of what a hypothesis manager received, by which a restarted one replays and continues the run.
 
-A belief is a function of the configuration, the received messages in order, and the backends' answers. A record is its
-number, two lengths and a checksum, followed by its name and data. It is passed to the operating system at once, and
-reaches the disk with :meth:`Journal.sync`. A record torn by a power cut is truncated at the next start.
+A belief is a function of the configuration, the received messages in order, and the backends' answers. A record is
+passed to the operating system at once, and reaches the disk with :meth:`Journal.sync`. A record torn by a power cut is
+truncated at the next start.
+
+A journal that :meth:`begins anew <Journal.begin_anew>` has two files: ``journal``, and ``journal.next``, which goes on
+from its end. The first record of a file is the run; in one that was begun anew the second one is a snapshot, the
+manager's state at that point. Records are numbered through both, so that none is missing in between. A restarted
+manager takes the snapshot of the older file and replays both: what it publishes again reaches back at least as far as
+the newer one. A new file is written aside, synced and only then renamed, so that a kill at any instant leaves a whole
+journal:
+
+======================================  ==================================================
+killed while                            is left
+======================================  ==================================================
+``journal.new`` is written              ``journal``, ``journal.next``: as before
+``journal.next`` replaces ``journal``   ``journal``: it goes on there
+``journal.new`` replaces the other      ``journal``, ``journal.next``: begun anew
+======================================  ==================================================
 """
 
 import fcntl
 import os
-import struct
 import sys
-import zlib
 from pathlib import Path
-from typing import NamedTuple
 
 from semantic_slam.errors import InputError
+from semantic_slam.pipeline.journal.segment import Record, Segment, sync_folder
 
-FILE, OLD_FILE = "journal", "journal.old"
+FILE, NEXT_FILE, NEW_FILE, LOCK_FILE = "journal", "journal.next", "journal.new", "journal.lock"
+OLD_SUFFIX = ".old"
 RUN = "run"
-"""Name of the first record, whose data identify the run."""
-HEADER = struct.Struct("<QIII")
-"""Record number, length [bytes] of its name and of its data, CRC-32 over these three, name and data."""
-NUMBERS = struct.Struct("<QII")
-
-
-class Record(NamedTuple):
-    """One journal entry."""
-
-    name: str
-    data: bytes
+"""Name of the first record of a file, whose data identify the run."""
+SNAPSHOT = "snapshot"
+"""Name of the second record of a file that was begun anew, whose data are the state at that point."""
 
 
 class NoJournal:
     """Null journal: it is empty and discards what is appended."""
+
+    snapshot: bytes = b""
+    """State from which the records go on; empty: from the start of the run."""
+
+    @property
+    def folder(self) -> Path | None:
+        """Where the journal is; None: nowhere."""
+        return None
 
     @property
     def next(self) -> Record | None:
@@ -45,6 +59,9 @@ class NoJournal:
     def append(self, name: str, data: bytes = b"") -> None:
         """Append a record; all records on disk must have been taken before."""
 
+    def begin_anew(self, snapshot: bytes) -> None:
+        """Go on in a new file from the state ``snapshot``, and drop the file before the present one. Raises OSError."""
+
     def sync(self) -> None:
         """Flush appended records to disk, so that they survive a power cut."""
 
@@ -54,46 +71,72 @@ class Journal(NoJournal):
 
     def __init__(self, folder: Path, run: str, *, resume: bool = True) -> None:
         """``run`` identifies the run; ``resume`` False: rename an old journal to journal.old. Raises InputError."""
+        self._folder, self._run = folder, run
         self._path = folder / FILE
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
-            self._claim()
-            if not resume and os.fstat(self._file).st_size:
-                self._set_aside(folder / OLD_FILE)
+            self._lock = self._locked()
+            (folder / NEW_FILE).unlink(missing_ok=True)
+            if not resume:
+                self._set_aside()
+            self._files = [Segment(place) for place in (self._path, folder / NEXT_FILE) if _is_due(place)]
         except OSError as fault:
             raise InputError(f"{self._path}: cannot be written ({fault.strerror}); name another journal") from None
-        self._reader = self._path.open("rb")
-        self._number = 0
         try:
+            self.snapshot = self._begun()
             self._next = self._read()
-            self._begin(run)
         except InputError:
             self.close()
             raise
 
-    def _claim(self) -> None:
+    def _locked(self) -> int:
+        lock = os.open(self._folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
+            os.close(lock)
             raise InputError(f"{self._path}: another process goes on from it; end that one first") from None
+        return lock
 
-    def _set_aside(self, place: Path) -> None:
-        os.replace(self._path, place)
-        os.close(self._file)
-        self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
-        self._claim()
+    def _set_aside(self) -> None:
+        for place in (self._path, self._folder / NEXT_FILE):
+            if place.exists():
+                os.replace(place, place.with_name(place.name + OLD_SUFFIX))
 
-    def _begin(self, run: str) -> None:
-        if self._next is None:
-            self.append(RUN, run.encode())
-            return
-        first = self.take()
-        if first != Record(RUN, run.encode()):
+    def _begun(self) -> bytes:
+        """Read the beginnings of the files; the snapshot of the first of them. Raises InputError."""
+        *older, newest = self._files
+        begins_at, snapshot = newest.number, self._beginning(newest)
+        for file in older:
+            if _is_whole(file.path, begins_at):
+                return self._beginning(file)
+            print(f"{file.path}: is damaged; the run goes on from {newest.path.name} alone", file=sys.stderr)
+            file.close()
+            self._files.remove(file)
+        return snapshot
+
+    def _beginning(self, file: Segment) -> bytes:
+        """Read the first records of a file; its snapshot, empty if it has none. Raises InputError."""
+        number, first = file.number, file.read()
+        if first is None and number == 0 and file.size < Segment.size_of(RUN, self._run.encode()):
+            self._cut_off(file)
+            file.append(RUN, self._run.encode())
+            file.sync()
+            sync_folder(self._folder)
+            return b""
+        if first is not None and first != Record(RUN, self._run.encode()):
             raise InputError(
-                f"{self._path}: is of another run (its configuration, map, input or version differ); name another"
+                f"{file.path}: is of another run (its configuration, map, input or version differ); name another"
                 " journal, or remove this one"
             )
+        second = Record(SNAPSHOT, b"") if number == 0 else file.read()
+        if first is None or second is None or second.name != SNAPSHOT:
+            raise InputError(f"{file.path}: its beginning is damaged; remove it, and what came since is lost")
+        return second.data
+
+    @property
+    def folder(self) -> Path | None:
+        return self._folder
 
     @property
     def next(self) -> Record | None:
@@ -106,45 +149,75 @@ class Journal(NoJournal):
         self._next = self._read()
         return record
 
-    def append(self, name: str, data: bytes = b"") -> None:
-        if self._next is not None:
-            raise ValueError(f"{self._path}: {name} was appended before all records were taken")
-        word = name.encode()
-        content = NUMBERS.pack(self._number, len(word), len(data)) + word + data
-        head, body = content[: NUMBERS.size], content[NUMBERS.size :]
-        self._write(head + struct.pack("<I", zlib.crc32(content)) + body)
-        self._number += 1
-
-    def _write(self, record: bytes) -> None:
-        left = memoryview(record)
-        while left:
-            left = left[os.write(self._file, left) :]
-
-    def sync(self) -> None:
-        os.fdatasync(self._file)
-
-    def close(self) -> None:
-        """Close the file and release the lock."""
-        self._reader.close()
-        os.close(self._file)
-
     def _read(self) -> Record | None:
         """Read the next record; None at the end, where a torn record is truncated."""
-        begin = self._reader.tell()
-        head = self._reader.read(HEADER.size)
-        if len(head) == HEADER.size:
-            number, name_size, data_size, checksum = HEADER.unpack(head)
-            left = os.fstat(self._file).st_size - begin - HEADER.size
-            content = self._reader.read(name_size + data_size) if name_size + data_size <= left else b""
-            whole = head[: NUMBERS.size] + content
-            if number == self._number and len(content) == name_size + data_size and zlib.crc32(whole) == checksum:
-                self._number += 1
-                return Record(content[:name_size].decode("utf-8", "replace"), content[name_size:])
-        self._cut_off(begin)
-        return None
+        file = self._files[0]
+        record = file.read()
+        if record is None and file is not self._files[-1]:
+            file.close()
+            del self._files[0]
+            return Record(SNAPSHOT, b"")
+        if record is None:
+            self._cut_off(file)
+        return record
 
-    def _cut_off(self, begin: int) -> None:
-        torn = os.fstat(self._file).st_size - begin
-        if torn:
-            print(f"{self._path}: its last {torn} bytes are torn; they are cut off", file=sys.stderr)
-            os.ftruncate(self._file, begin)
+    @staticmethod
+    def _cut_off(file: Segment) -> None:
+        if file.num_torn:
+            print(f"{file.path}: its last {file.num_torn} bytes are torn; they are cut off", file=sys.stderr)
+            file.cut_off()
+
+    def append(self, name: str, data: bytes = b"") -> None:
+        self._check_taken(name)
+        self._files[-1].append(name, data)
+
+    def _check_taken(self, name: str) -> None:
+        if self._next is not None:
+            raise ValueError(f"{self._path}: {name} was appended before all records were taken")
+
+    def begin_anew(self, snapshot: bytes) -> None:
+        self._check_taken(SNAPSHOT)
+        (former,) = self._files
+        former.sync()
+        place, new = self._folder / NEXT_FILE, self._folder / NEW_FILE
+        new.unlink(missing_ok=True)
+        file = Segment(new)
+        file.number = former.number
+        try:
+            file.append(RUN, self._run.encode())
+            file.append(SNAPSHOT, snapshot)
+            file.sync()
+            if former.path == place:
+                former.move_to(self._path)
+            file.move_to(place)
+        except OSError:
+            file.close()
+            raise
+        former.close()
+        self._files = [file]
+        sync_folder(self._folder)
+
+    def sync(self) -> None:
+        self._files[-1].sync()
+
+    def close(self) -> None:
+        """Close the files and release the lock."""
+        for file in self._files:
+            file.close()
+        os.close(self._lock)
+
+
+def _is_due(place: Path) -> bool:
+    """Whether a file is to be opened: the first one always, another one if it is there."""
+    return place.name == FILE or place.exists()
+
+
+def _is_whole(path: Path, end: int) -> bool:
+    """Whether a file's records are whole, up to one before number ``end``."""
+    file = Segment(path)
+    try:
+        while file.read() is not None:
+            pass
+        return file.number == end and not file.num_torn
+    finally:
+        file.close()

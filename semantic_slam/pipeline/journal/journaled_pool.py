@@ -10,7 +10,8 @@ from semantic_slam.inference.protocol import BackendPool, Candidates, Commit, Co
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
-from semantic_slam.pipeline.journal.journal import NoJournal, Record
+from semantic_slam.pipeline.journal.journal import NoJournal
+from semantic_slam.pipeline.journal.segment import Record
 
 COUNT = struct.Struct("<I")
 

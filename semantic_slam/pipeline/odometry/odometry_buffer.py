@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from typing import ClassVar
 
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.messages import topics
@@ -20,6 +21,8 @@ Measurements farther outside the time of the odometry cannot be used.
 
 class OdometryBuffer(StampedBuffer[OdometryPoint]):
     """Points of the odometry; samples are added and become points, of which those still needed are kept."""
+
+    STATE: ClassVar[tuple[str, ...]] = (*StampedBuffer.STATE, "start", "_last", "_rates")
 
     def __init__(self, dropped: Counter[str], *, with_slopes: bool) -> None:
         """``dropped`` counts samples that are refused or jump; ``with_slopes``: see :func:`motion.start`."""

@@ -10,6 +10,7 @@ No robot makes a step that is a jump: it tells nothing of the motion meanwhile, 
 from collections import deque
 from dataclasses import dataclass
 from statistics import median
+from typing import ClassVar
 
 from semantic_slam.messages.standard import NANOSECONDS
 from semantic_slam.pipeline.stamps.topic_clock import LEAP_STEPS
@@ -47,6 +48,8 @@ NOT_KNOWN = Rate()
 
 class RateMeter:
     """Estimates the rate from successive odometry steps."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_steps",)
 
     def __init__(self) -> None:
         self._steps: deque[tuple[float, float, float]] = deque(maxlen=RECENT_STEPS)  # duration [s], length [m], turn

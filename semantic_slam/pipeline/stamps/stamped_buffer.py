@@ -3,7 +3,7 @@
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterator
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from semantic_slam.pipeline.stamps.topic_clock import MOST_EARLIER, TopicClock
 
@@ -12,6 +12,8 @@ T = TypeVar("T")
 
 class StampedBuffer(Generic[T]):
     """Items of one topic whose stamps the topic's clock accepts; the others are refused and counted."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("last_stamp_ns", "_clock", "_stamps", "_items")
 
     def __init__(
         self,

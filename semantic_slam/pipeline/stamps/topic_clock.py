@@ -1,7 +1,7 @@
 """Validates the stamps of one topic: its clock must run forward, and a leap ahead needs two confirming messages."""
 
 from collections import Counter, deque
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 from semantic_slam.messages.standard import NANOSECONDS
 
@@ -35,6 +35,17 @@ class TopicClock(Generic[T]):
     earlier time later in the run, they are counted as a clock that was set back. The result depends on the stamps
     alone, never on arrival times.
     """
+
+    STATE: ClassVar[tuple[str, ...]] = (
+        "_first_ns",
+        "_last_ns",
+        "_earlier_from_ns",
+        "_began_ns",
+        "_steps_ns",
+        "_held",
+        "_earlier",
+        "withdrawn_from_ns",
+    )
 
     def __init__(self, topic: str, dropped: Counter[str], most_earlier: int = MOST_EARLIER) -> None:
         self.topic = topic

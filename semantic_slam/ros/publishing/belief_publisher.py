@@ -1,6 +1,6 @@
 """Publishes the belief and the views derived from it: pose, path, markers, detections and transforms."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 from rclpy.node import Node
 
@@ -21,6 +21,8 @@ from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name,
 
 class BeliefPublisher:
     """Publishes one belief per keyframe, with pose, path, markers, TF and, if vision_msgs is installed, detections."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_path", "_markers_view", "_T_odom_body")
 
     def __init__(self, node: Node, frames: Frames, lossless: bool) -> None:
         self._map = frames.map

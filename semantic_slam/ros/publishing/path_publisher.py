@@ -1,7 +1,7 @@
 """Publishes the robot's path: the newest poses on a topic, all of them by the service ``~/get_path``."""
 
 from array import array
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from rclpy.node import Node
@@ -21,6 +21,8 @@ SIZE = 7
 
 class PathPublisher:
     """Keeps the pose estimates of all keyframes and publishes them as a path."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_known",)
 
     def __init__(self, node: Node, frame: str) -> None:
         self._frame = frame

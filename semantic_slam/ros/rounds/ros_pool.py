@@ -19,6 +19,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, encode
 from semantic_slam.pipeline.journal.kept_run import KeptRun
+from semantic_slam.pipeline.journal.kept_runs import KeptRuns
 from semantic_slam.ros.node.health import SILENT_AFTER_S, Level, Status
 from semantic_slam.ros.rounds.liveliness import Watch
 from semantic_slam.ros.rounds.missed import MissedQuestions
@@ -55,6 +56,7 @@ class RosPool:
     def __init__(self, node: Node, backend_ids: Sequence[int], timeout_s: float) -> None:
         self.backend_ids = tuple(backend_ids)
         self.timeout_s = timeout_s
+        self.runs = KeptRuns()  # may be replaced before the first run
         self.kept: KeptRun  # the keyframes of the run; set by start()
         self._run_id = ""
         self._checkpoints: RunFolder | None = None  # stays while no backend is there
@@ -80,7 +82,8 @@ class RosPool:
 
     def start(self, run: RunConfiguration) -> None:
         """Publish the run's configuration, latched, so that backends that start later receive it, too."""
-        self._run_id, self.kept, self._begun = run.run_id, KeptRun(run), None
+        self._run_id, self.kept, self._begun = run.run_id, self.runs.begin(run), None
+        self._goes_on = self.kept.num_keyframes > 0
         self.close()
         if from_dict(json.loads(run.configuration), "run configuration").history.is_on:
             self._checkpoints = folder_of(run.run_id)

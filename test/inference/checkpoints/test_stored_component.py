@@ -124,12 +124,28 @@ def test_numbers_and_arrays_come_back_with_their_types_and_order_in_memory() -> 
 
 
 @pytest.mark.parametrize(
-    "kind", ["subprocess.Popen", "semantic_slam.outputs.Path", "semantic_slam.inference.backend.Backend"]
+    "kind",
+    [
+        "subprocess.Popen",
+        "semantic_slam.outputs.Path",
+        "semantic_slam.inference.backend.Backend",
+        "semantic_slam.ros.launching.node_set.NodeSpec",
+    ],
 )
-def test_no_record_makes_anything_but_dataclasses_of_the_inference(kind: str) -> None:
+def test_no_record_makes_anything_but_dataclasses_that_are_data(kind: str) -> None:
+    """Among otherwise good bytes, in the place of a None."""
     module, _, name = kind.rpartition(".")
-    text = f'["object", "{module}", "{name}", {{}}]'.encode()
-    with pytest.raises(ValueError, match="no record"):
+    good = packed(None)
+    size = 8 + int.from_bytes(good[:8], "little")
+    assert good[8:size].endswith(b"null]")
+    text = good[8 : size - 5] + f'["object", "{module}", "{name}", {{}}]]'.encode()
+    with pytest.raises(ValueError, match=r"no record of this version \(TypeError\)"):
+        unpacked(len(text).to_bytes(8, "little") + text + good[size:])
+
+
+@pytest.mark.parametrize("text", [b"null", b"[1]", b"[1, 2, 3]", b"[{}, 1]", b"{", b"[[], []]"])
+def test_bytes_that_are_no_record_are_refused(text: bytes) -> None:
+    with pytest.raises(ValueError, match="no record of this version"):
         unpacked(len(text).to_bytes(8, "little") + text)
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from semantic_slam.errors import InputError
 from semantic_slam.pipeline.journal.event_journal import END, PAUSE, EventJournal
-from semantic_slam.pipeline.journal.journal import Journal, Record
+from semantic_slam.pipeline.journal.journal import Journal
+from semantic_slam.pipeline.journal.segment import Record
 
 RUN, TOPIC, ANSWER = "this run", "odometry", "candidates"
 

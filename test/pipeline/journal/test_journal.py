@@ -22,8 +22,9 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.assembly.frame_count import FrameCount
-from semantic_slam.pipeline.journal.journal import Journal, NoJournal, Record
+from semantic_slam.pipeline.journal.journal import Journal, NoJournal
 from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
+from semantic_slam.pipeline.journal.segment import Record
 
 PLACES = ((3.0, 0.5), (3.5, -0.6), (2.0, 1.0))
 NUM_KEYFRAMES = 3

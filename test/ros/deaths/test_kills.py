@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from worlds.bags.bag_factory import input_entries, write_bag, write_configuration
+from worlds.bags.places import entries_to_and_fro
 from worlds.processes.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
 
 from semantic_slam.bag.reader import BagReader
@@ -118,3 +119,37 @@ def test_the_only_backend_is_killed_and_replays_only_what_came_after_its_checkpo
     assert replayed and sum(replayed) < horizon
     assert_same(beliefs(replay.belief_bag), beliefs(tmp_path / "offline"))
     assert not list(tmp_path.glob("semantic_slam_*/*"))  # the last node of the run has removed the checkpoints
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_manager_with_a_horizon_that_is_killed_goes_on_from_a_snapshot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed alone, its backends living on, and with everything else, after which those ask for what they missed."""
+    horizon, alone_at, all_at = 20, 45, 52
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    changes = {"perception": {"num_passes": 3}, "weights": {"max_history": 10}}
+    configuration = write_configuration(tmp_path / "own", **changes, history={"horizon_keyframes": horizon})
+    bag = write_bag(tmp_path / "bag", entries_to_and_fro(all_at + 3))
+    run_bag(bag, tmp_path / "offline", load_configuration(configuration))
+    replay = Replay(bag, configuration, tmp_path, 2)
+    printed = tmp_path / "log" / "print_belief.log"
+    specs = specs_of(bag, configuration, tmp_path, resume=False)
+    with processes(tmp_path, Supervisor(specs)) as nodes:
+        start(nodes, specs)
+        wait_for(nodes, printed, alone_at)
+        nodes.kill("hypothesis_manager")
+        wait_for(nodes, printed, all_at)
+        for pid in nodes.pids().values():
+            os.kill(pid, signal.SIGKILL)
+    told = replay.output_of("hypothesis_manager")
+    specs = specs_of(bag, configuration, tmp_path, resume=True)
+    with processes(tmp_path, Supervisor(specs)) as nodes:
+        start(nodes, specs)
+        nodes.wait("bag_recorder", TIMEOUT_S)
+        nodes.wait("bag_player", TIMEOUT_S)
+    told += replay.output_of("hypothesis_manager")
+    counts = [int(count) for count in re.findall(r"(\d+) of them from a snapshot", told)]
+    assert len(counts) >= 2 and all(horizon <= count < alone_at for count in counts)
+    assert_same(beliefs(replay.belief_bag), beliefs(tmp_path / "offline"))

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from worlds.bags.bag_factory import OBJECTS, SPEED_M, Entry, frame_stamp, input_entries, of_topic
+from worlds.bags.bag_factory import OBJECTS, SPEED_M, Entry, frame_stamp, input_entries, odometry, of_topic
 
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
@@ -54,3 +54,14 @@ def named_entries(things: dict[str, tuple[float, float]], num_frames: int) -> li
         seen = _detections(frame_stamp(k), places - [SPEED_M * k, 0.0, 0.0], "ranges", ("",) * len(things))
         entries.append(Entry(topics.DETECTIONS, to_message(replace(seen, labels=tuple(things))), frame_stamp(k)))
     return sorted(entries, key=lambda entry: entry.stamp_ns)
+
+
+def entries_to_and_fro(num_frames: int, turns_after: int = 15) -> list[Entry]:
+    """Odometry, and ranges of the two objects, of a robot that backs up after so many frames, and so on, for ever."""
+    places = [SPEED_M * abs((k + turns_after) % (2 * turns_after) - turns_after) for k in range(num_frames)]
+    entries = [Entry(topics.ODOMETRY, to_message(odometry(frame_stamp(-1), places[0])), frame_stamp(-1))]
+    for k, x in enumerate(places):
+        seen = _detections(frame_stamp(k), OBJECTS - [x, 0.0, 0.0], "ranges", ("", ""))
+        entries.append(Entry(topics.ODOMETRY, to_message(odometry(frame_stamp(k), x)), frame_stamp(k)))
+        entries.append(Entry(topics.DETECTIONS, to_message(seen), frame_stamp(k)))
+    return entries
