@@ -26,20 +26,30 @@ class AppearanceHistory:
         self._beliefs: list[HybridBelief] = []
         self._measurements: dict[int, SemanticMeasurements] = {}  # by stamp
         self._built: tuple[int, Appearances] | None = None  # number of keyframes, and what they say
+        self._first: int | None = None  # keyframe added first: 0, or that from which a restarted manager went on
 
     def add(self, belief: HybridBelief, measurements: SemanticMeasurements) -> None:
         """Add a keyframe: the belief after it, and its measurements."""
         has_vectors = bool(np.isfinite(measurements.embeddings).any())
         with self._lock:
+            self._first = belief.keyframe if self._first is None else self._first
             if has_vectors:
                 self._measurements[belief.stamp_ns] = _vectors_of(measurements)
             if self._measurements:
                 self._beliefs.append(_associations_of(belief))
 
     def appearances(self) -> Appearances:
-        """What the objects look like, as :func:`appearances_of` the whole run. Raises InputError without vectors."""
+        """What the objects look like, as :func:`appearances_of` the whole run.
+
+        Raises InputError without vectors, or where the manager was restarted and those before are not known any more.
+        """
         with self._lock:
             beliefs, measurements, built = list(self._beliefs), dict(self._measurements), self._built
+        if self._first:
+            raise InputError(
+                f"vectors of appearance before keyframe {self._first} are not known since the manager was restarted; ask"
+                " its recording: semantic_slam find --vector"
+            )
         if not beliefs:
             raise InputError(
                 "no detection of this run has a vector of appearance; let the detector send embeddings (DetectionArray)"

@@ -61,3 +61,11 @@ def test_an_answer_is_built_once_for_a_keyframe(record: Record) -> None:
     assert history.appearances() is once
     history.add(record.beliefs[8], record.measurements[record.beliefs[8].stamp_ns])
     assert history.appearances() is not once
+
+
+def test_a_history_that_lacks_the_first_keyframes_says_so(record: Record) -> None:
+    history = AppearanceHistory(SETTINGS)
+    for belief in record.beliefs[6:]:
+        history.add(belief, record.measurements[belief.stamp_ns])
+    with pytest.raises(InputError, match=r"before keyframe 6 are not known.*restarted"):
+        history.appearances()
