@@ -1,6 +1,7 @@
 """Message definitions embedded in bags: foreign types, and older definitions of our own types."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
@@ -42,10 +43,12 @@ def register(store: Typestore, type_name: str, text: str) -> None:
     store.register({name: fields for name, fields in _parsed(type_name, text).items() if name not in store.types})
 
 
+@lru_cache(maxsize=256)
 def older_typestore(type_name: str, text: str) -> Typestore | None:
     """Typestore with one of our types, and its nested ones, as defined by ``text``; None where identical to ours.
 
-    Raises InputError where that definition has a field that ours lacks, or has with a different type.
+    Raises InputError where that definition has a field that ours lacks, or has with a different type. Answers are kept:
+    every bag that is opened asks for the same few, and parsing takes milliseconds each.
     """
     recorded = {name: fields for name, fields in _parsed(type_name, text).items() if is_ours(name)}
     ours = typestore().fielddefs

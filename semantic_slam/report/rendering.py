@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import jinja2
@@ -10,8 +11,9 @@ from semantic_slam.report.shown.boxes import BoxView
 from semantic_slam.report.wording import number, percent
 
 
+@cache
 def environment() -> jinja2.Environment:
-    """Templates of this package; every value is escaped."""
+    """Templates of this package, compiled once per process; every value is escaped."""
     found = jinja2.Environment(
         loader=jinja2.PackageLoader("semantic_slam.report"), autoescape=True, undefined=jinja2.StrictUndefined
     )

@@ -29,6 +29,7 @@ from semantic_slam.pipeline.shared_run import run_shared
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
+LONG_FRAMES = 500
 
 
 def both(folder: Path, bag: Path, configuration: Configuration, most: int | None = None) -> tuple[RunSummary, ...]:
@@ -51,7 +52,7 @@ def told(summary: RunSummary) -> tuple[object, ...]:
 @pytest.mark.parametrize("most", [None, 2])
 def test_all_that_is_written_and_dropped_is_the_same(tmp_path: Path, most: int | None) -> None:
     configuration = load_configuration(write_configuration(tmp_path / "configuration"))
-    entries = input_entries(4)
+    entries = input_entries(4) if most is None else place_entries("ranges")  # the latter need no network
     end = max(entry.stamp_ns for entry in entries)
     late = [replace(of_topic(entries, topic)[0], stamp_ns=end + 1) for topic in (topics.ODOMETRY, topics.DETECTIONS)]
     alone, shared = both(tmp_path, write_bag(tmp_path / "bag", [*entries, *late]), configuration, most)
@@ -79,7 +80,7 @@ def test_a_bag_without_a_keyframe_is_refused_in_the_same_words(tmp_path: Path) -
     with pytest.raises(InputError) as here:
         run_bag(bag, tmp_path / "alone", configuration)
     with pytest.raises(InputError) as there:
-        run_shared(bag, tmp_path / "shared", configuration, processes=3)
+        run_shared(bag, tmp_path / "shared", configuration, processes=2)
     assert str(there.value) == str(here.value)
 
 
@@ -111,8 +112,8 @@ def test_hypotheses_that_would_replay_the_drive_are_not_shared(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("place", ["backend_process", "front_end_process"])
-def test_a_process_that_is_lost_ends_the_run_with_a_remedy(tmp_path: Path, place: str) -> None:
-    with _reported(tmp_path / "out") as command:
+def test_a_process_that_is_lost_ends_the_run_with_a_remedy(long_drive: Path, tmp_path: Path, place: str) -> None:
+    with _reported(long_drive, tmp_path / "out") as command:
         (number,) = [n for n, words in children(command.pid).items() if place in words]
         os.kill(number, signal.SIGKILL)
         _, words = command.communicate(timeout=120)
@@ -120,8 +121,8 @@ def test_a_process_that_is_lost_ends_the_run_with_a_remedy(tmp_path: Path, place
     assert "ended with exit code -9; free memory, or run all in one process: --processes 1" in words.splitlines()[-1]
 
 
-def test_ctrl_c_ends_all_processes(tmp_path: Path) -> None:
-    with _reported(tmp_path / "out") as command:
+def test_ctrl_c_ends_all_processes(long_drive: Path, tmp_path: Path) -> None:
+    with _reported(long_drive, tmp_path / "out") as command:
         started = children(command.pid)
         command.send_signal(signal.SIGINT)
         command.communicate(timeout=120)
@@ -142,10 +143,16 @@ def test_ctrl_c_while_pytorch_is_loaded_ends_a_report_at_once_and_nothing_stays(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.fixture(scope="module")
+def long_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag whose report takes far longer than a test looks on, and no network, which takes seconds to load."""
+    return write_bag(tmp_path_factory.mktemp("long") / "bag", place_entries("ranges", LONG_FRAMES))
+
+
 @contextmanager
-def _reported(out: Path) -> Iterator[subprocess.Popen[str]]:
-    """A report of the shipped bag by three processes, once its first frame is done."""
-    words = ["-m", "semantic_slam.cli.bag_to_report", str(ROOT / "bags/aliased_room"), "--processes", "3"]
+def _reported(bag: Path, out: Path) -> Iterator[subprocess.Popen[str]]:
+    """A report of a bag by three processes, once its first frame is done."""
+    words = ["-m", "semantic_slam.cli.bag_to_report", str(bag), "--processes", "3"]
     command = subprocess.Popen(
         [sys.executable, *words, "--out", str(out)],
         stderr=subprocess.PIPE,
@@ -155,7 +162,7 @@ def _reported(out: Path) -> Iterator[subprocess.Popen[str]]:
     try:
         assert command.stderr is not None
         said = ""
-        while not re.search(r" [1-9]\d*/67 ", said):
+        while not re.search(rf" [1-9]\d*/{LONG_FRAMES} ", said):
             letter = command.stderr.read(1)
             assert letter, said
             said += letter

@@ -22,21 +22,21 @@ BAG = ROOT / "bags" / "standing.mcap"
 def test_a_broken_bag_among_others_costs_its_own_report_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    broken = tmp_path / "broken.mcap"
+    broken, whole = tmp_path / "broken.mcap", write_bag(tmp_path / "whole", place_entries("ranges"))
     broken.write_bytes(b"no bag")
     out = tmp_path / "reports"
-    words = [str(broken), str(BAG), "--out", str(out), "--max-keyframes", "1"]
-    monkeypatch.setattr(sys, "argv", ["bag_to_report", *words])
+    words = [broken, whole, "--config", write_configuration(tmp_path / "configuration"), "--max-keyframes", 1]
+    monkeypatch.setattr(sys, "argv", ["bag_to_report", *map(str, words), "--out", str(out)])
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == 2
     told = capsys.readouterr().err
     assert "broken.mcap: no mcap file" in told and "1 of 2 bags went wrong: broken; see" in told
-    assert (out / "standing" / "report.html").is_file() and not (out / "broken").exists()
+    assert (out / "whole" / "report.html").is_file() and not (out / "broken").exists()
     rows = {row["name"]: row for row in json.loads((out / "summary.json").read_text())["bags"]}
-    assert rows["standing"]["keyframes"] == 1 and rows["standing"]["fault"] == ""
+    assert rows["whole"]["keyframes"] == 1 and rows["whole"]["fault"] == ""
     assert rows["broken"]["keyframes"] is None and "no mcap file" in rows["broken"]["fault"]
-    assert 'href="standing/report.html"' in (out / "index.html").read_text()
+    assert 'href="whole/report.html"' in (out / "index.html").read_text()
 
 
 def test_a_bag_that_fails_is_not_shown_with_what_an_earlier_run_found(tmp_path: Path) -> None:

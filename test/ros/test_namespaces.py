@@ -31,7 +31,7 @@ from semantic_slam.ros.launching.processes import NodeProcesses
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
-NUM_DRIVEN, NUM_FLOWN = 20, 8
+NUM_DRIVEN, NUM_FLOWN = 10, 5
 """Keyframes of different numbers: a message of the other one would be of one that there is not."""
 WITH_BIAS = {
     "association": "open",
@@ -64,18 +64,18 @@ class Robot:
         return beliefs(self.offline_bag)
 
 
-def robot(name: str, folder: Path, configuration: Configuration) -> Robot:
+def robot(name: str, folder: Path, configuration: Configuration, backends: int) -> Robot:
     """The robot whose bag is ``folder``/bag."""
     run_bag(folder / "bag", folder / "offline", configuration)
     written = folder / "configuration.yaml"
     written.write_text(json.dumps(to_dict(configuration)))
-    return Robot(name, Replay(folder / "bag", written, folder / "live", backends=2), folder / "offline")
+    return Robot(name, Replay(folder / "bag", written, folder / "live", backends), folder / "offline")
 
 
 def driving(folder: Path) -> Robot:
     """Several odometry samples lie between its keyframes, which are not one arc together."""
     victoria_park_import.write_bag(read_log(example_path()), folder / "bag", 0.4, max_keyframes=NUM_DRIVEN)
-    return robot("driving", folder, from_dict(WITH_BIAS))
+    return robot("driving", folder, from_dict(WITH_BIAS), 2)
 
 
 def flying(folder: Path) -> Robot:
@@ -83,7 +83,7 @@ def flying(folder: Path) -> Robot:
     flight, region = Flight(keyframes=NUM_FLOWN, things=6), SpatialRegion.of(own.open_world)
     room = table_tops(flight, region, np.random.default_rng(5))
     write_table_bag(folder / "bag", with_imu(room, Imu(T_body_imu=T_BODY_CAMERA), np.random.default_rng(5)))
-    return robot("flying", folder, own)
+    return robot("flying", folder, own, 1)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,9 @@ The messages come as a list that a test may spoil before it is written.
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
@@ -118,14 +120,23 @@ def write_configuration(folder: Path, **changes: Any) -> Path:
 
 
 def untrained_network(path: Path) -> Path:
+    path.write_bytes(_untrained_weights())
+    return path
+
+
+@cache
+def _untrained_weights() -> bytes:
+    """Content of the file, drawn once: its initialisation takes longer than many a run with it."""
     import torch
 
     from semantic_slam.perception.networks.compact_network import CompactNetwork
     from semantic_slam.perception.networks.weights import save_compact_network
 
     torch.manual_seed(0)
-    save_compact_network(CompactNetwork(2), ("crate", "chest"), {}, path)
-    return path
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "network.safetensors"
+        save_compact_network(CompactNetwork(2), ("crate", "chest"), {}, path)
+        return path.read_bytes()
 
 
 def odometry(stamp: int, x: float, frame: str = "odom") -> OdometryEstimate:

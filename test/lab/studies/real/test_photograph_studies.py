@@ -115,7 +115,10 @@ def quick_result(
 
 @pytest.mark.slow
 @pytest.mark.real_data
-def test_a_quick_run_of_the_kitchen(quick_result: Callable[[str], dict[str, Any]]) -> None:
+def test_a_quick_run_of_the_kitchen(
+    quick_result: Callable[[str], dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("semantic_slam_lab.studies.real_kitchen.study.METHODS", ("ours", "keyframes_0.25"))
     result = quick_result("real_kitchen")
     assert result["quick"]
     assert {"ours"} < set(result["methods"])
