@@ -47,8 +47,8 @@ class AppearanceHistory:
             beliefs, measurements, built = list(self._beliefs), dict(self._measurements), self._built
         if self._first:
             raise InputError(
-                f"vectors of appearance before keyframe {self._first} are not known since the manager was restarted; ask"
-                " its recording: semantic_slam find --vector"
+                f"vectors of appearance before keyframe {self._first} are not known since the manager was restarted;"
+                " ask its recording: semantic_slam find --vector"
             )
         if not beliefs:
             raise InputError(
