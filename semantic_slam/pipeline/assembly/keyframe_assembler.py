@@ -147,10 +147,8 @@ class KeyframeAssembler:
         best = best_scored(rows, told.scores, settings.max_detections, self.dropped, prefix)
         told = told if len(best) == len(told) else told.take(best)
         found = joined(told, self._configuration)
-        if len(found) < len(told):
-            self.dropped[f"{topics.MEASUREMENTS}: joined to one with the same outline or place"] += len(told) - len(
-                found
-            )
+        if num_joined := len(told) - len(found):
+            self.dropped[f"{topics.MEASUREMENTS}: joined to one with the same outline or place"] += num_joined
         self._measurements.add(measurements.stamp_ns, found)
 
     def add_identities(self, identities: GroundTruthAssociations) -> None:
