@@ -10,6 +10,7 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.best_scored import best_scored
+from semantic_slam.perception.camera_sight import sight_of
 from semantic_slam.perception.collaborators import (
     AppearanceCheck,
     CoverageCheck,
@@ -20,7 +21,6 @@ from semantic_slam.perception.collaborators import (
 from semantic_slam.perception.crops import box_fault, square_crop
 from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
-from semantic_slam.perception.image_sight import ImageSight
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
 from semantic_slam.perception.points_in_space import SpatialPoints, points_of_boxes, told_points, with_points
@@ -149,7 +149,7 @@ class Classifier:
         """(R, C) distance of the farthest surface in each direction; left out without depth, or in the plane."""
         if frame.depth_m is None or not self._in_space:
             return left_out()
-        return ImageSight.of(frame.camera, frame.depth_m, boxes).free_ranges_m
+        return sight_of(frame.camera, frame.depth_m, boxes).free_ranges_m
 
     def _features(self, frame: Frame, boxes: Array, samples: Array) -> tuple[Array, Array]:
         """(D, F) semantic features and (D, F, F) covariances over the passes; zero with a learned extractor."""

@@ -12,8 +12,8 @@ from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.sightline import in_plane, place_of_point
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
+from semantic_slam.perception.camera_sight import edges_of
 from semantic_slam.perception.frame import CameraModel, Detections
-from semantic_slam.perception.image_sight import edges_of
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places
 

@@ -11,6 +11,7 @@ from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.open_world.rings import rings
 from semantic_slam.inference.open_world.spatial.free_ranges import BEHIND_M
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.perception.camera_sight import sight_of
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.image_sight import ImageSight
 
@@ -39,7 +40,7 @@ def in_image(points: np.ndarray) -> np.ndarray:
 
 def test_the_region_of_a_camera_is_what_projects_into_its_image() -> None:
     """Its principal point is far from the middle of the image."""
-    region, points = image_region(ImageSight.of(CAMERA)), drawn()
+    region, points = image_region(sight_of(CAMERA)), drawn()
     distance = np.linalg.norm(points, axis=1)
     inside = in_image(points) & (distance > 0.5) & (distance < 4.0)
     np.testing.assert_array_equal(region.holds(points), inside)
@@ -53,13 +54,13 @@ def test_the_region_of_a_camera_is_what_projects_into_its_image() -> None:
 def test_an_uncertain_object_at_an_edge_of_the_image_is_inside_as_often_as_its_samples(centre: list[float]) -> None:
     spread = np.diag([0.02, 0.01, 0.015])
     samples = np.random.default_rng(1).multivariate_normal(centre, spread, 100_000)
-    assert image_region(ImageSight.of(CAMERA)).contains(np.array(centre), spread) == pytest.approx(
+    assert image_region(sight_of(CAMERA)).contains(np.array(centre), spread) == pytest.approx(
         in_image(samples).mean(), abs=0.03
     )
 
 
 def test_without_camera_info_or_if_it_is_not_asked_for_the_region_is_as_typed() -> None:
-    for region, sight in ((TYPED, None), (replace(TYPED, by_camera=False), ImageSight.of(CAMERA))):
+    for region, sight in ((TYPED, None), (replace(TYPED, by_camera=False), sight_of(CAMERA))):
         found = region.reaching(Camera(sight=sight))
         assert (found.half_width_rad, found.half_height_rad, found.middle_rad) == (0.2, 0.2, (0.0, 0.0))
 
@@ -68,7 +69,7 @@ def half_a_wall(depth_m: float) -> ImageSight:
     """A wall from the optical axis to the right; to the left of it all is far."""
     depth = np.full((CAMERA.height, CAMERA.width), 9.0, dtype=np.float32)
     depth[:, 250:] = depth_m
-    return ImageSight.of(CAMERA, depth)
+    return sight_of(CAMERA, depth)
 
 
 @pytest.mark.parametrize("place", [[0.1, 0.0, 2.8], [-0.05, 0.2, 2.6], [0.6, 0.0, 1.9], [0.3, -0.2, 3.4]])
@@ -76,7 +77,7 @@ def test_an_uncertain_object_is_hidden_as_often_as_its_samples_are_behind_the_wa
     spread = np.array([[0.02, 0.006, 0.004], [0.006, 0.01, 0.0], [0.004, 0.0, 0.04]])
     samples = np.random.default_rng(2).multivariate_normal(place, spread, 200_000)
     ray = samples / samples[:, 2:]
-    edge = ImageSight.of(CAMERA).edges_rad[0]
+    edge = sight_of(CAMERA).edges_rad[0]
     cell = np.tan(edge[0]) + np.ptp(np.tan(edge)) / 24.0 * np.ceil(-np.tan(edge[0]) / (np.ptp(np.tan(edge)) / 24.0))
     hidden = (ray[:, 0] > cell) & (np.linalg.norm(samples, axis=1) > 2.0 * np.linalg.norm(ray, axis=1) + BEHIND_M)
     found = image_region(half_a_wall(2.0)).seen_before_surfaces(np.array(place), spread)
@@ -118,7 +119,7 @@ def wall_ahead() -> ImageSight:
     """Two metres ahead, but for the left part of the image, which sees past it."""
     depth = np.full((480, 640), 2.0, dtype=np.float32)
     depth[:, :220] = 9.0
-    return ImageSight.of(CameraModel(640, 480, 400.0, 400.0, 320.0, 240.0), depth)
+    return sight_of(CameraModel(640, 480, 400.0, 400.0, 320.0, 240.0), depth)
 
 
 def test_an_object_behind_a_wall_keeps_its_existence_and_one_before_or_beside_it_does_not() -> None:
@@ -134,7 +135,7 @@ def test_fewer_first_detections_are_expected_where_a_wall_hides_the_region() -> 
     region = SpatialRegion.of(after_misses(None)[0].problem.open_world)
     depth = np.full((480, 640), 2.0, dtype=np.float32)
     camera = CameraModel(640, 480, 200.0, 200.0, 320.0, 240.0)
-    looking = region.reaching(Camera(sight=ImageSight.of(camera, depth)))
+    looking = region.reaching(Camera(sight=sight_of(camera, depth)))
     everywhere, shares = looking.all_over(rings(region.min_range_m, region.max_range_m, (np.inf,), 3))
     found = shares @ looking.seen_before_surfaces(everywhere, np.zeros((len(everywhere), 3, 3)))
     points = drawn()
@@ -145,7 +146,7 @@ def test_fewer_first_detections_are_expected_where_a_wall_hides_the_region() -> 
 
 def test_misses_count_in_the_image_and_not_beyond_it() -> None:
     """A typed region is wider than the image of a narrow camera, which shows the objects ahead alone."""
-    narrow = ImageSight.of(CameraModel(640, 480, 2000.0, 2000.0, 320.0, 240.0))
+    narrow = sight_of(CameraModel(640, 480, 2000.0, 2000.0, 320.0, 240.0))
     (_, typed), (_, by_image) = after_misses(narrow), after_misses(narrow, region_by_camera=True)
     odds = [own.existence / (1.0 - own.existence) for own in (typed, by_image)]
     np.testing.assert_allclose(odds[1] / odds[0], [1.0, 1.0, 0.2**-5], rtol=1e-2)
