@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from worlds.drives.noise_roots import engine_after, weights_of_roots
 from worlds.drives.open_room import Room, make_room
 from worlds.same_beliefs import assert_same
 
@@ -26,27 +27,13 @@ def room_of(shares: list[float], num_keyframes: int, ratio: float = 1e9, **error
     )
 
 
-def after(room: Room) -> Engine:
-    manager = Engine.of_run(room.run, InProcessPool(1))
-    for keyframe in room.keyframes:
-        manager.process(keyframe)
-    return manager
-
-
-def weights_of_shares(manager: Engine) -> np.ndarray:
-    weights = np.zeros(len(SHARES))
-    for live in manager.live.values():
-        weights[live.lineage[0].mode] += np.exp(live.log_weight)
-    return weights
-
-
 def test_evidence_is_the_average_over_the_shares() -> None:
     """Without merging and with next to nothing pruned each share has a belief of its own, as if it were configured."""
-    alone = [after(room_of([], 3, correlated_share=share)).log_evidence for share in SHARES]
-    both = after(room_of(SHARES, 3))
+    alone = [engine_after(room_of([], 3, correlated_share=share)).log_evidence for share in SHARES]
+    both = engine_after(room_of(SHARES, 3))
     assert abs(alone[0] - alone[1]) > 0.01
     assert both.log_evidence == pytest.approx(np.logaddexp(*alone) - np.log(2.0), abs=1e-6)
-    np.testing.assert_allclose(weights_of_shares(both), np.exp(alone - np.logaddexp(*alone)), atol=1e-6)
+    np.testing.assert_allclose(weights_of_roots(both, len(SHARES)), np.exp(alone - np.logaddexp(*alone)), atol=1e-6)
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from worlds.drives.noise_roots import engine_after, weights_of_roots
 from worlds.drives.open_room import Room, make_room
 from worlds.same_beliefs import assert_same
 
@@ -32,33 +33,19 @@ def room_of(factors: list[float], num_keyframes: int, share: float, ratio: float
     return dataclasses.replace(room, keyframes=keyframes)
 
 
-def after(room: Room) -> Engine:
-    manager = Engine.of_run(room.run, InProcessPool(1))
-    for keyframe in room.keyframes:
-        manager.process(keyframe)
-    return manager
-
-
-def weights_of_noises(manager: Engine) -> np.ndarray:
-    weights = np.zeros(len(FACTORS))
-    for live in manager.live.values():
-        weights[live.lineage[0].mode] += np.exp(live.log_weight)
-    return weights
-
-
 def test_evidence_is_the_average_over_the_noises() -> None:
     """Without merging and with next to nothing pruned each noise has a belief of its own."""
-    alone = [after(room_of([factor], 3, 1.0, 1e9, merge_position_m=0.0)).log_evidence for factor in FACTORS]
-    both = after(room_of(FACTORS, 3, 1.0, 1e9, merge_position_m=0.0))
+    alone = [engine_after(room_of([factor], 3, 1.0, 1e9, merge_position_m=0.0)).log_evidence for factor in FACTORS]
+    both = engine_after(room_of(FACTORS, 3, 1.0, 1e9, merge_position_m=0.0))
     assert both.log_evidence == pytest.approx(np.logaddexp(*alone) - np.log(2.0), abs=1e-6)
     expected = np.exp(alone - np.logaddexp(*alone))
-    np.testing.assert_allclose(weights_of_noises(both), expected, atol=1e-6)
+    np.testing.assert_allclose(weights_of_roots(both, len(FACTORS)), expected, atol=1e-6)
 
 
 def test_odometry_that_is_better_than_configured_needs_very_strong_evidence() -> None:
     factors = [0.1, 1.0]
-    alone = [after(room_of([factor], 3, 1.0, 1e9, merge_position_m=0.0)).log_evidence for factor in factors]
-    both = after(room_of(factors, 3, 1.0, 1e9, merge_position_m=0.0))
+    alone = [engine_after(room_of([factor], 3, 1.0, 1e9, merge_position_m=0.0)).log_evidence for factor in factors]
+    both = engine_after(room_of(factors, 3, 1.0, 1e9, merge_position_m=0.0))
     np.testing.assert_allclose(shares_of_odometry(factors), [1.0 / 151.0, 150.0 / 151.0])
     assert both.log_evidence == pytest.approx(np.logaddexp(*(alone + np.log(shares_of_odometry(factors)))), abs=1e-6)
 
@@ -67,7 +54,7 @@ def test_odometry_that_is_better_than_configured_needs_very_strong_evidence() ->
 @pytest.mark.parametrize(("share", "right"), [(1.0, 0), (1.0 / 16.0, 1)], ids=["honest", "too sure"])
 def test_evidence_finds_the_noise(share: float, right: int) -> None:
     """Copies merge on the way, but never across noises."""
-    assert weights_of_noises(after(room_of(FACTORS, 30, share)))[right] > 0.95
+    assert weights_of_roots(engine_after(room_of(FACTORS, 30, share)), len(FACTORS))[right] > 0.95
 
 
 @pytest.mark.slow

@@ -66,6 +66,19 @@ def wait_for(nodes: NodeProcesses, printed: Path, keyframe: int) -> None:
         time.sleep(0.02)
 
 
+def kill_all(nodes: NodeProcesses) -> None:
+    for pid in nodes.pids().values():
+        os.kill(pid, signal.SIGKILL)
+
+
+def go_on(folder: Path, specs: Sequence[NodeSpec]) -> None:
+    """Start all again, and wait for the end of the replay."""
+    with processes(folder, Supervisor(specs)) as nodes:
+        start(nodes, specs)
+        nodes.wait("bag_recorder", TIMEOUT_S)
+        nodes.wait("bag_player", TIMEOUT_S)
+
+
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_replay_whose_nodes_are_killed_ends_with_the_same_beliefs(tmp_path: Path) -> None:
@@ -82,13 +95,8 @@ def test_a_replay_whose_nodes_are_killed_ends_with_the_same_beliefs(tmp_path: Pa
             wait_for(nodes, printed, keyframe)
             nodes.kill(name)
         wait_for(nodes, printed, ALL_AT)
-        for pid in nodes.pids().values():
-            os.kill(pid, signal.SIGKILL)
-    specs = specs_of(bag, configuration, tmp_path, resume=True)
-    with processes(tmp_path, Supervisor(specs)) as nodes:
-        start(nodes, specs)
-        nodes.wait("bag_recorder", TIMEOUT_S)
-        nodes.wait("bag_player", TIMEOUT_S)
+        kill_all(nodes)
+    go_on(tmp_path, specs_of(bag, configuration, tmp_path, resume=True))
     assert_same(beliefs(replay.belief_bag), beliefs(tmp_path / "offline"))
     with BagReader(replay.belief_bag) as live, BagReader(tmp_path / "offline") as offline:
         for topic in ("odom", topics.MEASUREMENTS, topics.BELIEF, topics.GROUND_TRUTH_ODOMETRY):
@@ -141,14 +149,9 @@ def test_a_manager_with_a_horizon_that_is_killed_goes_on_from_a_snapshot(
         wait_for(nodes, printed, alone_at)
         nodes.kill("hypothesis_manager")
         wait_for(nodes, printed, all_at)
-        for pid in nodes.pids().values():
-            os.kill(pid, signal.SIGKILL)
+        kill_all(nodes)
     told = replay.output_of("hypothesis_manager")
-    specs = specs_of(bag, configuration, tmp_path, resume=True)
-    with processes(tmp_path, Supervisor(specs)) as nodes:
-        start(nodes, specs)
-        nodes.wait("bag_recorder", TIMEOUT_S)
-        nodes.wait("bag_player", TIMEOUT_S)
+    go_on(tmp_path, specs_of(bag, configuration, tmp_path, resume=True))
     told += replay.output_of("hypothesis_manager")
     counts = [int(count) for count in re.findall(r"(\d+) of them from a snapshot", told)]
     assert len(counts) >= 2 and all(horizon <= count < alone_at for count in counts)
