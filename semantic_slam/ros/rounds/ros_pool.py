@@ -63,7 +63,6 @@ class RosPool:
         self.refused: Counter[str] = Counter()  # answers that could not be used, by topic and reason
         self.repeated: Counter[str] = Counter()  # answers that are repeated or no longer awaited, by topic
         self._all_ids = frozenset(backend_ids)
-        self._given_up: frozenset[int] = frozenset()
         self._back: set[int] = set()  # backends that were given up and answer again
         self._logger = node.get_logger()
         self._watch = Watch(node, backend_ids)
@@ -132,11 +131,15 @@ class RosPool:
     def offer(self, components: Mapping[int, Component]) -> None:
         """Does nothing: backends in other processes rebuild the components that they are to hold."""
 
+    @property
+    def _given_up(self) -> frozenset[int]:
+        """Backends that are not asked: before a restart of the manager, too, as its journal restores those that are."""
+        return self._all_ids - frozenset(self.backend_ids)
+
     def _welcome(self) -> None:
         """Readmit backends that are back; they get hypotheses according to the ownership rule."""
         for number in sorted(self._back):
             self._logger.info(f"backend_{number} is back")
-        self._given_up -= self._back
         self.backend_ids = tuple(sorted({*self.backend_ids, *self._back}))
         self._back = set()
 
@@ -242,7 +245,6 @@ class RosPool:
                 continue
             reason = "is gone" if is_gone else f"has not answered for {self.timeout_s:.0f} s"
             self._logger.warning(f"backend_{number} {reason}; its hypotheses move to other backends")
-            self._given_up |= {number}
             self._awaited = tuple(n for n in self._awaited if n != number)
             self.backend_ids = tuple(n for n in self.backend_ids if n != number)
 

@@ -16,8 +16,15 @@ from worlds.processes.waiting import comes_true
 from semantic_slam.configuration import from_dict
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.protocol import Candidates
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import encode
+from semantic_slam.ros.node.health import Level
 from semantic_slam.ros.rounds.liveliness import LEASE_S, Watch
 from semantic_slam.ros.rounds.ros_pool import RosPool
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet, relative_name
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -74,28 +81,55 @@ def test_who_paused_returns_and_who_was_killed_does_not(
     assert comes_true(lambda: watch.missing_s(7) > 2.0 * LEASE_S)
 
 
-def test_the_last_backend_is_waited_for_as_long_as_it_is_alive(backend: subprocess.Popen[str]) -> None:
-    """It may be replaying a long run; one that is gone, and late, is given up."""
-    configuration = from_dict({"semantic_model": {"kind": "none"}, "association": "open"})
+@pytest.fixture
+def manager() -> Iterator[Node]:
     rclpy.init()
     node = Node("manager")
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    pool = RosPool(node, (7,), timeout_s=0.5)
     threading.Thread(target=executor.spin, daemon=True).start()
-    try:
-        assert comes_true(lambda: pool._watch.was_seen(7))
-        pool.start(make_run_configuration(configuration, None, *initial_pose_of(configuration), stamp_ns=1))
-        answers: list[list[object]] = []
-        asking = threading.Thread(target=lambda: answers.append([*pool.expand(Keyframe.planar(0))]))
-        asking.start()
-        time.sleep(3.0)
-        assert pool.backend_ids == (7,) and asking.is_alive()
-        backend.kill()
-        assert comes_true(lambda: pool.backend_ids == ())
-        asking.join(10.0)
-        assert answers == [[]]
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.shutdown()
+    yield node
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+CONFIGURATION = from_dict({"semantic_model": {"kind": "none"}, "association": "open"})
+
+
+def test_the_last_backend_is_waited_for_as_long_as_it_is_alive(manager: Node, backend: subprocess.Popen[str]) -> None:
+    """It may be replaying a long run; one that is gone, and late, is given up."""
+    pool = RosPool(manager, (7,), timeout_s=0.5)
+    assert comes_true(lambda: pool._watch.was_seen(7))
+    pool.start(make_run_configuration(CONFIGURATION, None, *initial_pose_of(CONFIGURATION), stamp_ns=1))
+    answers: list[list[object]] = []
+    asking = threading.Thread(target=lambda: answers.append([*pool.expand(Keyframe.planar(0))]))
+    asking.start()
+    time.sleep(3.0)
+    assert pool.backend_ids == (7,) and asking.is_alive()
+    backend.kill()
+    assert comes_true(lambda: pool.backend_ids == ())
+    asking.join(10.0)
+    assert answers == [[]]
+
+
+def test_a_backend_that_was_given_up_before_the_manager_was_started_again_comes_back(manager: Node) -> None:
+    """A journal restores only which backends are asked."""
+    run = make_run_configuration(CONFIGURATION, None, *initial_pose_of(CONFIGURATION), stamp_ns=1)
+    pool, backends = RosPool(manager, (0, 1), timeout_s=60.0), InProcessPool(2)
+    pool.start(run)
+    backends.start(run)
+    pool.backend_ids = (1,)
+    assert [status.level for status in pool.statuses() if status.name == "backend_0"] == [Level.ERROR]
+    answers: list[list[Candidates]] = []
+    keyframe = Keyframe.planar(0)
+    asking = threading.Thread(target=lambda: answers.append(pool.expand(keyframe)))
+    asking.start()
+    outlet = Outlet(manager, relative_name(topics.CANDIDATES), topics.TYPES[topics.CANDIDATES], qos.everything())
+    assert comes_true(lambda: outlet.num_readers == 1)
+    for answer in backends.expand(keyframe):
+        outlet.send(encode(answer))
+    asking.join(30.0)
+    assert [answer.backend_id for answer in answers[0]] == [1]
+    assert pool.backend_ids == (0, 1)
+    assert not [status for status in pool.statuses() if status.level is Level.ERROR]
