@@ -14,6 +14,7 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.messages import topics
+from semantic_slam.perception.image_sight import ImageSight
 from semantic_slam.report.make import make_report
 from semantic_slam.report.shown.keyframe import keyframe_scene
 from semantic_slam.report.shown.space import camera_pyramid, principal_axes
@@ -76,6 +77,16 @@ def test_the_pyramid_is_what_the_camera_sees() -> None:
     np.testing.assert_allclose(corners[1:], [[1, 1, 0.5], [1, -1, 0.5], [1, -1, -0.5], [1, 1, -0.5]], atol=1e-12)
     everywhere = camera_pyramid(Camera(), {"field_of_view_rad": 2.0 * np.pi})
     assert np.isfinite(everywhere).all() and np.abs(everywhere).max() < 3.0
+
+
+def test_the_pyramid_has_the_edges_of_the_image_where_they_are_known() -> None:
+    """An image whose middle is off the optical axis: 45 degrees to the left and none to the right, all above."""
+    edges = np.array([[-np.pi / 4, 0.0], [-np.arctan(0.5), 0.0]])
+    sight = ImageSight(edges, np.zeros((0, 0)))
+    corners = camera_pyramid(Camera(sight=sight), {"field_of_view_rad": 1.0})
+    np.testing.assert_allclose(corners[1:], [[1, 1, 0.5], [1, 0, 0.5], [1, 0, 0], [1, 1, 0]], atol=1e-12)
+    wide = camera_pyramid(Camera(sight=ImageSight(2.0 * edges, np.zeros((0, 0)))), {})
+    assert np.isfinite(wide).all() and np.abs(wide).max() < 3.0
 
 
 def test_rows_go_on_with_height_attitude_and_ellipsoid() -> None:

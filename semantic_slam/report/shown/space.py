@@ -29,8 +29,13 @@ def principal_axes(covariances: Array) -> Array:
 def camera_pyramid(camera: Camera, open_world: Mapping[str, Any]) -> Array:
     """(5, 3) the camera and, a metre ahead of it, the corners of what it sees, in the body frame.
 
-    ``open_world`` are the settings of that name, which say how wide a picture is.
+    The edges of its image where they are known, else those of the settings ``open_world``, about the optical axis.
     """
-    angles = [min(open_world.get(name) or default, WIDEST_RAD) for name, default in IMAGE_ANGLES_RAD.items()]
-    x, y = np.tan(np.array(angles) / 2.0)
-    return camera.in_body(np.array([[0.0, 0.0, 0.0], [-x, -y, 1.0], [x, -y, 1.0], [x, y, 1.0], [-x, y, 1.0]]))
+    if camera.sight is not None:
+        edges = np.clip(camera.sight.edges_rad, -WIDEST_RAD / 2.0, WIDEST_RAD / 2.0)
+    else:
+        angles = [min(open_world.get(name) or default, WIDEST_RAD) for name, default in IMAGE_ANGLES_RAD.items()]
+        edges = np.array(angles)[:, None] * [-0.5, 0.5]
+    (left, right), (top, bottom) = np.tan(edges)
+    corners = [[left, top, 1.0], [right, top, 1.0], [right, bottom, 1.0], [left, bottom, 1.0]]
+    return camera.in_body(np.array([[0.0, 0.0, 0.0], *corners]))
