@@ -44,9 +44,18 @@ class Appearances:
     records: Mapping[int, EmbeddingRecord]  # by object id
 
     @classmethod
-    def of(cls, views: Sequence[SeenView], others: Array, settings: SemanticModelConfiguration) -> "Appearances":
-        """Build from views in temporal order, and (D, F) vectors of no object. Raises InputError."""
-        sizes = {len(view.vector) for view in views}
+    def of(
+        cls,
+        views: Sequence[SeenView],
+        others: Sequence[Array],
+        settings: SemanticModelConfiguration,
+        before: "Appearances | None" = None,
+    ) -> "Appearances":
+        """Build from views in temporal order, and vectors (F,) of no object, after those of ``before``.
+
+        Raises InputError.
+        """
+        sizes = {len(view.vector) for view in views} | ({before.size} if before else set())
         if len(sizes) != 1:
             raise InputError(
                 "no object of the map has a vector of appearance; let the detector send embeddings (DetectionArray)"
@@ -55,9 +64,11 @@ class Appearances:
             )
         (size,) = sizes
         model = replace(embedding_model(settings), dimensions=size)
-        vectors = reduced(np.array([view.vector for view in views]), size)
-        seen = SeenVectors.none(size).with_vectors(vectors).with_vectors(reduced(others.reshape(-1, size), size))
-        background, records = seen.background, dict[int, EmbeddingRecord]()
+        vectors = reduced(np.array([view.vector for view in views]).reshape(-1, size), size)
+        alike = np.array([vector for vector in others if len(vector) == size]).reshape(-1, size)
+        seen = before.seen if before else SeenVectors.none(size)
+        seen = seen.with_vectors(vectors).with_vectors(reduced(alike, size))
+        background, records = seen.background, dict(before.records) if before else {}
         for vector, view in zip(vectors, views, strict=True):
             if np.isfinite(vector).all():
                 record = records.get(view.object_id, model.start())
@@ -68,6 +79,11 @@ class Appearances:
                 usual = model.usual(np.broadcast_to(told, ratio.shape))
                 records[view.object_id] = record.after(vector, ratio, usual, background, view.place)
         return cls(model=model, seen=seen, records=records)
+
+    @property
+    def size(self) -> int:
+        """F, number of components of a vector."""
+        return self.model.dimensions
 
     @property
     def background(self) -> EmbeddingBackground:
@@ -82,7 +98,7 @@ class Appearances:
 
     def vector(self, given: Array) -> Array:
         """(F,) unit vector. Raises InputError where ``given`` cannot come from this map's network."""
-        size = len(self.background.centre)
+        size = self.size
         if np.shape(given) != (size,):
             raise InputError(
                 f"the vector has {np.size(given)} components, the objects' have {size}; take that of the same network"
@@ -97,12 +113,10 @@ def appearances_of(
     beliefs: Sequence[HybridBelief],
     measurements: Mapping[int, SemanticMeasurements],
     settings: SemanticModelConfiguration,
+    before: Appearances | None = None,
 ) -> Appearances:
-    """Build from a run's beliefs and measurements (by stamp). Raises InputError."""
-    views, others = seen_views(beliefs, measurements)
-    size = len(views[0].vector) if views else 0
-    alike = [vector for vector in others if len(vector) == size]
-    return Appearances.of(views, np.array(alike).reshape(len(alike), size), settings)
+    """Build from a run's beliefs and measurements (by stamp), after those of ``before``. Raises InputError."""
+    return Appearances.of(*seen_views(beliefs, measurements), settings, before)
 
 
 def seen_views(

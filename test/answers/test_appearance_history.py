@@ -69,3 +69,39 @@ def test_a_history_that_lacks_the_first_keyframes_says_so(record: Record) -> Non
         history.add(belief, record.measurements[belief.stamp_ns])
     with pytest.raises(InputError, match=r"before keyframe 6 are not known.*restarted"):
         history.appearances()
+
+
+def test_of_older_keyframes_than_the_window_a_view_from_each_side_is_kept(record: Record) -> None:
+    """The objects stand still and nothing is revised: the answers are those of the whole run."""
+    history = AppearanceHistory(SETTINGS, window=6, chunk=2)
+    for number, belief in enumerate(record.beliefs, start=1):
+        history.add(belief, record.measurements[belief.stamp_ns])
+        assert history.num_keyframes == (number if number < 8 else 6 + number % 2)
+    looks, whole = history.appearances(), appearances_of(record.beliefs, record.measurements, SETTINGS)
+    assert looks.records.keys() == whole.records.keys()
+    for number, known in looks.records.items():
+        assert known.num_views == whole.records[number].num_views
+        assert len(known.vectors) == len(whole.records[number].vectors)
+    assert looks.seen.count == whole.seen.count
+    for vector in LOOKS:
+        live, recorded = (find_objects(record.beliefs[-1], Question(vector=vector), own) for own in (looks, whole))
+        assert [own.object_id for own in live.objects] == [own.object_id for own in recorded.objects]
+        assert live.objects[0].probability == pytest.approx(recorded.objects[0].probability, abs=0.02)
+
+
+def test_vectors_of_another_network_in_older_keyframes_end_no_run_and_are_named(record: Record) -> None:
+    history = AppearanceHistory(SETTINGS, window=2, chunk=2)
+    for number, belief in enumerate(record.beliefs):
+        told = record.measurements[belief.stamp_ns]
+        vectors = told.embeddings if number < 7 else told.embeddings[:, :200]
+        history.add(belief, replace(told, embeddings=vectors))
+    with pytest.raises(InputError, match=r"embeddings of \[200, 300\] components are mixed"):
+        history.appearances()
+
+
+def test_older_keyframes_without_an_object_are_forgotten(record: Record) -> None:
+    history = AppearanceHistory(SETTINGS, window=2, chunk=2)
+    for number, belief in enumerate(record.beliefs):
+        seen = belief if number > 5 else replace(belief, associations=np.full_like(belief.associations, -1))
+        history.add(seen, record.measurements[belief.stamp_ns])
+    assert len(history.appearances().records) == 2

@@ -53,8 +53,7 @@ def asked_of_map(gallery: Gallery, pass_name: str, seed: int) -> list[Asked]:
         for number, (thing, rows) in enumerate(zip(mapped, seen, strict=True))
         for row in rows
     ]
-    size = len(views[0].vector)
-    looks = Appearances.of(views, np.zeros((0, size)), SemanticModelConfiguration())
+    looks = Appearances.of(views, [], SemanticModelConfiguration())
     return list(_asked(mapped, others, starts, seen, PASSES[pass_name], looks, random))
 
 

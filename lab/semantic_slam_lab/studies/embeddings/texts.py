@@ -38,8 +38,7 @@ def named_on_map(gallery: Gallery, pointing: str, seed: int) -> list[Named]:
         for row in random.permutation(len(thing.azimuths))[:VIEWS]:
             place = CameraPlaces.one(float(thing.azimuths[row]), 0.0)
             views.append(SeenView(object_id=number, vector=thing.vectors[row], place=place))
-    size = len(views[0].vector)
-    looks = Appearances.of(views, np.zeros((0, size)), SemanticModelConfiguration())
+    looks = Appearances.of(views, [], SemanticModelConfiguration())
     means = np.array([thing.vectors.mean(axis=0) for thing in things])
     texts = dict(zip((thing.name for thing in things), _texts(means, POINTING[pointing], random), strict=True))
     known, found = map_of(NUM_MAPPED), []
