@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import long_tests
 import pytest
 from prerequisites import DATA, PREREQUISITES
 
@@ -26,6 +27,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # So that their assertions show both sides when they fail.
 pytest.register_assert_rewrite("semantic_slam.contracts", "worlds")
+
+
+pytest_addoption = long_tests.add_option
+pytest_collection_modifyitems = long_tests.leave_out
 
 
 @pytest.hookimpl(tryfirst=True)
