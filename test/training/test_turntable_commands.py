@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from worlds.processes import commands
 
-from semantic_slam.configuration import Configuration, PerceptionConfiguration
+from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
 from semantic_slam.pipeline.build_classifier import build_classifier
@@ -84,8 +84,9 @@ def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
     )
     assert trained.returncode == 0, trained.stderr
     assert "classes blue_box, red_box" in trained.stdout
-    classifier = build_classifier(Configuration(perception=PerceptionConfiguration(network=str(weights))))
-    assert classifier.class_names == ("blue_box", "red_box")
+    own = PerceptionConfiguration(network=str(weights))
+    with pytest.raises(InputError, match=r"shipped class models: fitted to .* but .* blue_box, red_box"):
+        build_classifier(Configuration(perception=own))
 
     fitted = call(
         "fit_viewpoint_models",
@@ -93,6 +94,10 @@ def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
         *("--cameras", "NP1,NP2", "--draws", "3"),
     )
     assert fitted.returncode == 0, fitted.stderr
+    classifier = build_classifier(
+        Configuration(perception=own, semantic_model=SemanticModelConfiguration(path=str(models)))
+    )
+    assert classifier.class_names == ("blue_box", "red_box")
     model = read_model(models)
     assert model.class_names == model.feature_names == ("blue_box", "red_box")
     report = json.loads(models.with_suffix(".json").read_text())
