@@ -8,7 +8,7 @@ from semantic_slam_lab.studies.real_turntables.claims import claims_of
 from semantic_slam_lab.studies.real_turntables.latent_models import Parts
 from semantic_slam_lab.studies.real_turntables.latent_scores import told_by_nearest
 from semantic_slam_lab.studies.real_turntables.lookalikes import drawn, lookalike_pairs
-from semantic_slam_lab.studies.real_turntables.measurement import trained_head
+from semantic_slam_lab.studies.real_turntables.measurement import trained_measurement
 from semantic_slam_lab.studies.real_turntables.photographs import Photographs, collected
 from semantic_slam_lab.studies.real_turntables.tracks import NUM_VIEWS, tracks_of
 
@@ -91,7 +91,7 @@ def test_dropout_of_the_head_is_keyed() -> None:
     generator = np.random.default_rng(5)
     labels = np.arange(50) % 5
     pooled = np.eye(5)[labels] + 0.1 * generator.normal(size=(50, 5))
-    head = trained_head(pooled, labels, 5, seed=0)
+    head = trained_measurement(pooled, labels, 5, seed=0)
     samples = head.samples(pooled[3], ("view", 3))
     np.testing.assert_array_equal(samples, head.samples(pooled[3], ("view", 3)))
     assert samples.std(axis=0).max() > 0.0
