@@ -78,7 +78,9 @@ def test_a_folder_of_other_names_is_read_by_its_pattern_and_masks(tmp_path: Path
 def test_a_pattern_that_cannot_be_used_is_refused(
     words: tuple[str, ...], fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    photographs = ["--data", str(tmp_path)] if words[0] != "ch3_localization" else []
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    photographs = ["--data", str(folder)] if words[0] != "ch3_localization" else []
     monkeypatch.setattr("sys.argv", ["run_study", *words, *photographs, "--out", str(tmp_path / "out")])
     with pytest.raises(InputError, match=fault):
         run_study.command()
