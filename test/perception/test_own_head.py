@@ -117,15 +117,18 @@ def test_a_file_that_is_no_head_is_one_line(trunk: PerceptionConfiguration, tmp_
 
 
 def test_the_digest_is_of_weights_and_groups_and_not_of_passes(trunk: PerceptionConfiguration, tmp_path: Path) -> None:
-    def digest(network: str, *classes: str, num_passes: int = 50) -> str:
+    def digest(network: str, *classes: str, groups: str = "", num_passes: int = 50) -> str:
         settings = PerceptionConfiguration(
-            architecture="squeezenet", network=network, classes=classes, num_passes=num_passes
+            architecture="squeezenet", network=network, classes=classes, class_groups=groups, num_passes=num_passes
         )
         return network_digest(load_network(settings))
 
     first = digest(trunk.network, "cup", "teddy")
     assert first == digest(trunk.network, "cup", "teddy", num_passes=3)
     assert first != digest(trunk.network, "cup", "desk")
+    groups = tmp_path / "groups.yaml"
+    groups.write_text("cup: [cup, coffee mug]\n")
+    assert first != digest(trunk.network, "teddy", groups=str(groups))
     other = str(squeezenet_file(tmp_path / "other.pth", seed=1))
     assert first != digest(other, "cup", "teddy")
     one, two = (
