@@ -42,11 +42,13 @@ def parse() -> argparse.Namespace:
         help="configuration whose section perception names an ImageNet network: train a head on it",
     )
     parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)")
-    parser.add_argument("--epochs", type=int, help="passes over the drawn crops (default: 14; 150 with --config)")
+    parser.add_argument(
+        "--epochs", type=int, help="passes over the drawn crops (default: 14), with --config (default: 150)"
+    )
     parser.add_argument(
         "--crops-per-epoch",
         type=int,
-        help="crops drawn for each of them (default: 4000); with --config drawn once for all (default: 2000)",
+        help="crops drawn for each of them (default: 4000), with --config once for all of them (default: 2000)",
     )
     parser.add_argument(
         "--max-azimuth-deg",

@@ -14,6 +14,7 @@ from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
 from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.training.classifier import TrainingConfiguration
+from semantic_slam.training.head import HEAD_TRAINING
 from semantic_slam.training.turntables import class_names_of, load_views, with_classes
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
 from semantic_slam.viewpoint.store import FORMAT, read_model
@@ -123,7 +124,8 @@ def test_help_of_train_classifier_tells_the_defaults() -> None:
     text = " ".join(call("train_classifier", "--help").stdout.split())
     defaults = TrainingConfiguration()
     degrees = round(np.rad2deg(defaults.largest_azimuth_rad))
-    for value in ("NP1,NP2,NP3,NP4,NP5", defaults.epochs, defaults.crops_per_epoch, degrees, defaults.seed):
+    of_head = (HEAD_TRAINING.epochs, HEAD_TRAINING.crops_per_epoch)
+    for value in ("NP1,NP2,NP3,NP4,NP5", defaults.epochs, defaults.crops_per_epoch, degrees, defaults.seed, *of_head):
         assert f"(default: {value})" in text
 
 
