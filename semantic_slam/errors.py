@@ -1,5 +1,10 @@
 """The one error family. Every message names the fault and its remedy in a single line."""
 
+from collections.abc import Sequence
+
+MOST_NAMED = 8
+"""Names that a message lists; a network may have a thousand classes."""
+
 
 class SemanticSlamError(Exception):
     """Anything this package raises on purpose."""
@@ -20,3 +25,9 @@ class MessageError(InputError):
 def one_line(fault: object, limit: int | None = None) -> str:
     """The text of an exception, often another library's, in a single line of at most ``limit`` characters."""
     return " ".join(str(fault).split())[:limit]
+
+
+def shortened(names: Sequence[str]) -> str:
+    """The first names, separated by commas, and how many there are besides."""
+    others = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {others} others" if others > 0 else "")

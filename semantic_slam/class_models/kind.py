@@ -33,6 +33,7 @@ class ClassModelKind:
     embeddings: "Callable[[SemanticModelConfiguration], EmbeddingModel] | None" = None  # embedding vectors instead
     extractor: "Callable[[SemanticModelConfiguration], FeatureExtractor] | None" = None  # f, None: class probabilities
     appearance: "Callable[[SemanticModelConfiguration], KnownAppearance | None] | None" = None  # of the fitted objects
+    network_digest: "Callable[[SemanticModelConfiguration], str] | None" = None  # of the network fitted to, or ""
     semantics: str = "independent_views"  # used where headings come from a map or an enumerated class
     carried: str | None = "class_tables"  # used where headings are unknown; None: not supported there
     has_factors: bool = True  # views become graph factors when hypotheses enumerate classes

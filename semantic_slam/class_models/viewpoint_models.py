@@ -10,7 +10,7 @@ from semantic_slam.viewpoint.appearance import KnownAppearance
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.parametric import ParametricModel
-from semantic_slam.viewpoint.store import FittedModel, read_appearance, read_model
+from semantic_slam.viewpoint.store import FittedModel, read_appearance, read_model, read_network_digest
 
 SHIPPED_MODELS = "viewpoint_models.safetensors"
 
@@ -25,6 +25,12 @@ def load_appearance(settings: SemanticModelConfiguration) -> KnownAppearance | N
     """Load the appearance of the fitted objects, or None where the models have none. Raises InputError."""
     load = class_model_kind(settings).appearance
     return load(settings) if load is not None else None
+
+
+def load_network_digest(settings: SemanticModelConfiguration) -> str:
+    """Digest of the network that the models were fitted to; "" where they name none. Raises InputError."""
+    load = class_model_kind(settings).network_digest
+    return load(settings) if load is not None else ""
 
 
 def shipped_models() -> Path:
@@ -59,15 +65,20 @@ def _appearance(settings: SemanticModelConfiguration) -> KnownAppearance | None:
     return read_appearance(_file(settings))
 
 
+def _network_digest(settings: SemanticModelConfiguration) -> str:
+    return read_network_digest(_file(settings))
+
+
 def _file(settings: SemanticModelConfiguration) -> Path:
     return Path(settings.path) if settings.path else shipped_models()
 
 
 PARAMETRIC = ClassModelKind(viewpoint=_parametric, repeats_errors=False)  # exact by definition
-GP_INDEPENDENT = ClassModelKind(viewpoint=_gaussian_process, appearance=_appearance)
+GP_INDEPENDENT = ClassModelKind(viewpoint=_gaussian_process, appearance=_appearance, network_digest=_network_digest)
 GP_CORRELATED = ClassModelKind(
     viewpoint=_of_one_height,
     appearance=_appearance,
+    network_digest=_network_digest,
     semantics="correlated_views",
     carried=None,
     has_factors=False,

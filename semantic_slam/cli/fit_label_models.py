@@ -11,7 +11,7 @@ from pathlib import Path
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import claimed_files
 
-OF_PICTURES = ("weights", "classes", "pattern", "mask_pattern")
+OF_PICTURES = ("weights", "config", "classes", "pattern", "mask_pattern")
 """Options of the other sources, which are refused with ``--from-run``."""
 
 

@@ -8,7 +8,7 @@ import json
 import os
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.cli.fit_label_models import learn_labels
@@ -17,6 +17,10 @@ from semantic_slam.cli.turntable_views import add_photographs, check_photographs
 from semantic_slam.errors import InputError
 from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, claimed_files
+from semantic_slam.shipped import configuration_file
+
+if TYPE_CHECKING:
+    from semantic_slam.configuration import PerceptionConfiguration
 
 
 def parse() -> argparse.Namespace:
@@ -42,7 +46,17 @@ def parse() -> argparse.Namespace:
     )
     add_photographs(parser)
     parser.add_argument("--out", type=Path, required=True, help="model file to write (.safetensors)")
-    parser.add_argument("--weights", type=Path, help="network to fit the models of; default: the shipped one")
+    network = parser.add_mutually_exclusive_group()
+    network.add_argument(
+        "--weights", type=Path, help="network of train_classifier to fit the models of; default: the shipped one"
+    )
+    network.add_argument(
+        "--config",
+        type=configuration_file,
+        metavar="YAML",
+        help="configuration of the runs that are to use the models: its section perception names network, classes and"
+        " dropout passes",
+    )
     parser.add_argument(
         "--cameras",
         default="NP1,NP2,NP3,NP4",
@@ -90,7 +104,7 @@ def command() -> None:
     if arguments.out.suffix in (".json", ".html"):
         raise InputError(f"{arguments.out}: is where the report goes; name a .safetensors file")
     outs = [arguments.out.with_suffix(suffix) for suffix in (arguments.out.suffix, ".json", ".html")]
-    inputs = [arguments.turntables, arguments.avd, arguments.bag, arguments.weights, arguments.classes]
+    inputs = [getattr(arguments, name) for name in ("turntables", "avd", "bag", "weights", "config", "classes")]
     with claimed_files(outs, inputs, arguments.overwrite) as staged:
         lines = fit(arguments, *staged)
     print("\n".join(lines))
@@ -100,14 +114,14 @@ def command() -> None:
 def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page: Path) -> list[str]:
     """Measure, fit and save model, JSON report and page; returns the lines of a short report."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices gain nothing from threads
+    perception = _perception(arguments)
     import_interruptibly("torch")
-    from semantic_slam.configuration import PerceptionConfiguration
-    from semantic_slam.perception.networks.weights import load_network
+    from semantic_slam.perception.networks.digest import network_digest
+    from semantic_slam.perception.networks.weights import is_shipped, load_network
     from semantic_slam.training.viewpoint.fit import appearance_of, fit_samples
     from semantic_slam.training.viewpoint.page import write_page
     from semantic_slam.viewpoint.store import save_model
 
-    perception = PerceptionConfiguration(network=str(arguments.weights or ""))
     network = load_network(perception)  # before the views, which take long to read
     samples, left_out = _samples(arguments, perception, network)
     fitted = fit_samples(samples, network.class_names)
@@ -120,7 +134,8 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
         "left_out": left_out,
     }
     appearance = appearance_of(samples, network)
-    save_model(model, model_path, provenance, appearance)
+    digest = "" if is_shipped(perception) else network_digest(network)
+    save_model(model, model_path, provenance, appearance, digest)
     report_path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     write_page(page, fitted, samples)
     lines = [f"left out: {reason} ({count})" for reason, count in sorted(left_out.items())]
@@ -136,7 +151,26 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     return [*lines, f"{len(model.class_names)} classes"]
 
 
-def _samples(arguments: argparse.Namespace, perception: Any, network: Any) -> tuple[dict[str, Any], dict[str, int]]:
+def _perception(arguments: argparse.Namespace) -> "PerceptionConfiguration":
+    """Perception of ``--config``, else with the network of ``--weights`` or the shipped one. Raises InputError."""
+    from semantic_slam.class_models.kind import class_model_kind
+    from semantic_slam.configuration import PerceptionConfiguration, load_configuration
+
+    if not arguments.config:
+        return PerceptionConfiguration(network=str(arguments.weights or ""))
+    configuration = load_configuration(arguments.config)
+    kind = class_model_kind(configuration.semantic_model)
+    if kind.labels is not None or kind.embeddings is not None or kind.descriptors is not None:
+        raise InputError(
+            f"{arguments.config}: semantic_model.kind: {configuration.semantic_model.kind} uses no network's scores;"
+            " set kind: gp_independent or gp_correlated"
+        )
+    return configuration.perception
+
+
+def _samples(
+    arguments: argparse.Namespace, perception: "PerceptionConfiguration", network: Any
+) -> tuple[dict[str, Any], dict[str, int]]:
     """Samples by class name from the given source, and the counts of what was left out, by reason."""
     if arguments.turntables:
         from semantic_slam.training.turntables import with_classes
@@ -146,7 +180,10 @@ def _samples(arguments: argparse.Namespace, perception: Any, network: Any) -> tu
         if arguments.classes:
             views = with_classes(views, arguments.classes)
         settings = FitSettings(
-            draws=arguments.draws, seed=arguments.seed, elevation_step_deg=arguments.elevation_step_deg
+            draws=arguments.draws,
+            num_passes=perception.num_passes,
+            seed=arguments.seed,
+            elevation_step_deg=arguments.elevation_step_deg,
         )
         return measure_views(views, network, settings), {}
     from semantic_slam.training.viewpoint.known_poses import views_of_bag

@@ -1,31 +1,55 @@
-"""``train_classifier --turntables DIR --out FILE``: train the compact network on turntable views of the objects."""
+"""``train_classifier --turntables DIR --out FILE``: train a classifier on turntable views of the objects.
+
+It is the compact network, or with ``--config YAML`` a head on the frozen ImageNet network of a configuration.
+"""
 
 import argparse
-import dataclasses
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
 from semantic_slam.errors import InputError
 from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, check_output, claimed_file
+from semantic_slam.shipped import configuration_file
+
+if TYPE_CHECKING:
+    from semantic_slam.perception.networks.network import DropoutNetwork
+    from semantic_slam.training.views import ObjectView
 
 
 def parse() -> argparse.Namespace:
     """Parse the command line; raises InputError."""
     parser = CommandParser(
-        description="Train the compact network on turntable views (BigBIRD's format, or photographs)."
+        description="Train the compact network on turntable views (BigBIRD's format, or photographs), or with --config"
+        " a head for their classes on a frozen ImageNet network. The file goes into the next run's configuration as"
+        " perception.network, or as perception.head."
     )
     parser.add_argument(
         "--turntables", type=Path, required=True, help="folder with one folder per class, or photographs"
     )
     add_photographs(parser)
     parser.add_argument("--out", type=Path, required=True, help="weights to write (.safetensors)")
+    parser.add_argument(
+        "--config",
+        type=configuration_file,
+        metavar="YAML",
+        help="configuration whose section perception names an ImageNet network: train a head on it",
+    )
     parser.add_argument("--cameras", default="NP1,NP2,NP3,NP4,NP5", help="cameras to learn from (default: %(default)s)")
-    parser.add_argument("--epochs", type=int, help="passes over the drawn crops (default: 14)")
-    parser.add_argument("--crops-per-epoch", type=int, help="crops drawn for each of them (default: 4000)")
+    parser.add_argument(
+        "--epochs", type=int, help="passes over the drawn crops (default: 14), with --config (default: 150)"
+    )
+    parser.add_argument(
+        "--crops-per-epoch",
+        type=int,
+        help="crops drawn for each of them (default: 4000), with --config once for all of them (default: 2000)",
+    )
     parser.add_argument(
         "--max-azimuth-deg",
         type=float,
@@ -47,27 +71,62 @@ def command() -> None:
     arguments = parse()
     chosen = _chosen(arguments)
     check_photographs(arguments, [arguments.turntables])
-    inputs = [arguments.turntables, arguments.classes]
+    inputs = [arguments.turntables, arguments.config, arguments.classes]
     check_output(arguments.out, inputs, arguments.overwrite)
+    trunk = _trunk(arguments.config) if arguments.config else None  # before the views, which take long to read
     from semantic_slam.training.turntables import class_names_of, with_classes
 
     views = object_views(arguments, arguments.turntables)
     if arguments.classes:
         views = with_classes(views, arguments.classes)
+    names = class_names_of(views)
+    trained = _trained(views, names, trunk, chosen)
+    with claimed_file(arguments.out, inputs, arguments.overwrite) as out:
+        trained.save({"command": "train_classifier", "training": trained.training, "accuracy": trained.accuracy}, out)
+    shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in trained.accuracy.items())
+    print(f"{arguments.out}: classes {', '.join(names)}; accuracy {shares}")
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training has come to."""
+
+    save: Callable[[dict[str, object], Path], None]  # writes it to a file, with a provenance
+    training: dict[str, Any]  # settings
+    accuracy: dict[str, float]  # by quarter around the objects
+
+
+def _trained(
+    views: "Sequence[ObjectView]", names: tuple[str, ...], trunk: "DropoutNetwork | None", chosen: dict[str, Any]
+) -> Trained:
+    """A head on the trunk, or the compact network without one. Raises InputError."""
     import_interruptibly("torch")
+    from semantic_slam.perception.networks.head import save_head
     from semantic_slam.perception.networks.weights import save_compact_network
     from semantic_slam.training.classifier import TrainingConfiguration, accuracy_by_azimuth, train
+    from semantic_slam.training.head import HEAD_TRAINING, train_on_trunk
 
-    configuration = TrainingConfiguration(**chosen)
-    names = class_names_of(views)
-    network = train(views, names, configuration)
+    configuration = replace(TrainingConfiguration() if trunk is None else HEAD_TRAINING, **chosen)
+    if trunk is None:
+        compact = train(views, names, configuration)
+        network: DropoutNetwork = compact
+        save = partial(save_compact_network, compact, names)
+    else:
+        classifier = train_on_trunk(views, names, trunk, configuration)
+        network, save = classifier.network, partial(save_head, classifier)
     accuracy = accuracy_by_azimuth(network, views, names, configuration.seed)
-    training = dataclasses.asdict(configuration)
-    provenance: dict[str, object] = {"command": "train_classifier", "training": training, "accuracy": accuracy}
-    with claimed_file(arguments.out, inputs, arguments.overwrite) as out:
-        save_compact_network(network, names, provenance, out)
-    shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in accuracy.items())
-    print(f"{arguments.out}: classes {', '.join(names)}; accuracy {shares}")
+    return Trained(save, asdict(configuration), accuracy)
+
+
+def _trunk(path: Path) -> "DropoutNetwork":
+    """The ImageNet network of a configuration. Raises InputError."""
+    from semantic_slam.configuration import load_configuration
+
+    settings = load_configuration(path).perception
+    import_interruptibly("torch")
+    from semantic_slam.perception.networks.imagenet_networks import load_trunk
+
+    return load_trunk(settings)
 
 
 def _chosen(arguments: argparse.Namespace) -> dict[str, Any]:

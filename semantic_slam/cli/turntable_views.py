@@ -15,13 +15,16 @@ if TYPE_CHECKING:
 TABLE = ".csv"
 
 
-def add_photographs(parser: argparse.ArgumentParser) -> None:
-    """Add the flags for turntable photographs, as opposed to folders in BigBIRD's format."""
+OF_TURNTABLES = "--turntables holds photographs; a .csv file as --turntables lists them itself"
+
+
+def add_photographs(parser: argparse.ArgumentParser, where: str = OF_TURNTABLES) -> None:
+    """Add the flags for turntable photographs; ``where`` says in which folder they are, and what else may be there."""
     parser.add_argument(
         "--pattern",
         metavar="TEXT",
-        help="--turntables holds photographs whose paths tell object and degrees, such as '{object}__{azimuth}.jpg';"
-        " other fields: clockwise, elevation, polar. A .csv file as --turntables lists them itself",
+        help="photographs whose paths tell object and degrees, such as '{object}__{azimuth}.jpg'; other fields:"
+        f" clockwise, elevation, polar ({where})",
     )
     parser.add_argument(
         "--mask-pattern",

@@ -24,6 +24,11 @@ class PerceptionConfiguration:
         "",
         "ImageNet networks: YAML file of groups of classes, each reported as one, with the sum of their probabilities",
     )
+    head: str = parameter(
+        "",
+        "ImageNet networks: head of semantic_slam train classifier --config, whose classes take the place of"
+        " ImageNet's; empty: none",
+    )
     alexnet_components: tuple[int, ...] = parameter(
         (0,), "alexnet, where neither classes nor groups are named: outputs that are reported, without a rest"
     )

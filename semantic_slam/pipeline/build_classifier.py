@@ -11,6 +11,7 @@ from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.collaborators import AppearanceCheck, CoverageCheck
 from semantic_slam.perception.range_bearing import range_and_bearing
+from semantic_slam.pipeline.fitted_network import check_fitted_to, other_network
 from semantic_slam.viewpoint.appearance import KnownPictures
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.novelty import KnownViews
@@ -20,9 +21,14 @@ if TYPE_CHECKING:
 
 
 def build_classifier(configuration: Configuration) -> Classifier:
-    """Load the network and the class models. Raises InputError if their files are missing or invalid."""
+    """Load the network and the class models.
+
+    Raises InputError if their files are missing or invalid, or if the models were fitted to another network's scores.
+    """
     settings, semantic_model = configuration.perception, configuration.semantic_model
     network, extractor = _network(configuration), load_extractor(semantic_model)
+    if network is not None and extractor is None:
+        check_fitted_to(network, semantic_model)
     num_features = len(network.class_names) if network is not None else 0
     if extractor is not None:
         num_features = extractor.num_features
@@ -52,14 +58,14 @@ def _network(configuration: Configuration) -> "ClassifierNetwork | None":
 def _appearance(
     settings: SemanticModelConfiguration, perception: PerceptionConfiguration, network: "ClassifierNetwork | None"
 ) -> AppearanceCheck | None:
-    """Novelty check of image crops; None if the models have none or were fitted with another network."""
+    """Novelty check of image crops; None if the models have none. Raises InputError for models of another network."""
     known = load_appearance(settings) if network is not None and perception.novelty_false_alarms else None
     if network is None or known is None:
         return None
     from semantic_slam.perception.networks.mc_dropout import probe_features
 
     if not known.is_about(probe_features(network.network)):
-        return None
+        raise other_network(settings)
     return KnownPictures(known, perception.novelty_false_alarms)
 
 

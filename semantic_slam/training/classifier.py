@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from torch import nn
 from tqdm import tqdm
 
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Bytes
 from semantic_slam.perception.networks.compact_network import CompactNetwork
+from semantic_slam.perception.networks.network import DropoutNetwork
 from semantic_slam.training.augmentation import room_crop
 from semantic_slam.training.views import ObjectView
 
@@ -19,7 +21,7 @@ Labels = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class TrainingConfiguration:
-    """How the shipped network was trained."""
+    """How a network is trained; the defaults are those of the shipped one."""
 
     epochs: int = 14
     crops_per_epoch: int = 4000
@@ -34,10 +36,13 @@ class TrainingConfiguration:
 def train(
     views: Sequence[ObjectView], class_names: tuple[str, ...], configuration: TrainingConfiguration
 ) -> CompactNetwork:
-    """Network trained on the front views; deterministic on one machine for one seed."""
+    """Network trained on the front views; deterministic on one machine for one seed.
+
+    Raises InputError where a class has no front views.
+    """
     torch.set_num_threads(1)
     torch.manual_seed(configuration.seed)
-    shown = [view for view in views if abs(view.azimuth_rad) <= configuration.largest_azimuth_rad]
+    shown = shown_views(views, class_names, configuration)
     network = CompactNetwork(len(class_names))
     network.to(memory_format=torch.channels_last)  # faster on a CPU
     optimiser = torch.optim.AdamW(
@@ -52,7 +57,7 @@ def train(
     progress = tqdm(range(configuration.epochs), desc="training", unit="epoch")
     for _ in progress:
         losses = []
-        for crops, labels in _batches(shown, class_names, network.input_size, configuration, generator):
+        for crops, labels in drawn_batches(shown, class_names, network.input_size, configuration, generator):
             loss = loss_function(network(network.normalise(crops)), torch.from_numpy(labels))
             optimiser.zero_grad()
             loss.backward()
@@ -64,7 +69,22 @@ def train(
     return network
 
 
-def _batches(
+def shown_views(
+    views: Sequence[ObjectView], class_names: tuple[str, ...], configuration: TrainingConfiguration
+) -> list[ObjectView]:
+    """The views near the front. Raises InputError where a class has none."""
+    shown = [view for view in views if abs(view.azimuth_rad) <= configuration.largest_azimuth_rad]
+    unseen = sorted(set(class_names) - {view.class_name for view in shown})
+    if unseen:
+        degrees = np.rad2deg(configuration.largest_azimuth_rad)
+        raise InputError(
+            f"class '{unseen[0]}': no view within {degrees:.0f} degrees of its front; raise --max-azimuth-deg, or"
+            " correct the azimuths"
+        )
+    return shown
+
+
+def drawn_batches(
     views: Sequence[ObjectView],
     class_names: tuple[str, ...],
     size: int,
@@ -81,7 +101,7 @@ def _batches(
 
 
 def accuracy_by_azimuth(
-    network: CompactNetwork, views: Sequence[ObjectView], class_names: tuple[str, ...], seed: int, draws: int = 1
+    network: DropoutNetwork, views: Sequence[ObjectView], class_names: tuple[str, ...], seed: int, draws: int = 1
 ) -> dict[str, float]:
     """Share of right classes, without dropout, for each quarter around the objects."""
     generator = np.random.default_rng((seed, 1))
@@ -89,7 +109,7 @@ def accuracy_by_azimuth(
     for view in views:
         crops = np.stack([room_crop(view, network.input_size, generator) for _ in range(draws)])
         with torch.inference_mode():
-            best = network(network.normalise(crops)).argmax(dim=-1).numpy()
+            best = network.head()(network.trunk(network.normalise(crops))).argmax(dim=-1).numpy()
         quarter = tuple(right)[round(view.azimuth_rad / (np.pi / 2.0)) % 4]
         right[quarter].extend(best == class_names.index(view.class_name))
     return {quarter: float(np.mean(values)) for quarter, values in right.items() if values}

@@ -19,16 +19,23 @@ FittedModel = GaussianProcessModel | SphericalProcessModel
 """Class models over azimuth, or over azimuth and elevation."""
 APPEARANCE = "appearance."
 """Prefix of the names of arrays that describe the objects' appearance; older files have none."""
+NETWORK = "network_sha256"
+"""Key of the network's digest in the description; older files and those of the shipped network have none."""
 EARLIER = APPEARANCE + "class_means"
 """Array name that marks the appearance format of an earlier version; such files count as having none."""
 
 
 def save_model(
-    model: FittedModel, path: Path, provenance: dict[str, Any], appearance: KnownAppearance | None = None
+    model: FittedModel,
+    path: Path,
+    provenance: dict[str, Any],
+    appearance: KnownAppearance | None = None,
+    network_digest: str = "",
 ) -> None:
     """Write the model, with the appearance of its objects where that is known.
 
-    ``provenance`` (command, seed, data, network, report) is stored unchanged.
+    ``provenance`` (command, seed, data, report) is stored unchanged. ``network_digest`` is that of the network whose
+    scores are the features; files of the shipped network have none.
     """
     arrays: dict[str, Any] = {}
     for index, (fit, table) in enumerate(zip(model.fits, model.tables, strict=True)):
@@ -37,11 +44,13 @@ def save_model(
     for name in APPEARANCE_FIELDS if appearance is not None else ():
         kind = np.float16 if name in PICTURES else np.float32
         arrays[APPEARANCE + name] = np.array(getattr(appearance, name), dtype=kind, order="C")
-    description = {
+    description: dict[str, Any] = {
         "class_names": list(model.class_names),
         "feature_names": list(model.feature_names),
         "provenance": provenance,
     }
+    if network_digest:
+        description[NETWORK] = network_digest
     FORMAT.write(path, arrays, description)
 
 
@@ -60,6 +69,11 @@ def read_model(path: Path) -> FittedModel:
         raise InputError(
             f"{path}: incomplete viewpoint model ({fault}); fit it anew with fit_viewpoint_models"
         ) from None
+
+
+def read_network_digest(path: Path) -> str:
+    """Digest of the network that a file's models were fitted to; "" where the file has none. Raises InputError."""
+    return str(FORMAT.read(path)[1].get(NETWORK, ""))
 
 
 def read_appearance(path: Path) -> KnownAppearance | None:

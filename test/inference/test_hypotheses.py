@@ -246,6 +246,15 @@ def test_features_of_another_classifier_are_refused() -> None:
         manager.process(dataclasses.replace(world.keyframes[0], measurements=wrong))
 
 
+def test_scores_of_other_classes_are_refused_though_there_are_as_many() -> None:
+    world = make_world(1)
+    measurements = world.keyframes[0].measurements
+    wrong = dataclasses.replace(measurements, class_names=tuple(f"other {name}" for name in measurements.class_names))
+    manager = Engine.of_run(world.run, InProcessPool(1))
+    with pytest.raises(InputError, match=r"scores of other .* fit viewpoint models"):
+        manager.process(dataclasses.replace(world.keyframes[0], measurements=wrong))
+
+
 def candidates_of_a_pair(**overrides: object) -> Candidates:
     """Candidates for the first frame with two detections, from the prior alone; everything is enumerated."""
     everything = {

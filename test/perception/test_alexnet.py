@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from semantic_slam.configuration import Configuration, PerceptionConfiguration
+from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.networks.alexnet import AlexNet
@@ -48,7 +48,7 @@ def configured(path: Path, components: tuple[int, ...] = (3, 9, 504)) -> Configu
     settings = PerceptionConfiguration(
         network=str(path), architecture="alexnet", alexnet_components=components, num_passes=5
     )
-    return Configuration(perception=settings)
+    return Configuration(perception=settings, semantic_model=SemanticModelConfiguration(kind="none"))
 
 
 def test_has_torchvisions_keys_and_size() -> None:

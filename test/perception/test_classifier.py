@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from semantic_slam.configuration import Configuration, PerceptionConfiguration
+from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.crops import square_crop
@@ -33,7 +33,12 @@ def configuration(tmp_path_factory: pytest.TempPathFactory) -> Configuration:
     torch.manual_seed(1)
     path = tmp_path_factory.mktemp("network") / "weights.safetensors"
     save_compact_network(CompactNetwork(len(NAMES)), NAMES, {}, path)
-    return Configuration(seed=7, perception=PerceptionConfiguration(network=str(path), num_passes=20))
+    return configured(str(path))
+
+
+def configured(network: str) -> Configuration:
+    perception = PerceptionConfiguration(network=network, num_passes=20)
+    return Configuration(seed=7, perception=perception, semantic_model=SemanticModelConfiguration(kind="none"))
 
 
 def frame(boxes: list[list[float]], labels: list[str] | None = None, stamp_ns: int = 5_000_000_000) -> Frame:
@@ -96,8 +101,7 @@ def test_another_process_draws_the_same(configuration: Configuration) -> None:
     script = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from test_classifier import *\n"
-        "c = Configuration(seed=7, perception=PerceptionConfiguration(network=sys.argv[2], num_passes=20))\n"
-        "m = build_classifier(c).measure(frame(BOXES), 0, FORWARD)\n"
+        "m = build_classifier(configured(sys.argv[2])).measure(frame(BOXES), 0, FORWARD)\n"
         "print(hashlib.sha256(m.class_probability_samples.tobytes()).hexdigest())\n"
     )
     here = build_classifier(configuration).measure(frame(BOXES), 0, FORWARD).class_probability_samples

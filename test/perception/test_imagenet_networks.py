@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 from torch import nn
+from worlds.networks import SQUEEZENET_WIDTHS, squeezenet_tensors
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.errors import InputError
@@ -23,21 +24,7 @@ from semantic_slam.perception.networks.network import ClassifierNetwork
 from semantic_slam.perception.networks.squeezenet import SqueezeNet
 from semantic_slam.perception.networks.weights import load_network
 
-SQUEEZENET_WIDTHS = {3: (64, 16, 64), 4: (128, 16, 64), 6: (128, 32, 128), 7: (256, 32, 128)}
-SQUEEZENET_WIDTHS |= {9: (256, 48, 192), 10: (384, 48, 192), 11: (384, 64, 256), 12: (512, 64, 256)}
 NUM_PASSES = 3
-
-
-def torchvision_tensors() -> dict[str, torch.Tensor]:
-    """A state dict with the names and shapes of torchvision's squeezenet1_1."""
-    shapes: dict[str, tuple[int, ...]] = {"features.0": (64, 3, 3, 3), "classifier.1": (1000, 512, 1, 1)}
-    for index, (inputs, squeezed, expanded) in SQUEEZENET_WIDTHS.items():
-        shapes[f"features.{index}.squeeze"] = (squeezed, inputs, 1, 1)
-        shapes[f"features.{index}.expand1x1"] = (expanded, squeezed, 1, 1)
-        shapes[f"features.{index}.expand3x3"] = (expanded, squeezed, 3, 3)
-    generator = torch.Generator().manual_seed(0)
-    weights = {f"{name}.weight": 0.1 * torch.randn(shape, generator=generator) for name, shape in shapes.items()}
-    return weights | {f"{name}.bias": torch.zeros(shape[0]) for name, shape in shapes.items()}
 
 
 @contextmanager
@@ -99,7 +86,7 @@ def test_a_mean_over_the_trunks_map_is_the_feature_of_a_picture() -> None:
 
 def test_squeezenet_reads_torchvisions_layout_and_the_authors(tmp_path: Path) -> None:
     """The same weights give the same logits of the same pixels; what pixels are made of differs."""
-    tensors = torchvision_tensors()
+    tensors = squeezenet_tensors()
     assert sum(tensor.numel() for tensor in tensors.values()) == 1_235_496
     fires = {index: f"fires.{number}" for number, index in enumerate(SQUEEZENET_WIDTHS)}
     authors = {}
@@ -119,7 +106,7 @@ def test_squeezenet_reads_torchvisions_layout_and_the_authors(tmp_path: Path) ->
 
 
 def test_weights_of_another_shape_are_one_line(tmp_path: Path) -> None:
-    tensors = torchvision_tensors()
+    tensors = squeezenet_tensors()
     tensors["classifier.1.weight"] = tensors["classifier.1.weight"][:10]
     torch.save(tensors, tmp_path / "few.pth")
     with pytest.raises(InputError, match=r"few\.pth: .*conv10\.weight") as fault:

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from worlds.processes import commands
 
-from semantic_slam.configuration import Configuration, PerceptionConfiguration
+from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
 from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.training.classifier import TrainingConfiguration
+from semantic_slam.training.head import HEAD_TRAINING
 from semantic_slam.training.turntables import class_names_of, load_views, with_classes
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
 from semantic_slam.viewpoint.store import FORMAT, read_model
@@ -84,8 +85,9 @@ def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
     )
     assert trained.returncode == 0, trained.stderr
     assert "classes blue_box, red_box" in trained.stdout
-    classifier = build_classifier(Configuration(perception=PerceptionConfiguration(network=str(weights))))
-    assert classifier.class_names == ("blue_box", "red_box")
+    own = PerceptionConfiguration(network=str(weights))
+    with pytest.raises(InputError, match=r"shipped class models: fitted to .* but .* blue_box, red_box"):
+        build_classifier(Configuration(perception=own))
 
     fitted = call(
         "fit_viewpoint_models",
@@ -93,6 +95,10 @@ def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
         *("--cameras", "NP1,NP2", "--draws", "3"),
     )
     assert fitted.returncode == 0, fitted.stderr
+    classifier = build_classifier(
+        Configuration(perception=own, semantic_model=SemanticModelConfiguration(path=str(models)))
+    )
+    assert classifier.class_names == ("blue_box", "red_box")
     model = read_model(models)
     assert model.class_names == model.feature_names == ("blue_box", "red_box")
     report = json.loads(models.with_suffix(".json").read_text())
@@ -118,7 +124,8 @@ def test_help_of_train_classifier_tells_the_defaults() -> None:
     text = " ".join(call("train_classifier", "--help").stdout.split())
     defaults = TrainingConfiguration()
     degrees = round(np.rad2deg(defaults.largest_azimuth_rad))
-    for value in ("NP1,NP2,NP3,NP4,NP5", defaults.epochs, defaults.crops_per_epoch, degrees, defaults.seed):
+    of_head = (HEAD_TRAINING.epochs, HEAD_TRAINING.crops_per_epoch)
+    for value in ("NP1,NP2,NP3,NP4,NP5", defaults.epochs, defaults.crops_per_epoch, degrees, defaults.seed, *of_head):
         assert f"(default: {value})" in text
 
 

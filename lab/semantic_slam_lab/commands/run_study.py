@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
+from semantic_slam.cli.turntable_views import add_photographs, check_photographs
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import add_overwrite, claimed_folder
 
@@ -48,11 +49,11 @@ OPTIONS = {
     "avd_bigbird": ("avd", "bigbird"),
     "embeddings": ("data",),
     "lost_robot": ("data", "drives"),
-    "novelty": ("data",),
+    "novelty": ("data", "pattern", "mask_pattern"),
     "real_cabinet": ("data",),
     "real_drives": ("data", "drives", "methods", "everything"),
     "real_in_space": ("data",),
-    "real_turntables": ("data",),
+    "real_turntables": ("data", "pattern", "mask_pattern"),
     "real_kitchen": ("data",),
 }
 """Study -> what else its ``run`` takes by keyword, as the command line has it; None or False where it has not."""
@@ -77,6 +78,7 @@ def parse(words: list[str] | None = None) -> Namespace:
         parser.add_argument(f"--{name}", type=Path, metavar="DIR", help=text)
     text = "studies on real data: folder of the data sets (default: SEMANTIC_SLAM_DATA)"
     parser.add_argument("--data", type=Path, metavar="DIR", help=text)
+    add_photographs(parser, "real_turntables, novelty: in --data, or its folder coil100; default: COIL-100's names")
     for name, what in (("drives", "such as mrclam_d6/1 or dlr (default: all)"), ("methods", "besides ours")):
         parser.add_argument(f"--{name}", nargs="+", metavar="NAME", help=f"real_drives: {name}, {what}")
     text = "real_drives: ablations and calibrated baselines, too, as far as there are any"
@@ -99,6 +101,7 @@ def command() -> None:
     if arguments.jobs < 1 or arguments.seed < 0:
         raise InputError(f"{program()}: --jobs must be at least 1 and --seed at least 0; correct the number")
     options = _options(arguments)
+    check_photographs(arguments, [arguments.data or Path()])
     from semantic_slam_lab.repetitions import scheduler
 
     study = importlib.import_module(STUDIES[arguments.name])
@@ -116,7 +119,7 @@ def _options(arguments: Namespace) -> dict[str, Any]:
     given = {name: getattr(arguments, name) for names in OPTIONS.values() for name in names}
     others = [name for name, value in given.items() if value and name not in own]
     if others:
-        option = "all" if others[0] == "everything" else others[0]
+        option = "all" if others[0] == "everything" else others[0].replace("_", "-")
         raise InputError(f"{program()}: {arguments.name} has no option --{option}; leave it out")
     return {name: given[name] for name in own}
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, shortened
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.measurement import SemanticMeasurements
 
@@ -24,7 +24,10 @@ class FeatureReader:
     def with_features(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
         """The measurements, with vectors or class scores as their features where they have none. Raises InputError."""
         num_given = measurements.features.shape[1]
-        if not self.num_features or not len(measurements) or num_given == self.num_features:
+        if not self.num_features or not len(measurements):
+            return measurements
+        if num_given == self.num_features:
+            self._check_names(measurements)
             return measurements
         if num_given:
             raise InputError(
@@ -35,6 +38,15 @@ class FeatureReader:
         return replace(
             measurements, features=features, feature_covariances=np.zeros((*features.shape, self.num_features))
         )
+
+    def _check_names(self, measurements: SemanticMeasurements) -> None:
+        """Raises InputError if a classifier's scores are of other classes than those that the models were fitted on."""
+        is_classified = measurements.class_probability_samples.shape[1] > 0
+        if is_classified and self.names and measurements.class_names != self.names:
+            raise InputError(
+                f"the classifier gives scores of {shortened(measurements.class_names)} but the class models were"
+                f" fitted on those of {shortened(self.names)}; fit viewpoint models for it {REMEDY}"
+            )
 
     def _told(self, measurements: SemanticMeasurements) -> Array:
         """(D, F) vectors of appearance where the class models were fitted on such, else class scores."""

@@ -6,15 +6,29 @@ from pathlib import Path
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.perception.networks import alexnet, efficientnet_lite, squeezenet
+from semantic_slam.perception.networks.head import load_head
 from semantic_slam.perception.networks.imagenet import NUM_CLASSES, reported_classes
 from semantic_slam.perception.networks.network import ClassifierNetwork, DropoutNetwork, each_alone
 from semantic_slam.perception.networks.weight_files import load_strictly, read_weights
 
 
 def load_imagenet_network(settings: PerceptionConfiguration) -> ClassifierNetwork:
-    """Load the configured network of ``NETWORKS`` with its reported classes. Raises InputError."""
+    """Load the configured network of ``NETWORKS`` with its reported classes, or under a head. Raises InputError."""
+    if settings.head:
+        if settings.classes or settings.class_groups:
+            raise InputError("perception.head: has classes of its own; leave out perception.classes and class_groups")
+        return load_head(Path(settings.head), load_trunk(settings))
     names, members = _reported(settings)
-    return ClassifierNetwork(NETWORKS[settings.architecture](settings), names, members)
+    return ClassifierNetwork(load_trunk(settings), names, members)
+
+
+def load_trunk(settings: PerceptionConfiguration) -> DropoutNetwork:
+    """Load the configured network of ``NETWORKS`` alone, whichever classes are reported. Raises InputError."""
+    if settings.architecture not in NETWORKS:
+        raise InputError(
+            f"perception.architecture: {settings.architecture} is no ImageNet network; set one of {', '.join(NETWORKS)}"
+        )
+    return NETWORKS[settings.architecture](settings)
 
 
 def _reported(settings: PerceptionConfiguration) -> tuple[tuple[str, ...], tuple[tuple[int, ...], ...]]:

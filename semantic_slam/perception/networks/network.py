@@ -30,6 +30,9 @@ class DropoutNetwork(Protocol):
     def normalise(self, crops: Bytes) -> torch.Tensor:
         """(N, size, size, 3) RGB bytes to the (N, 3, size, size) input of the trunk."""
 
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """Weights by name, as of any torch module."""
+
 
 @dataclass(frozen=True)
 class ClassifierNetwork:

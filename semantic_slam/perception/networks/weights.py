@@ -26,8 +26,15 @@ def load_network(configuration: PerceptionConfiguration) -> ClassifierNetwork:
     torch.set_num_threads(1)
     if configuration.architecture in NETWORKS:
         return load_imagenet_network(configuration)
+    if configuration.head:
+        raise InputError(f"perception.head: only for an ImageNet network; set perception.architecture: {min(NETWORKS)}")
     path = Path(configuration.network) if configuration.network else shipped_file(SHIPPED_NETWORK)
     return load_compact_network(path)
+
+
+def is_shipped(configuration: PerceptionConfiguration) -> bool:
+    """Whether the configured network is the one that is installed with the package."""
+    return configuration.architecture == compact_network.ARCHITECTURE and not configuration.network
 
 
 def load_compact_network(path: Path) -> ClassifierNetwork:

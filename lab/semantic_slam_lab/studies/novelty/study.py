@@ -26,13 +26,22 @@ OTHERS, QUICK_OTHERS = 200, 50
 MADE_UP, QUICK_MADE_UP = 600, 100
 
 
-def run(out: Path, *, quick: bool, jobs: int, seed: int, data: Path | None = None) -> list[Path]:
+def run(
+    out: Path,
+    *,
+    quick: bool,
+    jobs: int,
+    seed: int,
+    data: Path | None = None,
+    pattern: str | None = None,
+    mask_pattern: str | None = None,
+) -> list[Path]:
     """Read, measure, fit and score; returns the files written. Raises InputError."""
     from semantic_slam.pipeline.provenance import revision
 
     out.mkdir(parents=True, exist_ok=True)
     folder = data_folder(data)
-    photographs = read_photographs(folder)
+    photographs = read_photographs(folder, pattern or "", mask_pattern or "")
     if len(photographs.names) < 2 * KNOWN_OBJECTS:
         raise InputError(f"{folder}: {len(photographs.names)} objects; {2 * KNOWN_OBJECTS} at least are needed")
     draws = [_known(photographs, seed, number) for number in range(QUICK_DRAWS if quick else DRAWS)]

@@ -17,7 +17,7 @@ from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.ch3.metrics import true_class_first
 from semantic_slam_lab.studies.real_turntables.class_models import INPUT_MAP, fit_model
 from semantic_slam_lab.studies.real_turntables.lookalikes import NUM_CLASSES, Draw
-from semantic_slam_lab.studies.real_turntables.measurement import Head, trained_head
+from semantic_slam_lab.studies.real_turntables.measurement import Measurement, trained_measurement
 from semantic_slam_lab.studies.real_turntables.tracks import Track
 
 LOG_PRIOR = np.full(NUM_CLASSES, -np.log(NUM_CLASSES))
@@ -50,7 +50,7 @@ class DrawOutcome:
 
 def outcome_of(data: DrawData, seed: int) -> DrawOutcome:
     """Train, fit and classify; nothing but the draw's data and the seed matters."""
-    head = trained_head(*data.front, NUM_CLASSES, seed + data.draw.number)
+    head = trained_measurement(*data.front, NUM_CLASSES, seed + data.draw.number)
     models = [
         fit_model(places, _means(head, features, ("train", seed, data.draw.number, index)))
         for index, (places, features) in enumerate(data.training)
@@ -68,7 +68,7 @@ def outcome_of(data: DrawData, seed: int) -> DrawOutcome:
     return DrawOutcome(stacked, *_of_pair(head, processes, data, seed))
 
 
-def _means(head: Head, features: Array, key: tuple[str | int, ...]) -> Array:
+def _means(head: Measurement, features: Array, key: tuple[str | int, ...]) -> Array:
     return np.stack([head.samples(row, (*key, index)).mean(axis=0) for index, row in enumerate(features)])
 
 
@@ -95,7 +95,7 @@ def _classifier(method: str, processes: ClassProcesses) -> SequentialClassifier:
     return (JointClassifier if method == "ours" else ModelBasedClassifier)(processes, LOG_PRIOR)
 
 
-def _of_pair(head: Head, processes: ClassProcesses, data: DrawData, seed: int) -> tuple[Array, Array]:
+def _of_pair(head: Measurement, processes: ClassProcesses, data: DrawData, seed: int) -> tuple[Array, Array]:
     """Azimuths of single views of the two that look alike, and the entropy of which of them it is."""
     azimuths, entropies = [], []
     for index, azimuth, features in data.pair_views:

@@ -51,11 +51,18 @@ class Photographs:
         return rows[np.abs(self.azimuth_rad[rows]) <= FRONT_RAD + 1e-9]
 
 
-def read_photographs(data: Path) -> Photographs:
-    """Photographs in ``data``/coil100, or in ``data`` itself; raises InputError where they are too few."""
+def read_photographs(data: Path, pattern: str = "", mask_pattern: str = "") -> Photographs:
+    """Photographs in ``data``/coil100, or in ``data`` itself; raises InputError where they are too few.
+
+    Without a ``pattern`` of their paths they are named as COIL-100's, with either suffix.
+    """
     folder = data / FOLDER if (data / FOLDER).is_dir() else data
-    pattern = next((own for own in PATTERNS if any(folder.rglob(own.format(object="*", azimuth="*")))), PATTERNS[0])
-    return collected(views_of(by_pattern(folder, pattern).photographs), folder)
+    return collected(views_of(by_pattern(folder, pattern or _coils(folder), mask_pattern).photographs), folder)
+
+
+def _coils(folder: Path) -> str:
+    """The pattern of COIL-100 with the suffix that the folder's files have."""
+    return next((own for own in PATTERNS if any(folder.rglob(own.format(object="*", azimuth="*")))), PATTERNS[0])
 
 
 def collected(views: Sequence[ObjectView], folder: Path) -> Photographs:

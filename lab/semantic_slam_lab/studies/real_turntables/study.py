@@ -18,13 +18,22 @@ DRAWS, QUICK_DRAWS = 20, 2
 QUICK_OBJECTS = 12
 
 
-def run(out: Path, *, quick: bool, jobs: int, seed: int, data: Path | None = None) -> list[Path]:
+def run(
+    out: Path,
+    *,
+    quick: bool,
+    jobs: int,
+    seed: int,
+    data: Path | None = None,
+    pattern: str | None = None,
+    mask_pattern: str | None = None,
+) -> list[Path]:
     """Read, measure, fit and compare; returns the files written. Raises InputError."""
     from semantic_slam.pipeline.provenance import revision
 
     out.mkdir(parents=True, exist_ok=True)
     folder = data_folder(data)
-    photographs = read_photographs(folder)
+    photographs = read_photographs(folder, pattern or "", mask_pattern or "")
     if quick:
         photographs = _some(photographs, folder)
     settings = trunk_settings(folder)

@@ -8,7 +8,7 @@ import torch
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Bytes
-from semantic_slam.perception.networks.imagenet_networks import NETWORKS
+from semantic_slam.perception.networks.imagenet_networks import load_trunk
 from semantic_slam.perception.networks.network import DropoutNetwork
 from semantic_slam.training.augmentation import room_crop
 from semantic_slam.training.latent.views.view_crops import plain_crops
@@ -43,7 +43,7 @@ def trunk_settings(data: Path) -> PerceptionConfiguration:
 def frozen_trunk(settings: PerceptionConfiguration) -> DropoutNetwork:
     """The network; raises InputError."""
     torch.set_num_threads(1)
-    return NETWORKS[settings.architecture](settings)
+    return load_trunk(settings)
 
 
 def plain_features(settings: PerceptionConfiguration, views: list[ObjectView], jobs: int) -> Features:

@@ -2,14 +2,16 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from semantic_slam_lab.commands import run_study
 from semantic_slam_lab.studies.real_turntables.claims import claims_of
 from semantic_slam_lab.studies.real_turntables.latent_models import Parts
 from semantic_slam_lab.studies.real_turntables.latent_scores import told_by_nearest
 from semantic_slam_lab.studies.real_turntables.lookalikes import drawn, lookalike_pairs
-from semantic_slam_lab.studies.real_turntables.measurement import trained_head
-from semantic_slam_lab.studies.real_turntables.photographs import Photographs, collected
+from semantic_slam_lab.studies.real_turntables.measurement import trained_measurement
+from semantic_slam_lab.studies.real_turntables.photographs import Photographs, collected, read_photographs
 from semantic_slam_lab.studies.real_turntables.tracks import NUM_VIEWS, tracks_of
 
 from semantic_slam.errors import InputError
@@ -39,6 +41,49 @@ def test_views_every_twenty_degrees_train_and_a_missing_one_gives_way_to_its_nei
     assert len(angles(own, own.training("a")) & {35, 45}) == 1
     assert not angles(own, own.others("b")) & set(range(0, 360, 20))
     assert angles(own, own.front(own.training("b"))) == {0, 20, 40, 60, 80, 280, 300, 320, 340}
+
+
+def write_photographs(root: Path, suffix: str) -> None:
+    """Six objects from four sides, before white but for a stripe; their masks leave the stripe out."""
+    for name in NAMES[:6]:
+        for folder in (root / name, root / name / "maps"):
+            folder.mkdir(parents=True, exist_ok=True)
+        for angle in (0, 90, 180, 270):
+            picture, mask = np.full((40, 60, 3), 255, dtype=np.uint8), np.zeros((40, 60), dtype=np.uint8)
+            picture[10:30, 10:30], mask[10:30, 10:30] = 60, 255
+            picture[10:30, 40:50] = 60
+            cv2.imwrite(str(root / name / f"{angle}{suffix}"), picture)
+            cv2.imwrite(str(root / name / "maps" / f"{angle}.png"), mask)
+
+
+def test_a_folder_of_other_names_is_read_by_its_pattern_and_masks(tmp_path: Path) -> None:
+    write_photographs(tmp_path, ".bmp")
+    own = read_photographs(tmp_path, "{object}/{azimuth}.bmp", "{object}/maps/{azimuth}.png")
+    assert own.names == tuple("abcdef")
+    assert angles(own, own.of("c")) == {0, 90, 180, 270}
+    assert all(each.cutout.shape == (20, 20, 3) for each in own.views)  # without masks the stripe belongs to it
+    with pytest.raises(InputError, match=r"none of 48 files is '\{object\}__\{azimuth\}\.jpg'"):
+        read_photographs(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (("ch3_localization", "--pattern", "{object}__{azimuth}.png"), "ch3_localization has no option --pattern"),
+        (("real_cabinet", "--mask-pattern", "{object}.png"), "real_cabinet has no option --mask-pattern"),
+        (("real_turntables", "--mask-pattern", "{object}.png"), "--mask-pattern: only with --pattern"),
+        (("novelty", "--pattern", "{name}.png"), r"no field \{name\}"),
+    ],
+)
+def test_a_pattern_that_cannot_be_used_is_refused(
+    words: tuple[str, ...], fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    photographs = ["--data", str(folder)] if words[0] != "ch3_localization" else []
+    monkeypatch.setattr("sys.argv", ["run_study", *words, *photographs, "--out", str(tmp_path / "out")])
+    with pytest.raises(InputError, match=fault):
+        run_study.command()
 
 
 def test_too_few_objects_are_bad_input() -> None:
@@ -91,7 +136,7 @@ def test_dropout_of_the_head_is_keyed() -> None:
     generator = np.random.default_rng(5)
     labels = np.arange(50) % 5
     pooled = np.eye(5)[labels] + 0.1 * generator.normal(size=(50, 5))
-    head = trained_head(pooled, labels, 5, seed=0)
+    head = trained_measurement(pooled, labels, 5, seed=0)
     samples = head.samples(pooled[3], ("view", 3))
     np.testing.assert_array_equal(samples, head.samples(pooled[3], ("view", 3)))
     assert samples.std(axis=0).max() > 0.0
