@@ -36,6 +36,7 @@ def told(environment: dict[str, str], *words: object, cwd: Path = ROOT) -> subpr
     return subprocess.run(line, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_bag_runs_with_a_foreign_class_model_from_yaml_alone(foreign: dict[str, str], tmp_path: Path) -> None:
     def words(name: str, config: Path | str) -> tuple[object, ...]:

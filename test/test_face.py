@@ -283,6 +283,7 @@ def test_a_run_over_a_bag_is_named_by_text_or_by_path_and_has_one_keyframe_at_le
     assert not beliefs.exists()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_lost_robot_of_the_example_finds_itself_and_leaves_no_file_unasked(tmp_path: Path) -> None:
     command = [sys.executable, EXAMPLE]

@@ -165,6 +165,7 @@ def test_a_link_below_out_does_not_make_what_it_names_ours(tmp_path: Path, monke
     assert not is_ours(Path("out")) and not is_ours(Path("out/link")) and not is_ours(Path("out/../mine"))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_or_killed_command_leaves_the_old_output(tmp_path: Path, ending: signal.Signals) -> None:

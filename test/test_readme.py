@@ -81,6 +81,7 @@ def test_what_its_python_imports_is_there(name: str) -> None:
     exec(compile(ast.Module(imports, type_ignores=[]), name, "exec"), {})
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_offline_example_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

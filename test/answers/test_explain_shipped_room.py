@@ -41,6 +41,7 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Explanation]:
     return explained(tmp_path_factory.mktemp("late") / "belief", 38)
 
 
+@pytest.mark.long
 def test_of_every_history_and_pair_of_classes_prior_views_and_revision_are_the_log_odds(
     early: dict[int, Explanation], late: dict[int, Explanation]
 ) -> None:

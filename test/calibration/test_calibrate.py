@@ -41,6 +41,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
     return calibrate(Drive(bag=bag), BEGIN, folder / "scratch")
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_odometry_that_is_over_sure_is_found(found: Calibration) -> None:
     factor = found.after.odometry.sigma_translation_per_m / BEGIN.odometry.sigma_translation_per_m
@@ -76,6 +77,7 @@ def test_it_says_how_far_off_it_was(found: Calibration) -> None:
     assert "Against the ground truth" in page and "odometry.bias_rad_per_m" in page
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_robot_that_is_as_stated_keeps_its_noise(tmp_path: Path) -> None:
     bag = write_drive(tmp_path / "bag", Noise(), num_keyframes=12, seed=2)
@@ -84,6 +86,7 @@ def test_a_robot_that_is_as_stated_keeps_its_noise(tmp_path: Path) -> None:
     assert same.after.perception == BEGIN.perception
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_told_covariances_that_are_over_sure_are_found(tmp_path: Path) -> None:
     bag = write_drive(tmp_path / "bag", Noise(detections=2.0, tells_covariances=True), num_keyframes=6)

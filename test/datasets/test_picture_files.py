@@ -118,6 +118,7 @@ def test_a_folder_by_the_name_of_a_picture_is_none(tmp_path: Path) -> None:
         read_picture(tmp_path, cv2.IMREAD_COLOR)
 
 
+@pytest.mark.long
 def test_what_tells_no_size_to_us_is_refused_by_opencv_before_it_makes_room(tmp_path: Path) -> None:
     """In a process that imports cv2 after this package, as the commands do."""
     paths = [tmp_path / f"a{ending}" for ending in (".webp", ".tiff", ".jp2", ".pgm")]

@@ -73,6 +73,7 @@ def batch_solution(log, configuration):
     )
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_first_keyframes_replay_report_and_agree_with_the_batch_solution(tmp_path, monkeypatch):
     bag, out = tmp_path / "bag", tmp_path / "out"

@@ -12,6 +12,7 @@ from semantic_slam.doctor.examination import examine
 from semantic_slam.shipped import configuration_file
 
 
+@pytest.mark.long
 @pytest.mark.real_data
 @pytest.mark.slow
 def test_parked_cars_are_too_far_away_for_rooms_alone(

@@ -57,6 +57,7 @@ def test_shipped_bags_are_healthy(
     assert capsys.readouterr().out == "nothing wrong\n"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("changes", "check", "words"),
     [

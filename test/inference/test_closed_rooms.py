@@ -44,6 +44,7 @@ def is_lost(room: ClosedRoom, **configuration: object) -> bool:
     return float(np.mean([right_share(room, beliefs[k], k) for k in range(LATER, len(beliefs))])) < 0.9
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [8])
 def test_one_wrong_view_at_the_start_loses_no_map(seed: int) -> None:
@@ -53,6 +54,7 @@ def test_one_wrong_view_at_the_start_loses_no_map(seed: int) -> None:
     assert is_lost(wrong, **NOTHING_WRONG)  # what it is for
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_wrong_views_lose_no_room_of_two() -> None:
     """One of the first views in one of them, a tenth of all in the other."""
@@ -61,6 +63,7 @@ def test_wrong_views_lose_no_room_of_two() -> None:
     assert not is_lost(with_swapped_scores(other, some_views(other, 0.1, 1), 1))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 4])
 def test_an_object_that_the_map_lacks_is_named(seed: int) -> None:

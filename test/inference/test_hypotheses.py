@@ -53,6 +53,7 @@ def test_the_number_of_backends_changes_nothing(num_backends: int) -> None:
         assert_same(single, divided)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides",

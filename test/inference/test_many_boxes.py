@@ -87,6 +87,7 @@ def test_a_lost_robot_associates_the_best_scored_boxes_alone() -> None:
     assert (belief.associations[:, used:] < 0).all() and (belief.associations[:, :used] >= 0).any()
 
 
+@pytest.mark.long
 def test_parents_taken_a_few_at_a_time_have_the_candidates_of_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last bit, with what is left out."""
     prior = MapPrior(tuple(ObjectPrior.planar(k, 2.0 + k, 0.4 * k, sigma_m=0.1, sigma_rad=0.1) for k in range(4)))

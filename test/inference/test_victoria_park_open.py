@@ -72,6 +72,7 @@ def test_doubtful_pairs_count_as_one_trunk() -> None:
     assert found["association_f1"] == pytest.approx(2 * 2 / (7 + 2))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_first_keyframes_are_associated_as_in_the_file(drive: Drive) -> None:
     """Against the numbers with doubtful pairs as one: by the file's the drive meets nothing again so early."""
@@ -88,6 +89,7 @@ def test_first_keyframes_are_associated_as_in_the_file(drive: Drive) -> None:
     assert len(ours.milliseconds) == NUM_KEYFRAMES
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_study_leaves_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "QUICK_KEYFRAMES", 12)

@@ -23,6 +23,7 @@ def test_the_fixture_is_of_the_script_s_problem(fixture: tuple[SpatialProblem, d
     assert made == kept
 
 
+@pytest.mark.long
 def test_few_draws_agree_with_the_fixture(
     fixture: tuple[SpatialProblem, dict], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -33,6 +33,7 @@ def toured() -> tuple[Engine, list[dict[str, int]]]:
     return engine, counts
 
 
+@pytest.mark.long
 def test_what_a_run_holds_does_not_grow_with_its_keyframes(toured: tuple[Engine, list[dict[str, int]]]) -> None:
     _, (before, after) = toured
     for name in ("variables", "steps"):
@@ -73,6 +74,7 @@ def alone(engine: Engine) -> Backend:
     return found
 
 
+@pytest.mark.long
 def test_a_backend_that_shares_no_checkpoints_keeps_older_keyframes_on_disk_and_replays_them_to_the_bit() -> None:
     engine = Engine(robot("given", HORIZON))
     for seen in islice(Tour(robot("given")).keyframes(), 60):
@@ -99,6 +101,7 @@ def test_on_a_full_disk_keyframes_stay_in_memory(
     assert kept.disk_fault == "No space left on device"
 
 
+@pytest.mark.long
 def test_a_summary_is_off_by_less_than_a_fifth_of_a_standard_deviation() -> None:
     for row in compared(robot("given", HORIZON), 100, seed=0, every=50):
         assert row.shift <= 0.2

@@ -94,6 +94,7 @@ def test_what_changed_is_named_in_one_frame() -> None:
     check(told_of(room(), second(), same_frame=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sigma_rad", [0.05, 3.0])
 def test_what_changed_is_named_wherever_the_second_robot_began(sigma_rad: float) -> None:
     """With headings one object of both tells how the maps lie, without them two do."""
@@ -121,6 +122,7 @@ def test_what_was_never_looked_at_is_not_said_to_be_gone() -> None:
     assert old.kind == "unseen" and old.probabilities["gone"] < 0.1
 
 
+@pytest.mark.long
 def test_a_room_like_itself_turned_around_leaves_both_alignments() -> None:
     poses = np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, np.pi], [2.0, -1.0, 1.0], [-2.0, 1.0, 1.0 - np.pi]])
     told = told_of(room(poses, (0, 0, 1, 1)), room(poses, (0, 0, 1, 1), first=20), same_frame=False)
@@ -151,6 +153,7 @@ def test_merged_gaussians_are_the_product_of_both() -> None:
     assert both.objects.ids.tolist() == one.objects.ids.tolist()
 
 
+@pytest.mark.long
 def test_a_merged_map_has_what_was_displaced_where_it_is_now() -> None:
     both = merged(room(), second(np.array([5.0, -2.0, 2.3])), "test")
     assert both.objects.ids.tolist() == [0, 1, 2, 3, 4, 5, 6, 26]

@@ -109,6 +109,7 @@ ROOM = np.random.default_rng(3).uniform([-2.0, -2.0, 0.0], [2.0, 2.0, 1.8], (8, 
 HERE, ELSEWHERE = np.zeros(4), np.array([1.2, -0.7, 0.4, 2.1])
 
 
+@pytest.mark.long
 def test_maps_of_space_are_aligned_and_tell_what_moved_left_and_came() -> None:
     """Frames are a shift and a turn about the vertical apart; one point is lifted, one gone, and one new."""
     later = ROOM.copy()
@@ -126,6 +127,7 @@ def test_maps_of_space_are_aligned_and_tell_what_moved_left_and_came() -> None:
     assert "z 0.4" in change_lines(found)[0]
 
 
+@pytest.mark.long
 def test_merged_maps_of_space_hold_every_point_once_in_the_first_one_s_frame() -> None:
     both = merged(room(ROOM[:6], HERE), room(ROOM[1:], ELSEWHERE, 20), "")
     assert both.state_space == "spatial" and len(both.objects) == len(ROOM)

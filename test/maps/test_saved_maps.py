@@ -56,6 +56,7 @@ def test_joint_covariance_is_the_marginal_of_the_whole_graph() -> None:
     assert np.abs(joint[:2, 3:5]).max() > 0.5 * joint[0, 0], "places are known by one start"
 
 
+@pytest.mark.long
 def test_what_stands_is_on_the_map_of_histories_in_which_it_may_move(tmp_path: Path) -> None:
     engine, random = Engine(moving_world.configuration(0.9)), np.random.default_rng(0)
     places, sigmas = np.array([[2.0, 0.0], [3.0, 1.0]]), np.array([0.05, 0.02])

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from semantic_slam_lab.studies.faulty_rooms.closed_room import CLASSES, REACH_M, ClosedRoom, make_room
 
 from semantic_slam.configuration import Configuration, load_configuration
@@ -72,6 +73,7 @@ def test_all_that_changed_is_named_on_the_map_and_by_a_robot_that_does_not_know_
     check(told)
 
 
+@pytest.mark.long
 def test_so_it_is_by_a_robot_that_is_lost_on_the_map_and_does_not_know_its_heading() -> None:
     room = make_room(SEED, KEYFRAMES)
     old, later = map_of(room, Configuration(), room.prior), second_room(room)

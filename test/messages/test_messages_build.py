@@ -56,6 +56,7 @@ def test_codec_reads_detections_behind_which_rclpy_leaves_what_it_had_reserved()
         deserialize(written + bytes(MOST_BEHIND), type_name)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NODES + COMMANDS)
 def test_executable_explains_itself(name: str) -> None:

@@ -90,6 +90,7 @@ def test_the_citation_names_the_same_version() -> None:
     assert found in ([], [VERSION])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_run_time_imports_are_exactly_the_declared_dependencies() -> None:
     used = imported(ROOT / "semantic_slam")
@@ -129,6 +130,7 @@ def test_only_the_nodes_import_ros() -> None:
     assert all(file.startswith("semantic_slam/ros/") for name in OF_ROS & set(used) for file in used[name])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_imports_of_the_laboratory_are_declared() -> None:
     lab = declared(ROOT / "lab")

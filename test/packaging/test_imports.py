@@ -60,6 +60,7 @@ def circle(graph: Graph) -> list[str]:
     return []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_modules_import_each_other(package: str) -> None:
     assert circle(imports(package)) == []

@@ -39,6 +39,7 @@ def with_lab(wheels: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory
     return environment(tmp_path_factory.mktemp("lab"), [*needs, *declared(ROOT).install_requires], wheels)
 
 
+@pytest.mark.long
 def test_a_bag_is_reported_from_an_empty_folder(plain: Environment, tmp_path: Path) -> None:
     for name in ("standing.mcap", "standing.objects.json"):
         shutil.copy(ROOT / "bags" / name, tmp_path)
@@ -81,6 +82,7 @@ def test_without_the_extra_for_training_a_fit_names_it(plain: Environment, tmp_p
     assert told.stderr.startswith("semantic_slam fit: needs matplotlib and sklearn") and "[train]" in told.stderr
 
 
+@pytest.mark.long
 def test_the_laboratory_brings_its_commands(with_lab: Environment, tmp_path: Path) -> None:
     studies = with_lab.run("semantic_slam", "study", "--list", cwd=tmp_path)
     assert studies.returncode == 0 and "victoria_park" in studies.stdout.splitlines()
@@ -89,6 +91,7 @@ def test_the_laboratory_brings_its_commands(with_lab: Environment, tmp_path: Pat
     assert "usage: make_scene" in with_lab.run("make_scene", "--help", cwd=tmp_path).stdout
 
 
+@pytest.mark.long
 def test_an_installed_study_finds_its_templates_and_scenarios(with_lab: Environment, tmp_path: Path) -> None:
     told = with_lab.run("semantic_slam", "study", "ch4_example", "--quick", "--out", "out", cwd=tmp_path)
     assert told.returncode == 0, told.stderr

@@ -58,6 +58,7 @@ def test_has_torchvisions_keys_and_size() -> None:
     assert sum(tensor.numel() for tensor in network.parameters()) == 61_100_840
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_chosen_components_are_the_features(weights_file: Path) -> None:
     image = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
@@ -82,6 +83,7 @@ def test_chosen_components_are_the_features(weights_file: Path) -> None:
     assert some.predictive_entropy[0] > np.log(10.0)  # over all thousand classes, of an untrained network
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_missing_tensor_is_an_error(weights_file: Path, tmp_path: Path) -> None:
     tensors = torch.load(weights_file, weights_only=True)

@@ -96,6 +96,7 @@ def test_draws_differ_by_seed_stamp_and_index(configuration: Configuration) -> N
     assert not np.array_equal(first[0], other[0])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_another_process_draws_the_same(configuration: Configuration) -> None:
     script = (
@@ -110,6 +111,7 @@ def test_another_process_draws_the_same(configuration: Configuration) -> None:
     assert there.stdout.strip() == hashlib.sha256(here.tobytes()).hexdigest()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_trunk_once_has_the_distribution_of_whole_passes() -> None:
     """Against torch's own dropout, the whole network run again for each pass: equal mean and covariance."""

@@ -66,6 +66,7 @@ def of_samples(boxes: np.ndarray, camera: CameraModel, pose: np.ndarray) -> tupl
     return samples.mean(axis=1), uncertainty.sample_covariance(samples)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rows", [of_boxes, of_rays, of_points, of_samples])
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_each_row_is_what_it_is_alone_and_anywhere_in_memory(rows: Rows, camera: CameraModel) -> None:

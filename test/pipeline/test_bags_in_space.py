@@ -42,6 +42,7 @@ def run(room: TableTops, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
     return folder / "belief", summary
 
 
+@pytest.mark.long
 def test_all_six_of_odometry_and_whole_points_come_through_a_bag(room: TableTops, run: tuple[Path, RunSummary]) -> None:
     path, summary = run
     recorded = read_bag(path)
@@ -78,6 +79,7 @@ def test_the_map_of_a_run_in_space_holds_where_its_objects_are(run: tuple[Path, 
     np.testing.assert_allclose(own, last.object_covariances[:, :3, :3], atol=1e-9)
 
 
+@pytest.mark.long
 def test_what_cannot_be_used_in_space_is_counted(room: TableTops, tmp_path: Path) -> None:
     entries = table_entries(room)
     first, second, *_ = (
@@ -89,6 +91,7 @@ def test_what_cannot_be_used_in_space_is_counted(room: TableTops, tmp_path: Path
     assert summary.dropped == {OUTSIDE: 2, NO_PLACE: 1, BAD_COVARIANCE: 1}
 
 
+@pytest.mark.long
 def test_what_was_seen_is_found_by_another_picture_of_it(room: TableTops, tmp_path: Path) -> None:
     """By vectors that detections carry, with what is not there as unknown; the report has the run's descriptors."""
     random = np.random.default_rng(7)

@@ -88,6 +88,7 @@ def test_a_second_visit_with_a_detectors_labels_keeps_the_objects_and_knows_what
     assert [name for number, name in found.items() if number not in first] == [*NEW]
 
 
+@pytest.mark.long
 def test_a_second_visit_may_begin_lost_on_the_map(
     report: Callable[..., dict[int, dict[str, Any]]], tmp_path: Path
 ) -> None:

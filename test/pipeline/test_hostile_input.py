@@ -114,6 +114,7 @@ ALIASES = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("read", [load_configuration, read_label_map])
 @pytest.mark.parametrize(
     ("content", "reason"),

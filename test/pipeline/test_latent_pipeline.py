@@ -66,6 +66,7 @@ def crop(record: Record) -> tuple[np.ndarray, np.ndarray, int]:
     return pixels, measured.boxes[widest], int(record.truth.associations[stamp][measured.detection_ids[widest]])
 
 
+@pytest.mark.long
 def test_the_lost_robot_finds_itself_without_classes(report: Path) -> None:
     found = json.loads((report / "report.json").read_text())
     assert found["config"]["semantic_model"]["kind"] == "latent"

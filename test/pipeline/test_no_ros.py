@@ -16,6 +16,7 @@ for module in pkgutil.walk_packages(semantic_slam.__path__, "semantic_slam."):
 """
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_rooms_below_ros_import_without_it():
     result = subprocess.run([sys.executable, "-c", WITHOUT_ROS], capture_output=True, text=True, timeout=120)

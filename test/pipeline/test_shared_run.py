@@ -49,6 +49,7 @@ def told(summary: RunSummary) -> tuple[object, ...]:
     return summary.num_frames, summary.num_keyframes, summary.dropped, str(summary.fault)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("most", [None, 2])
 def test_all_that_is_written_and_dropped_is_the_same(tmp_path: Path, most: int | None) -> None:
     configuration = load_configuration(write_configuration(tmp_path / "configuration"))
@@ -61,6 +62,7 @@ def test_all_that_is_written_and_dropped_is_the_same(tmp_path: Path, most: int |
     assert bool(shared.dropped) == (most is None)
 
 
+@pytest.mark.long
 def test_a_damaged_bag_is_used_up_to_its_damage(tmp_path: Path) -> None:
     configuration = load_configuration(write_configuration(tmp_path / "configuration"))
     bag = write_bag(tmp_path / "bag", place_entries("ranges"))
@@ -71,6 +73,7 @@ def test_a_damaged_bag_is_used_up_to_its_damage(tmp_path: Path) -> None:
     assert shared.fault is not None
 
 
+@pytest.mark.long
 def test_a_bag_without_a_keyframe_is_refused_in_the_same_words(tmp_path: Path) -> None:
     configuration = load_configuration(write_configuration(tmp_path / "configuration"))
     entries = place_entries("ranges")
@@ -95,6 +98,7 @@ class _FailingPool(InProcessPool):
         return super().expand(keyframe)
 
 
+@pytest.mark.long
 def test_what_ends_a_run_is_told_when_all_has_been_read_ahead(tmp_path: Path) -> None:
     configuration = load_configuration(write_configuration(tmp_path / "configuration"))
     bag = write_bag(tmp_path / "bag", place_entries("ranges"))
@@ -111,6 +115,7 @@ def test_hypotheses_that_would_replay_the_drive_are_not_shared(tmp_path: Path) -
         run_shared(tmp_path / "bag", tmp_path / "belief", configuration, processes=4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", ["backend_process", "front_end_process"])
 def test_a_process_that_is_lost_ends_the_run_with_a_remedy(long_drive: Path, tmp_path: Path, place: str) -> None:
     with _reported(long_drive, tmp_path / "out") as command:
@@ -121,6 +126,7 @@ def test_a_process_that_is_lost_ends_the_run_with_a_remedy(long_drive: Path, tmp
     assert "ended with exit code -9; free memory, or run all in one process: --processes 1" in words.splitlines()[-1]
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_all_processes(long_drive: Path, tmp_path: Path) -> None:
     with _reported(long_drive, tmp_path / "out") as command:
         started = children(command.pid)
@@ -133,6 +139,7 @@ def test_ctrl_c_ends_all_processes(long_drive: Path, tmp_path: Path) -> None:
             os.kill(number, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("processes", [1, 2])
 def test_ctrl_c_while_pytorch_is_loaded_ends_a_report_at_once_and_nothing_stays(tmp_path: Path, processes: int) -> None:
     words = [sys.executable, "-m", "semantic_slam.cli.bag_to_report", str(ROOT / "bags/aliased_room")]

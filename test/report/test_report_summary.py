@@ -19,6 +19,7 @@ from semantic_slam.report.summary import SummaryRow, summary_files
 BAG = ROOT / "bags" / "standing.mcap"
 
 
+@pytest.mark.long
 def test_a_broken_bag_among_others_costs_its_own_report_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -39,6 +40,7 @@ def test_a_broken_bag_among_others_costs_its_own_report_alone(
     assert 'href="whole/report.html"' in (out / "index.html").read_text()
 
 
+@pytest.mark.long
 def test_a_bag_that_fails_is_not_shown_with_what_an_earlier_run_found(tmp_path: Path) -> None:
     broken = [tmp_path / f"{name}.mcap" for name in "ab"]
     for bag in broken:
@@ -74,6 +76,7 @@ def test_what_a_bag_is_called_is_text_on_the_page() -> None:
     assert "&lt;b&gt;x&lt;/b&gt;" in page and "<b>x</b>" not in page and "&lt;script&gt;" in page
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_bags_go_to_the_cluster_of_a_scheduler(tmp_path: Path) -> None:
     from distributed import LocalCluster

@@ -65,6 +65,7 @@ def test_yolo_msgs_without_ids_are_associated_with_a_map(tmp_path, monkeypatch):
     assert [keyframe["best"]["associations"] for keyframe in report["keyframes"]] == [[4, 9]] * 6
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_bearings_alone_place_objects(tmp_path, monkeypatch):
     bag = import_drive(monkeypatch, tmp_path, depth="", frames=20)

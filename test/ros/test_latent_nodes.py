@@ -21,6 +21,7 @@ NUM_FRAMES = 6
 EXAMPLE = [sys.executable, str(Path(__file__).parents[2] / "examples" / "print_belief.py")]
 
 
+@pytest.mark.long
 def test_two_backends_and_classifier_agree_with_offline_and_a_user_reads_along(tmp_path: Path) -> None:
     configuration = write_configuration(
         tmp_path / "configuration",

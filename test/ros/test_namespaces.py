@@ -99,6 +99,7 @@ def robots(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Robot]:
     return both
 
 
+@pytest.mark.long
 def test_nodes_and_offline_agree_on_a_drive_whose_odometry_is_biased(robots: tuple[Robot, Robot]) -> None:
     live, offline = robots[0].live, robots[0].offline
     assert len(live) == len(offline) == NUM_DRIVEN

@@ -110,6 +110,7 @@ def send_frames(listener: Listener) -> None:
             outlets[topic].send(serialize(entry.message))
 
 
+@pytest.mark.long
 def test_silent_topics_are_named(listener: Listener) -> None:
     assert len(listener.before_any_input) == len(SILENT)
     assert all("start its publisher or remap the topic" in text for text in listener.before_any_input)

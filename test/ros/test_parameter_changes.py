@@ -63,6 +63,7 @@ def wait_for_end(nodes: NodeProcesses, name: str) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_what_may_change_in_a_run_does_and_survives_a_restart_and_all_else_is_refused(
@@ -93,6 +94,7 @@ def test_what_may_change_in_a_run_does_and_survives_a_restart_and_all_else_is_re
             time.sleep(0.1)
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_bag_that_is_played_slowly_is_played_faster_when_told_so(tmp_path: Path, operator: Operator) -> None:

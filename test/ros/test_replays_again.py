@@ -104,6 +104,7 @@ def replays(tmp_path_factory: pytest.TempPathFactory) -> Replays:
     return Replays(live, beliefs(folder / "offline"), summary)
 
 
+@pytest.mark.long
 def test_another_replay_into_running_nodes_is_another_session_with_the_same_beliefs(replays: Replays) -> None:
     """The second one after the first, and a third one after a reset."""
     count = len(replays.offline)

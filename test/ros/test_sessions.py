@@ -42,6 +42,7 @@ def robot(tmp_path: Path) -> Iterator[Robot]:
         yield robot
 
 
+@pytest.mark.long
 def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(robot: Robot, tmp_path: Path) -> None:
     entries = place_entries("ranges", NUM_FRAMES)
     whole = list(range(NUM_FRAMES))

@@ -81,6 +81,7 @@ def test_a_detector_that_sees_less_far_off_is_told_from_its_looks() -> None:
     assert len(found.without) == 3 and all(own.half_range_m == 4.0 for own in found.without)
 
 
+@pytest.mark.long
 def test_a_detector_that_sees_less_to_one_side_is_told_from_its_looks() -> None:
     found = learned([looks_to_the_right(seed) for seed in range(3)], AS_TOLD, 5)
     assert found.by_direction > found.alike + 30.0
@@ -105,6 +106,7 @@ def test_a_detector_as_it_was_told_stays_so() -> None:
     assert not found.is_kept and found.without == (DetectionValues(), DetectionValues())
 
 
+@pytest.mark.long
 def test_directions_are_told_apart_only_where_that_is_better_than_all_alike() -> None:
     even = [replace(looks_to_the_right(seed), is_detected=looks(seed, 0.6, np.inf).is_detected) for seed in range(3)]
     found = learned(even, AS_TOLD, 5)

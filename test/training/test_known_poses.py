@@ -26,6 +26,7 @@ def single_views(seed: int, count: int = 6) -> ClassSamples:
     return ClassSamples(azimuth[order], features, data.feature_covariances.reshape(-1, 1, 3, 3)[order])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_standing_robot_sees_one_class_from_one_direction() -> None:
     """The bag's README: a desk, seen from an azimuth of 99 degrees, fifty times."""
@@ -35,6 +36,7 @@ def test_a_standing_robot_sees_one_class_from_one_direction() -> None:
     np.testing.assert_allclose(np.rad2deg(samples["desk"].azimuth_rad), 99.0, atol=1.0)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_one_view_per_direction_is_enough_to_fit() -> None:
     fitted = fit_samples({"one": single_views(1)}, FEATURES)

@@ -62,6 +62,7 @@ def few_settings(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(candidates, name, values)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_settings")
 def test_confusions_and_shares_are_found_without_being_told_what_is_what():
     random = np.random.default_rng(0)
@@ -109,6 +110,7 @@ def _with_second(answer: int, truth: int, random: np.random.Generator) -> np.nda
     return shares
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_settings")
 def test_a_side_that_looks_like_something_else_is_found_whatever_the_headings():
     """From behind, a third of all directions, sofas are mostly cups; where that is on the map is different for each."""
@@ -172,6 +174,7 @@ def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys
         read_runs([report, again])
 
 
+@pytest.mark.long
 def test_how_often_the_detector_detects_is_not_learned_in_space_which_is_said(tmp_path):
     """Beside a run in the plane, which still tells it."""
     from semantic_slam.training.labels.report import lines_of

@@ -58,6 +58,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> None:
     train_latent_model.command()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["map", "energy"])
 def test_command_learns_and_states_its_figures(

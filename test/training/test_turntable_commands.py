@@ -75,6 +75,7 @@ def test_views_know_their_direction_and_their_object(turntables: Path) -> None:
     assert view.mask.min() == 255
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_train_then_fit(turntables: Path, tmp_path: Path) -> None:
     weights, models = tmp_path / "network.safetensors", tmp_path / "models.safetensors"

@@ -177,6 +177,7 @@ def classifier_without_class_models(false_alarms: float) -> Classifier:
     )
 
 
+@pytest.mark.long
 @pytest.mark.real_data
 def test_photographs_of_things_left_out_are_unknown(data_set: Callable[[str], Path]) -> None:
     """12 things on a turntable, every 20 degrees; known views from between, and 12 other things."""

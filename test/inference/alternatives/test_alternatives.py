@@ -120,6 +120,7 @@ def run(keyframes: list[Keyframe]) -> tuple[Engine, list[HybridBelief]]:
     return engine, [engine.process(keyframe) for keyframe in keyframes]
 
 
+@pytest.mark.long
 def test_the_likeliest_history_is_told_as_it_is_followed() -> None:
     engine, beliefs = run(drive(1, 10)[0])
     followed = next(iter(engine.live.values())).lineage
@@ -128,6 +129,7 @@ def test_the_likeliest_history_is_told_as_it_is_followed() -> None:
     assert any(len(belief.revised_ids) for belief in beliefs)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 4])
 def test_old_questions_stay_as_open_as_they_were(seed: int) -> None:

@@ -71,6 +71,7 @@ def _exact(frames: Sequence[Sequence[Detection]]) -> tuple[np.ndarray, np.ndarra
     return moved / weight, mean / weight
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_what_was_moved_and_where_it_is_are_those_of_all_histories_and_all_sets_of_moved_objects() -> None:
     elsewhere = PLACES[0] + [0.5, 0.2]

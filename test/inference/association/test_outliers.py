@@ -61,6 +61,7 @@ def test_clutter_and_wrong_identities_are_weighed_exactly(seed: int, names) -> N
     np.testing.assert_allclose(outliers[-1], marginal, atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(("slope", "tolerance"), [(0.0, 1e-5), (0.15, 0.02)], ids=["scores alone", "and the viewpoint"])
 @pytest.mark.parametrize("seed", range(2))

@@ -66,6 +66,7 @@ def test_a_map_that_lacks_nothing_knows_no_such_object() -> None:
         assert belief.object_ids.tolist() == [4, 7] and np.isnan(belief.moved).all()
 
 
+@pytest.mark.long
 def test_backends_agree_on_what_the_map_lacks_to_the_bit() -> None:
     frames = [[Detection.at(*SEEN_AT), Detection.at(3.0, 1.0)], [Detection.at(*SEEN_AT)], []]
     one, three = (_run(frames, _configuration(displaced_share=0.02), backends) for backends in (1, 3))

@@ -111,6 +111,7 @@ class LivingPool(InProcessPool):
         """They know the run."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("make_world_of", WORLDS, ids=lambda made: made.__name__)
 def test_an_engine_made_again_with_its_state_goes_on_to_the_bit(make_world_of: Callable[[], World]) -> None:
     world = make_world_of()

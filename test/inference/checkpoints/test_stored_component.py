@@ -75,6 +75,7 @@ def flown(association: str) -> tuple[Component, Component]:
     return engine.pool.component(next(iter(engine.live))), backend.association.root(0)  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("association", ["given", "open"])
 def test_a_component_in_space_comes_back_to_the_bit(association: str) -> None:
     """With rays from a camera beside the body, ranges known by their logarithms, gravity, and a summary of the past."""

@@ -90,6 +90,7 @@ def assert_equal(one: Component, other: Component) -> None:
     assert np.array_equal(one.path(), other.path())
 
 
+@pytest.mark.long
 def test_a_backend_that_is_started_again_replays_what_came_after_the_newest_file_to_the_bit(folder: Path) -> None:
     engine, first = undisturbed(keyframes())
     assert [path.name[:9] for path in files(folder)] == ["000000025"]
@@ -127,6 +128,7 @@ def emptied(path: Path) -> None:
     path.write_bytes(b"")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spoil", [flipped, cut, emptied])
 def test_a_damaged_file_is_not_believed_but_counted_and_made_anew(folder: Path, spoil: Callable[[Path], None]) -> None:
     engine, first = undisturbed(keyframes())
@@ -150,6 +152,7 @@ def test_a_file_of_another_version_or_of_other_keyframes_is_not_found(monkeypatc
     assert found(engine, keyframes()) is None
 
 
+@pytest.mark.long
 def test_a_file_under_the_name_of_another_is_not_believed(folder: Path) -> None:
     engine, _ = undisturbed(keyframes())
     (path,) = files(folder)
@@ -160,6 +163,7 @@ def test_a_file_under_the_name_of_another_is_not_believed(folder: Path) -> None:
     assert again.trunks.faults == {"a damaged file": 1} and again.num_replayed == KEYFRAMES
 
 
+@pytest.mark.long
 def test_files_are_bounded_and_removed_by_the_last_node_of_the_run(folder: Path) -> None:
     engine, first = undisturbed(keyframes(HORIZON + (MOST + 2) * APART))
     assert len(files(folder)) == MOST
@@ -170,6 +174,7 @@ def test_files_are_bounded_and_removed_by_the_last_node_of_the_run(folder: Path)
     assert not list(folder.rglob("*.checkpoint")) and not list((folder / f"semantic_slam_{os.getuid()}").iterdir())
 
 
+@pytest.mark.long
 def test_a_run_removes_what_a_killed_one_has_left(folder: Path) -> None:
     _, first = undisturbed(keyframes())
     assert isinstance(first.trunks, stored_trunks.StoredTrunks) and first.trunks.folder._descriptor is not None
@@ -178,6 +183,7 @@ def test_a_run_removes_what_a_killed_one_has_left(folder: Path) -> None:
     assert not files(folder)
 
 
+@pytest.mark.long
 def test_a_folder_that_others_may_write_to_is_not_used(folder: Path) -> None:
     (folder / f"semantic_slam_{os.getuid()}").mkdir(mode=0o777)
     os.chmod(folder / f"semantic_slam_{os.getuid()}", 0o777)

@@ -74,6 +74,7 @@ def driven() -> tuple[Engine, HybridBelief]:
     return one, belief
 
 
+@pytest.mark.long
 def test_a_replayed_history_has_the_replicates_that_it_had_when_it_was_followed(
     driven: tuple[Engine, HybridBelief],
 ) -> None:

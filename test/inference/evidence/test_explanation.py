@@ -89,6 +89,7 @@ def test_scores_of_no_class_have_the_moments_of_all_classes() -> None:
     assert samples.shape == (10, model.num_features) and np.linalg.eigvalsh(found.covariance).min() > 0.0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["none", "parametric"])
 def test_a_right_model_raises_no_alarm_with_a_known_map(kind: str) -> None:
@@ -96,6 +97,7 @@ def test_a_right_model_raises_no_alarm_with_a_known_map(kind: str) -> None:
         assert max(belief.unexplained for belief in rightly(kind, seed)) < 0.01
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "values", [{"association": "given"}, {"association": "given", "weights": {"method": "laplace"}}]
@@ -106,6 +108,7 @@ def test_objects_named_for_the_first_time_raise_no_alarm(values: dict[str, objec
         assert unexplained(world.run, world.keyframes).max() < 0.01
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_right_model_raises_no_alarm_in_an_open_world() -> None:
     for seed in SEEDS:
@@ -149,6 +152,7 @@ def with_errors(
     return run, found
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("misspecified", "begins", "delay"), [(without_object, 5, 3), (carried, 6, 1), (noisier, 0, 8)]
@@ -163,6 +167,7 @@ def test_a_wrong_model_is_found_out(
         assert len(alarms) and begins <= alarms[0] <= begins + delay
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_belief_that_does_not_explain_its_data_keeps_what_it_would_have_pruned() -> None:
     room = make_room(10, 3)

@@ -59,12 +59,14 @@ def carried(flight: Flight, k: int) -> None:
         flight.x = np.append(flight.x[:3] + np.array([1.4, -1.4, 0.0]), so3.product(turn, flight.x[3:]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("association", "most"), [("enumerated", 0.01), ("given", 0.01), ("open", 0.5)])
 def test_a_right_model_raises_no_alarm(association: str, most: float) -> None:
     for seed in SEEDS:
         assert flown(seed, nothing, association=association).max() < most
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("association", ["enumerated", "given"])
 def test_a_camera_that_is_carried_is_told_within_two_keyframes(association: str) -> None:
     for seed in SEEDS:

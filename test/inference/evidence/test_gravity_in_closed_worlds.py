@@ -94,6 +94,7 @@ def engine_after(measured: Array | None, **weights: Any) -> Engine:
     return engine
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("lean_rad", LEAN_RAD)
 def test_weights_of_histories_that_differ_in_tilt_are_those_by_integration(lean_rad: float, method: str) -> None:

@@ -92,6 +92,7 @@ def prior_evidence(given: Window, count: int = 400_000) -> tuple[float, float]:
     return float(logs.max() + np.log(weights.mean())), float(weights.std() / weights.mean() / np.sqrt(count))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("visibility", [PlanarVisibility(), PlanarVisibility(3.02, 0.4)], ids=["everywhere", "limited"])
 def test_evidence_of_three_keyframes_is_that_of_the_prior_s_samples(visibility: PlanarVisibility) -> None:
@@ -116,6 +117,7 @@ def test_coordinates_and_slopes_are_those_of_the_states() -> None:
     assert problem.energy(y[None])[0] == pytest.approx(energy[0])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_either_side_of_a_symmetric_object_is_a_mode_with_half_the_evidence() -> None:
     model = observation()
@@ -130,6 +132,7 @@ def test_either_side_of_a_symmetric_object_is_a_mode_with_half_the_evidence() ->
     assert np.logaddexp.reduce(evidence) == pytest.approx(expected, abs=4.0 * error + 0.01)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_mode_answers_for_its_own_side_from_then_on() -> None:
     """One more keyframe: what both modes make of it adds up to the evidence of all."""
@@ -181,6 +184,7 @@ def test_the_component_of_a_mode_is_where_the_mode_is() -> None:
         np.testing.assert_allclose(child.newest_robot(), robot, atol=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_moments_are_those_of_the_posterior() -> None:
     """A turned robot lost along an arc: the mean of its positions is not where its mode is."""

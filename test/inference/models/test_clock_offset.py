@@ -99,6 +99,7 @@ def tracked_at_end(drive: LateDrive) -> tuple[TrackedStates, float]:
     return pool._backends[0].held[next(iter(engine.live))].component.tracked, float(np.mean(errors))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("offset_s", [-0.2, 0.0, 0.3])
 def test_the_offset_is_found(offset_s: float) -> None:
@@ -110,6 +111,7 @@ def test_the_offset_is_found(offset_s: float) -> None:
         assert error < 0.5 * tracked_at_end(late_drive(offset_s, 0.0))[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("errors", [{}, {"correlated_share": 0.7}])
 def test_a_lineage_is_rebuilt_with_its_offset(errors: dict[str, float]) -> None:
     """Errors repeat the less the further the robot went, which by each hypothesis's clock is another way."""

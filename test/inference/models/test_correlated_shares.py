@@ -27,6 +27,7 @@ def room_of(shares: list[float], num_keyframes: int, ratio: float = 1e9, **error
     )
 
 
+@pytest.mark.long
 def test_evidence_is_the_average_over_the_shares() -> None:
     """Without merging and with next to nothing pruned each share has a belief of its own, as if it were configured."""
     alone = [engine_after(room_of([], 3, correlated_share=share)).log_evidence for share in SHARES]

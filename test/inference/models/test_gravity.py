@@ -66,6 +66,7 @@ def test_its_evidence_is_the_density_of_the_look_before_it() -> None:
     assert gravity.levels(TILTED, np.diag(sigmas**2)).log_evidence == pytest.approx(sampled, abs=0.01)
 
 
+@pytest.mark.long
 def test_at_its_mode_the_evidence_holds_for_a_body_that_leans_far() -> None:
     """To a twentieth of a nat, where one linear look is off by a fifth."""
     off, sigmas = np.array([0.5, -0.4, 0.0]), np.array([0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
@@ -134,6 +135,7 @@ def flown(seed: int, *, feels: bool) -> tuple[np.ndarray, np.ndarray]:
     return error, se3.covariance_at_pose(belief.poses[0], belief.pose_covariances[0])
 
 
+@pytest.mark.long
 def test_roll_and_pitch_do_not_drift_where_gravity_is_felt() -> None:
     """And the belief is as sure of them as it is right: the mean normalised error of 8 flights is that of two."""
     tilts, spreads = [], []

@@ -57,6 +57,7 @@ def test_all_that_is_estimated_is_named_and_nothing_else() -> None:
     assert plain.noise_names == () and plain.noise_values.shape == plain.noise_sigmas.shape == (0,)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(("density", "seed"), [(0.01, 0), (0.3, 1)])
 def test_how_many_objects_there_are_is_decided_by_evidence(density: float, seed: int) -> None:

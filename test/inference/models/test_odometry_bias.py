@@ -129,6 +129,7 @@ def population_after(room: Room) -> TrackedStates:
     return pool._backends[0].held[best].component.tracked
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("bias", [(0.04, -0.06), (0.0, 0.0)], ids=["biased", "right"])
 def test_the_bias_is_found(bias: tuple[float, float]) -> None:
@@ -142,6 +143,7 @@ def test_the_bias_is_found(bias: tuple[float, float]) -> None:
         assert (sigmas[:2] < 3.0 * floor).all()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [-0.08, 0.0, 0.08])
 def test_the_error_of_turns_is_found(scale: float) -> None:

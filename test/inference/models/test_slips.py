@@ -88,6 +88,7 @@ def test_a_slip_is_found_stated_and_taken_out_of_the_path(seed: int) -> None:
     assert errors[0] < 0.25 and errors[1] > 0.4
 
 
+@pytest.mark.long
 def test_a_history_is_rebuilt_with_its_slips() -> None:
     room = with_motion(make_room(10, clutter=0.05, odometry=SLIPS), 5, slip=[0.2, 0.1, 0.1])
     whole, divided = (Engine.of_run(room.run, pool) for pool in (InProcessPool(2), ForgetfulPool(2)))

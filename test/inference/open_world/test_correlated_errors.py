@@ -214,6 +214,7 @@ def test_a_robot_at_rest_learns_of_a_place_no_more_than_what_repeats_lets_it(sha
     np.testing.assert_allclose(along, share + (1.0 - share) / np.arange(1, 41), rtol=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_lineage_is_rebuilt_with_its_errors() -> None:
     errors = {**ERRORS, "sigma_range_offset_m": 0.05, "sigma_yaw_rad": 0.03}
@@ -234,6 +235,7 @@ def test_what_a_sensor_always_gets_wrong_needs_errors_that_repeat() -> None:
         make_room(1, detection_errors={"sigma_yaw_rad": 0.03}, open_world={"iterate_updates": False})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seen", ["ab", "a", "a b", "ab b", "a b  ab"])
 def test_a_robot_at_rest_learns_a_place_no_better_though_frames_miss_it(seen: str) -> None:
     """What every few frames see, over and over: words of names, one for each frame."""

@@ -95,6 +95,7 @@ def test_nothing_leaves_by_default() -> None:
     assert np.isnan(stare([True, True, False], departures_per_hour=0.0).missing).all()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("leaves", [{"departures_per_hour": PER_HOUR}, {"departures_by_label": ["object=30"]}])
 def test_departures_are_the_same_however_the_work_is_divided(leaves: dict[str, Any]) -> None:

@@ -39,6 +39,7 @@ def distances(belief: HybridBelief) -> np.ndarray:
     return np.linalg.norm(belief.object_poses[:, None, :2] - OBJECTS[:, :2], axis=-1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_objects_exist_and_false_alarms_do_not(seed: int) -> None:
     room = make_room(50, seed=seed, clutter=0.15)
@@ -95,6 +96,7 @@ def test_the_number_of_backends_changes_nothing(semantic: bool) -> None:
         assert_same(first, second)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_lineage_is_rebuilt_as_it_was() -> None:
     room = make_room(14, seed=0)
@@ -162,6 +164,7 @@ def test_what_a_wall_hides_is_not_missed() -> None:
     assert left[5.0] < 0.4
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_near_copies_merge_and_are_counted() -> None:
     room = make_room(32, seed=0, clutter=0.3)

@@ -69,6 +69,7 @@ def test_a_name_is_right_though_its_detection_jumps() -> None:
     assert without.associations[0, 1] == -1 and without.outlier_probability[1] > 0.9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("errors", [SHARE, SHARE | REPEATING], ids=["white", "repeating"])
 def test_a_lineage_is_rebuilt_with_its_outliers(errors: dict[str, float]) -> None:
     room = jumping_room(errors)

@@ -16,6 +16,7 @@ pytestmark = pytest.mark.slow
 REVISED = {"every_keyframes": 1}
 
 
+@pytest.mark.long
 def test_the_belief_is_bit_for_bit_that_of_backends_in_this_process() -> None:
     _, here = return_with_drift(REVISED)
     with ProcessPool(2) as pool:

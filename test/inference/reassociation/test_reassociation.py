@@ -44,6 +44,7 @@ def looking(kind: str = "none") -> tuple[Engine, list[HybridBelief]]:
     return driven(EVERY, kind=kind)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["none", "detector"])
 def test_a_corridor_that_was_mapped_twice_is_one_in_a_drive_that_is_never_replayed(kind: str) -> None:
     _, (*_, without) = driven(0, kind=kind)
@@ -56,6 +57,7 @@ def test_a_corridor_that_was_mapped_twice_is_one_in_a_drive_that_is_never_replay
     assert np.hypot(*(without.poses[0, :2] - true_end)) > 0.5
 
 
+@pytest.mark.long
 def test_what_is_told_of_the_past_names_the_objects_that_are_left() -> None:
     engine, beliefs = looking()
     told = histories(beliefs)
@@ -73,6 +75,7 @@ def test_objects_that_are_one_after_all_are_called_what_they_were_called_on_both
         assert own.class_probabilities[label] > 0.75
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["none", "detector"])
 def test_a_change_weighs_in_closed_form_what_a_replay_of_the_drive_says(kind: str) -> None:
     """Without what was seen once, as the robot came back: there a replay makes all linear far from where it was."""
@@ -94,6 +97,7 @@ def test_a_change_weighs_in_closed_form_what_a_replay_of_the_drive_says(kind: st
     np.testing.assert_allclose(own.component.objects.track_scores, after.component.objects.track_scores, rtol=0.35)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["none", "detector"])
 def test_changes_and_their_inverse_lead_back_to_what_was(kind: str) -> None:
     engine, _ = driven(LOOK, until=LOOK, kind=kind)
@@ -119,6 +123,7 @@ def test_changes_and_their_inverse_lead_back_to_what_was(kind: str) -> None:
         np.testing.assert_allclose(again[object_id].log_likelihood, record.log_likelihood, atol=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["none", "detector"])
 def test_a_backend_that_rebuilds_a_revised_history_comes_to_the_same_belief(kind: str) -> None:
     _, whole = looking(kind)

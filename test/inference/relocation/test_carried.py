@@ -64,15 +64,18 @@ def assert_found(engine: Engine, beliefs: list[HybridBelief]) -> None:
     assert [k for k, step in enumerate(best.lineage) if k and carried_to(step)] == [BEFORE]
 
 
+@pytest.mark.long
 def test_it_is_found_where_it_was_set_down(in_open_world: tuple[Engine, list[HybridBelief]]) -> None:
     assert_found(*in_open_world)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_it_is_found_among_objects_that_are_all_on_the_map() -> None:
     assert_found(*driven(Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)))
 
 
+@pytest.mark.long
 def test_about_one_object_alone_it_may_stand_anywhere() -> None:
     closed = Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)
     world, engine = carried_world(ONE), Engine(closed, map_of(ONE))
@@ -105,6 +108,7 @@ def looks_of(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return found
 
 
+@pytest.mark.long
 def test_who_is_not_carried_believes_the_same_though_it_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     keyframes = once_wrong(make_world(START, 10, places=TRIANGLE), 3)
     closed = {"association": "enumerated", "semantic_model": {"kind": "none"}, **KNOWN}
@@ -115,6 +119,7 @@ def test_who_is_not_carried_believes_the_same_though_it_is_looked_for(monkeypatc
     assert looks
 
 
+@pytest.mark.long
 def test_what_did_not_fit_long_ago_is_no_longer_looked_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
     world = carried_world(before=50)
     closed = Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)
@@ -133,6 +138,7 @@ def test_histories_that_have_seen_the_same_are_one_only_near_each_other() -> Non
     assert not here.is_like(Account.of((lineage[0], LineageStep((3,), (-1,))), START))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("kind_ratio", "followed"), [(1.0, 0), (1e300, 1)])
 def test_that_it_was_not_carried_is_given_up_later_than_all_else(kind_ratio: float, followed: int) -> None:
     """Models that are a little wrong may say for some keyframes that it was carried; then what was so leads again."""
@@ -148,6 +154,7 @@ def test_who_is_never_carried_is_not_found_again() -> None:
     assert not is_found(beliefs[-1])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_backends_that_rebuild_such_a_history_believe_the_same(
     in_open_world: tuple[Engine, list[HybridBelief]],

@@ -52,6 +52,7 @@ def found() -> tuple[Engine, list[HybridBelief]]:
     return driven(carried_world(THERE, BEFORE, AFTER), **LONG)
 
 
+@pytest.mark.long
 def test_it_is_found_where_it_was_set_down(found: tuple[Engine, list[HybridBelief]]) -> None:
     engine, beliefs = found
     assert oldest_pose(engine) > 0
@@ -62,6 +63,7 @@ def test_it_is_found_where_it_was_set_down(found: tuple[Engine, list[HybridBelie
     assert [k for k, step in enumerate(best.lineage) if k and carried_to(step)] == [BEFORE]
 
 
+@pytest.mark.long
 def test_it_is_believed_to_be_where_all_poses_say(found: tuple[Engine, list[HybridBelief]]) -> None:
     _, whole = driven(carried_world(THERE, BEFORE, AFTER))
     ours, other = found[1][-1], whole[-1]
@@ -72,6 +74,7 @@ def test_it_is_believed_to_be_where_all_poses_say(found: tuple[Engine, list[Hybr
     np.testing.assert_allclose(np.exp(ours.log_weights[0]), np.exp(other.log_weights[0]), atol=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_backends_that_rebuild_it_from_their_checkpoints_believe_the_same(
     found: tuple[Engine, list[HybridBelief]],
@@ -81,6 +84,7 @@ def test_backends_that_rebuild_it_from_their_checkpoints_believe_the_same(
         assert_same(one, two)
 
 
+@pytest.mark.long
 def test_on_new_ground_it_knows_no_more_of_where_it_is_once_the_carry_is_long_ago() -> None:
     engine, beliefs = driven(carried_world(BEYOND, EARLY, LONG_AFTER, NEW), **LONG)
     assert oldest_pose(engine) > EARLY

@@ -15,6 +15,7 @@ from semantic_slam.inference.pool import InProcessPool
 START = np.array([4.0, -7.0, 1.9])
 
 
+@pytest.mark.long
 def test_a_lost_robot_finds_itself_among_points_that_look_alike() -> None:
     world = make_world(START, 12)
     engine, beliefs = run(world, configuration())
@@ -60,6 +61,7 @@ def test_a_robot_beside_the_map_is_not_placed_on_it() -> None:
     assert np.exp(beliefs[-1].log_weights)[placed].sum() < 0.1
 
 
+@pytest.mark.long
 def test_a_map_that_looks_the_same_after_half_a_turn_leaves_it_undecided() -> None:
     world = make_world(np.array([4.0, -3.0, 1.9]), 12, places=SYMMETRIC)
     any_heading = {"sigma": [10.0, 10.0, 6.28]}
@@ -72,6 +74,7 @@ def test_a_map_that_looks_the_same_after_half_a_turn_leaves_it_undecided() -> No
     assert len(engine.live) >= 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("sigma", "most"), [([10.0, 10.0, 3.0], 2), ([0.9, 0.9, 0.2], 10)], ids=["lost", "known"])
 def test_fewer_hypotheses_are_followed_of_a_robot_that_was_lost(sigma: list[float], most: int) -> None:
     revision = {"lost_every_keyframes": 2, "lost_hypotheses": 2}
@@ -83,6 +86,7 @@ def test_fewer_hypotheses_are_followed_of_a_robot_that_was_lost(sigma: list[floa
     assert max(len(belief.hypotheses) for belief in beliefs) == most
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_robot_that_was_lost_is_the_same_in_any_number_of_backends() -> None:
     settings = configuration()

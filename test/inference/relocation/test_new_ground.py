@@ -42,6 +42,7 @@ def driven() -> tuple[Engine, list[HybridBelief]]:
     return engine, [engine.process(keyframe) for keyframe in on_new_ground().keyframes]
 
 
+@pytest.mark.long
 def test_it_is_told_that_it_was_carried(driven: tuple[Engine, list[HybridBelief]]) -> None:
     engine, _ = driven
     assert engine.carried > 0.99

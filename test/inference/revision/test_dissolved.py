@@ -73,6 +73,7 @@ def with_one_that_is_none(engine: Engine, lineage: Lineage) -> Lineage:
     return tuple(steps)
 
 
+@pytest.mark.long
 def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tuple[Engine, Replay, Revised]) -> None:
     engine, replay, right = walked
     wrong = with_one_that_is_none(engine, right.lineage)
@@ -81,6 +82,7 @@ def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tupl
     assert Dissolving(4, replay, engine.registry).histories(followed).keys() == {right.lineage}
 
 
+@pytest.mark.long
 def test_mistakes_that_its_neighbours_made_meanwhile_are_mended_with_it(walked: tuple[Engine, Replay, Revised]) -> None:
     """Two of them are swapped in one frame, and one is begun a second time for one frame."""
     engine, replay, right = walked
@@ -146,6 +148,7 @@ def test_what_lost_is_tried_again_where_twice_as_much_speaks_for_it(
     assert counts == [1, 0, 1]
 
 
+@pytest.mark.long
 def test_what_the_map_has_is_never_none(walked: tuple[Engine, Replay, Revised]) -> None:
     engine, replay, right = walked
     wrong = with_one_that_is_none(engine, right.lineage)
@@ -158,6 +161,7 @@ def test_what_the_map_has_is_never_none(walked: tuple[Engine, Replay, Revised]) 
     assert dissolved(replace(view, problem=replace(engine.problem, objects=(entry,)))) == []
 
 
+@pytest.mark.long
 def test_an_object_that_was_given_up_begins_anew(walked: tuple[Engine, Replay, Revised]) -> None:
     """Seen once, and then not for long: what a history names next under its number is another one."""
     engine, replay, right = walked
@@ -174,6 +178,7 @@ def test_an_object_that_was_given_up_begins_anew(walked: tuple[Engine, Replay, R
     assert {step.association[0] for step in own.lineage[late:]} == {born[late]}
 
 
+@pytest.mark.long
 def test_a_run_that_looks_back_is_the_one_that_has_all_right() -> None:
     engine = engine_of(10)
     walk(engine)

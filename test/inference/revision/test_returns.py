@@ -77,6 +77,7 @@ def test_without_splits_it_does_not() -> None:
     assert len({number for own in objects_of(engine) for number in own}) > len(POSTS)
 
 
+@pytest.mark.long
 def test_a_split_history_weighs_what_it_weighs_when_all_are_followed() -> None:
     found = joints(driven({"every_keyframes": 14}, **ONE))
     wide = {"pruning": {"max_hypotheses": 100, "ratio": 1e12}, "weights": {"max_candidates": 60}}
@@ -93,6 +94,7 @@ def test_a_history_that_is_live_already_is_not_added_twice() -> None:
     assert len(set(lineages)) == len(lineages)
 
 
+@pytest.mark.long
 def test_split_histories_are_those_of_any_number_of_backends() -> None:
     one, two = (driven({"every_keyframes": 3}, number, pruning={"max_hypotheses": 10}) for number in (1, 2))
     assert joints(one) == joints(two)

@@ -27,6 +27,7 @@ from semantic_slam.inference.states.lineage import Lineage, LineageStep
 from semantic_slam.ros.rounds.round_checks import fault_of_commit
 
 
+@pytest.mark.long
 def test_objects_that_were_started_twice_become_one_when_more_of_them_is_seen() -> None:
     engine, (*_, belief) = return_with_drift({"every_keyframes": 1})
     assert belief.object_ids.tolist() == [0, 1, 2]
@@ -51,6 +52,7 @@ def test_what_two_objects_share_of_a_drift_brings_them_no_nearer() -> None:
     assert far[0] > 0.5 * both / (np.sqrt(2.0) * max(SIGMAS[0], SIGMAS[1] * range_m)) > 8.0
 
 
+@pytest.mark.long
 def test_beliefs_tell_every_history_as_it_was_revised() -> None:
     engine, beliefs = return_with_drift({"every_keyframes": 1})
     assert sum(len(belief.revised_ids) for belief in beliefs) > 0
@@ -60,6 +62,7 @@ def test_beliefs_tell_every_history_as_it_was_revised() -> None:
         assert [tuple(found[row].tolist()) for found in told] == [step.association for step in live.lineage]
 
 
+@pytest.mark.long
 def test_histories_are_rebuilt_alike_from_the_prior_and_from_what_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     _, as_replayed = return_with_drift({"every_keyframes": 1})
     monkeypatch.setattr(InProcessPool, "offer", lambda pool, components: None)  # as backends elsewhere do
@@ -96,6 +99,7 @@ def test_what_is_told_of_revised_histories_is_no_fault(monkeypatch: pytest.Monke
     assert sum(len(belief.revised_ids) for belief in beliefs) > 0
 
 
+@pytest.mark.long
 def test_the_evidence_is_that_of_the_history_that_is_left() -> None:
     """Of each keyframe, too: what was found again counts where it was found, and not once more in the next one."""
     engine, beliefs = return_with_drift({"every_keyframes": 1})
@@ -132,6 +136,7 @@ def followed_in_a_room(num_keyframes: int) -> tuple[Engine, Replay]:
     return engine, Replay(engine.problem, engine.association(engine.problem, engine.registry), KeptSteps(steps))
 
 
+@pytest.mark.long
 def test_a_replayed_history_weighs_what_it_weighed_when_it_was_followed() -> None:
     engine, replay = followed_in_a_room(12)
     live = list(engine.live.items())[:3]
@@ -164,6 +169,7 @@ def test_a_history_is_replayed_as_it_says_where_other_objects_fit_better() -> No
     np.testing.assert_allclose(cut.log_joints, whole.log_joints, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_history_that_caught_up_is_followed_from_there_on(monkeypatch: pytest.MonkeyPatch) -> None:
     engine, replay = followed_in_a_room(CHECKPOINT)
     first, other = [own.lineage for own in engine.live.values()][:2]
@@ -175,6 +181,7 @@ def test_a_history_that_caught_up_is_followed_from_there_on(monkeypatch: pytest.
     assert replay.followed(other) == level.own
 
 
+@pytest.mark.long
 def test_a_replay_is_given_up_where_it_is_far_behind_the_history_that_it_revises() -> None:
     engine, replay = followed_in_a_room(12)
     first, other = [own.lineage for own in engine.live.values()][:2]

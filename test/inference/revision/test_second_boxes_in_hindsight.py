@@ -69,6 +69,7 @@ def test_halves_of_a_thing_that_came_later_are_of_that() -> None:
     assert belief.existence.max() > 0.97 and belief.existence.sum() < 1.1
 
 
+@pytest.mark.long
 def test_backends_make_no_difference() -> None:
     frames = [HALVES] * 2 + [WHOLE] * 4
     one, three = (driven(frames, configuration(2), backends)[1] for backends in (1, 3))

@@ -206,6 +206,7 @@ def test_sampled_continuations_follow_the_smoothed_posterior() -> None:
     np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_evidence_and_classes_are_those_of_an_integral_over_the_heading(
     correlated: CorrelatedModel, shipped: GaussianProcessModel
@@ -336,6 +337,7 @@ def test_the_number_of_backends_changes_nothing() -> None:
         assert_same(single, divided)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_hypothesis_rebuilt_from_its_lineage_is_the_same() -> None:
     world = lost_world()

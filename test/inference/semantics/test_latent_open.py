@@ -25,6 +25,7 @@ def room():
     return world, *run(world)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_objects_come_with_descriptors_and_headings(room) -> None:
     world, beliefs, _, _ = room

@@ -41,6 +41,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> dict:
     return {"kind": "gp_independent", "path": str(path), "outlier_share": 0.0}
 
 
+@pytest.mark.long
 def test_fitted_class_models_too(fitted: dict) -> None:
     """As near as modes are searched; those whose errors repeat, which are sampled, as near as samples are."""
     frames = drive(np.random.default_rng(6), named=False)
@@ -51,6 +52,7 @@ def test_fitted_class_models_too(fitted: dict) -> None:
         np.testing.assert_allclose(level.poses[0], flat.poses[0], atol=tolerance)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", [PARAMETRIC, {"kind": "none"}])
 @pytest.mark.parametrize("association", ["enumerated", "given"])
 def test_bodies_in_the_plane_are_the_planar_engine_s(kind: dict, association: str) -> None:

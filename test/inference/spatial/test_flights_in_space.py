@@ -1,6 +1,7 @@
 """Cameras that fly among points: consistent where they know which is which, and found where they are lost."""
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 from worlds.exact.spatial_fixtures import spatial
 from worlds.scenes.flights import OPTICAL, ORIGIN, Flight
@@ -27,6 +28,7 @@ def mapped(seed: int) -> tuple[float, float]:
     return error @ np.linalg.solve(spread, error), off @ np.linalg.solve(belief.object_covariances[0, :3, :3], off)
 
 
+@pytest.mark.long
 def test_a_flying_camera_is_as_sure_as_it_is_right() -> None:
     """Normalised errors of pose and object, one of each in every room, are those of six and of three degrees."""
     for errors, degrees in zip(np.array([mapped(seed) for seed in range(ROOMS)]).T, (6, 3), strict=True):
@@ -61,12 +63,14 @@ def lost(seed: int, T_ahead_body: np.ndarray = ORIGIN) -> tuple[float, float]:
     return float(np.linalg.norm(belief.poses[0, :3] - flight.x[:3])), float(np.exp(belief.log_weights[0]))
 
 
+@pytest.mark.long
 def test_a_camera_lost_by_metres_and_any_yaw_is_settled_right() -> None:
     """In nine of ten rooms at least; position and heading follow from which of the look-alikes it sees."""
     found = [lost(seed) for seed in range(ROOMS)]
     assert sum(error < 0.3 and weight > 0.5 for error, weight in found) >= 9, found
 
 
+@pytest.mark.long
 def test_the_axes_of_the_body_are_the_user_s_to_choose() -> None:
     """Rooms of which some were lost when a heading was a turn about the body's own z, which is level here."""
     for seed in (1, 3):

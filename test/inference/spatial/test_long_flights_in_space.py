@@ -51,6 +51,7 @@ def heaviest(engine: Engine) -> Component:
     return engine.pool.component(next(iter(engine.live)))  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("association", ["given", "open"])
 def test_a_flight_with_depth_is_known_as_with_the_whole_graph(association: str) -> None:
     """Pose and places to 0.15 standard deviations, and as surely to 4 %, existence as well; iSAM2 itself errs so."""
@@ -81,6 +82,7 @@ def compared(ours: HybridBelief, whole: HybridBelief) -> tuple[float, tuple[floa
     return float(max(shifts.max(), np.abs(off / np.sqrt(np.diagonal(expected))).max())), (ratio.min(), ratio.max())
 
 
+@pytest.mark.long
 def test_objects_whose_attitude_nobody_measures_are_known_as_with_the_whole_graph() -> None:
     """Of geometry alone their places are known, and their headings not at all."""
     settings = {"association": "given", "observation": "range_bearing"}
@@ -95,6 +97,7 @@ KNOWN = 0.1
 """Largest standard deviation of an object's place, as a share of its distance from the middle of the room."""
 
 
+@pytest.mark.long
 def test_points_seen_by_rays_alone_are_known_as_at_the_optimum_of_the_whole_graph() -> None:
     """That of iSAM2 is farther from it than the bounded one's."""
     count = HORIZON + ROUND
@@ -132,6 +135,7 @@ def graph_of(engine: Engine) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
     return graph, heaviest(engine).smoother.isam.calculateEstimate()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("association", ["given", "open"])
 def test_a_lineage_of_rays_is_rebuilt_from_a_checkpoint_to_the_bit(association: str) -> None:
     """A backend is lost after a marginalisation: the other one makes its hypotheses anew."""

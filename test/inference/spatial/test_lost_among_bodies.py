@@ -1,6 +1,7 @@
 """A camera that is lost among objects that look alike: places repeat, and the sides that it sees tell where it is."""
 
 import numpy as np
+import pytest
 from worlds.exact.spatial_fixtures import NAMES, spatial
 from worlds.scenes.flights import Flight
 
@@ -71,12 +72,14 @@ def lost(seed: int, *, semantics: bool) -> tuple[float, float]:
     return float(np.linalg.norm(belief.poses[0, :3] - flight.x[:3])), float(np.exp(belief.log_weights[0]))
 
 
+@pytest.mark.long
 def test_a_lost_camera_is_settled_right_by_the_sides_that_it_sees() -> None:
     """In nine of ten rooms at least."""
     found = [lost(seed, semantics=True) for seed in range(ROOMS)]
     assert sum(error < 0.3 and weight > 0.5 for error, weight in found) >= 9, found
 
 
+@pytest.mark.long
 def test_by_geometry_alone_it_remains_lost() -> None:
     found = [lost(seed, semantics=False) for seed in range(3)]
     assert all(weight < 0.5 for _, weight in found), found

@@ -209,6 +209,7 @@ def seen_three_times(seed: int, baseline: float) -> float:
     return float(off @ np.linalg.solve(spread, off))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("baseline", [0.02, 0.2])
 def test_a_point_is_as_surely_known_as_it_is_right(baseline: float) -> None:
     """In the logarithm of its range, whose prior is what is known: in 50 worlds, at little and at more parallax."""
@@ -301,6 +302,7 @@ def looking_along_rays(pool: InProcessPool) -> tuple[Engine, list[HybridBelief]]
     return engine, beliefs
 
 
+@pytest.mark.long
 def test_a_lineage_is_rebuilt_with_what_is_known_of_ranges() -> None:
     """A backend is lost on the way: the other one makes its hypotheses anew, anchors and all."""
     (whole, beliefs), (divided, others) = (

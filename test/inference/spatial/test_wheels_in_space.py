@@ -45,6 +45,7 @@ def _seen(x: np.ndarray, number: int, random: np.random.Generator) -> Detection:
     return Detection.along(ray, distance + 0.1 * random.normal(), track_id=f"p{number}", **noise)
 
 
+@pytest.mark.long
 def test_twenty_metres_straight_keep_height_and_the_plane_is_as_before() -> None:
     before, found = driven({}), driven(ON_WHEELS)
     wide, tight = before.pose_covariances[0], found.pose_covariances[0]
@@ -54,6 +55,7 @@ def test_twenty_metres_straight_keep_height_and_the_plane_is_as_before() -> None
     np.testing.assert_allclose(found.poses, before.poses, atol=1e-9)
 
 
+@pytest.mark.long
 def test_detections_hardly_lift_a_robot_on_wheels() -> None:
     """On a curve, with points whose heights are seen with an error of centimetres."""
     lifted, kept = (abs(driven(own, sees=True, turn_rad=0.02).poses[0, 2]) for own in ({}, ON_WHEELS))

@@ -97,6 +97,7 @@ def test_the_belief_is_the_sum_over_settings_and_hidden_states(seed: int) -> Non
         assert belief.existence[n] == pytest.approx(1.0 - ghost, abs=5e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("share", [0.0, 0.2], ids=["all stands still", "some may move"])
 def test_evidence_is_the_average_over_the_settings(share: float) -> None:
     """With births, false alarms and things that move: without merging and pruning, each setting run alone."""
@@ -150,6 +151,7 @@ def test_at_the_half_range_half_as_much_is_detected() -> None:
     np.testing.assert_array_equal(everywhere.fall_off(np.array([0.0, 1e3])), 1.0)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.2])
 def test_a_lineage_is_rebuilt_with_its_settings(share: float) -> None:

@@ -48,6 +48,7 @@ def test_a_short_window_loses_likelihood(monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(row.peer > 0.0 for row in rows)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_shared_trunk_passes_have_the_distribution_of_whole_passes() -> None:
     """Two-sample Kolmogorov-Smirnov on the likeliest classes' probabilities: AlexNet, 80 passes each way."""

@@ -115,6 +115,7 @@ def test_a_worker_that_hangs_is_killed_and_the_next_has_a_folder_of_its_own_of_w
     assert list(left.iterdir()) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", TARGETS)
 def test_the_first_cases_of_every_target_find_nothing(name: str, tmp_path: Path) -> None:
     case = TARGETS[name](tmp_path)

@@ -20,6 +20,7 @@ from semantic_slam_lab.simulation.detectors.detector_words import NAMES, Detecto
 ROOM = ROOT / "bags" / "aliased_room"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_eight_objects_have_the_right_name_and_nothing_else_exists(tmp_path: Path, monkeypatch, capsys) -> None:
     write_detector_bag(ROOM, tmp_path / "foreign", DetectorFaults(), seed=1)

@@ -125,6 +125,7 @@ def room_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_scene(tmp_path_factory.mktemp("avd"), 0, SceneSettings(width=360, height=270, tour_only=True))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.render
 def test_rendered_poses_and_objects_agree(room_folder: Path) -> None:

@@ -150,6 +150,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
     yield json.loads((out / "report.json").read_text())
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_every_frame_becomes_a_keyframe(report: dict[str, Any]) -> None:
     assert report["bag"]["n_keyframes"] == FRAMES == len(report["keyframes"])

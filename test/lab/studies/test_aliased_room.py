@@ -159,6 +159,7 @@ def test_every_method_maps_three_objects(model) -> None:
             assert row.metrics["nll"] < 0.3
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_result_and_its_page(model, monkeypatch, tmp_path) -> None:
     recording = make_recording(model, 3)

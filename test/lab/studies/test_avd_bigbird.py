@@ -118,6 +118,7 @@ def test_a_data_set_for_a_study_without_one_is_refused(tmp_path: Path, monkeypat
         data.open_sources(tmp_path, tmp_path, None, 0, True)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.render
 def test_a_small_run_on_given_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

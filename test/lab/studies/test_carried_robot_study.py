@@ -28,6 +28,7 @@ ROW = Driven(
 )
 
 
+@pytest.mark.long
 def test_in_a_room_with_a_saved_map_it_is_noticed_and_found() -> None:
     found = driven("saved map", METHODS["ours"], 0)
     assert found.noticed_after is not None and found.noticed_after < 10

@@ -23,6 +23,7 @@ METRICS = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_scores_are_of_the_true_class() -> None:
     """Mean and covariance of many draws are those of the process; dropout clouds are as wide as the noise."""
@@ -63,6 +64,7 @@ def test_beliefs_learn_from_fixes() -> None:
     np.testing.assert_allclose(offsets, offsets[:, :1] + np.zeros((50, 6, 2)), atol=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_realisation_does_not_depend_on_where_it_runs() -> None:
     arguments = [("random", "sigma_n", 3, index) for index in range(2)]
@@ -80,6 +82,7 @@ def test_random_scenarios_differ_and_are_models() -> None:
         np.testing.assert_allclose(model.scores.sum(axis=1), 1.0)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("study", [model_uncertainty, localization])
 def test_study_leaves_result_and_page(study: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,6 +100,7 @@ def test_study_leaves_result_and_page(study: object, tmp_path: Path, monkeypatch
     assert page.count("data:image/png;base64,") >= 3 and 'src="http' not in page
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_work_goes_to_a_dask_cluster() -> None:
     from distributed import LocalCluster

@@ -112,6 +112,7 @@ def test_a_run_depends_on_its_seed_alone() -> None:
     assert not np.array_equal(here["error_weighted_m"], other["error_weighted_m"])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_semantics_disambiguate_a_run() -> None:
     """The first given track: probabilities sum to one, and the scores settle what geometry leaves open."""
@@ -172,6 +173,7 @@ def test_claims_are_measured() -> None:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario, given_paths = given_scenario()
@@ -190,6 +192,7 @@ def test_statistics_leave_result_and_page(tmp_path: Path, monkeypatch: pytest.Mo
     assert page.count("data:image/png;base64,") == 4 and 'src="http' not in page
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_example_leaves_result_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(example, "QUICK_REPETITIONS", 1)

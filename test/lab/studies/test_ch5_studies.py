@@ -53,6 +53,7 @@ def test_training_set_the_same_goods_aside_for_both_formulations(name: str) -> N
     assert set(known(model, goods)) | set(new(model, goods)) == set(goods)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_views_without_noise_are_explained_perfectly(shipped: Shipped) -> None:
     numbers = likelihood._of_known(shipped.model, predicted(shipped, known(shipped, goods_names(16)), 0.0), 0)
@@ -60,6 +61,7 @@ def test_views_without_noise_are_explained_perfectly(shipped: Shipped) -> None:
     assert numbers["nees"] < 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_noise_as_large_as_stated_is_consistent(shipped: Shipped) -> None:
     """NEES 1 only if the information of the ascent is that of the noise."""
@@ -93,6 +95,7 @@ def test_untagged_instances_are_classified(shipped: Shipped) -> None:
     assert all(claim.measured for claim in grounding.claims(accuracy))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_pages_have_their_pictures(shipped: Shipped, tmp_path: Path) -> None:
     names = known(shipped, goods_names(16))
@@ -127,6 +130,7 @@ def test_validation_views_lie_between_those_that_trained() -> None:
     assert all(view.mask.any() for view in views)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.render
 def test_learned_factor_mends_a_track(shipped: Shipped) -> None:

@@ -32,6 +32,7 @@ def test_a_drive_is_the_composition_of_its_parts() -> None:
     np.testing.assert_allclose(turned, abs(drive.twists[0, 2]) * 0.5 + abs(drive.twists[1, 2]))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_errors_that_repeat_have_the_stated_covariance() -> None:
     settings = DetectionErrorsConfiguration(
@@ -76,6 +77,7 @@ def test_a_bin_that_is_off_is_named() -> None:
     assert [row[3] for row in reliability(stated, off)] == [True, False]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_drawn_world_has_what_its_configuration_says() -> None:
     """Misses, false alarms and odometry, pooled over worlds."""
@@ -109,6 +111,7 @@ def test_ranges_of_a_drawn_world_may_be_depths_of_another_metre() -> None:
     assert np.std(ratios) == pytest.approx(0.1, rel=0.4)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_study_leaves_result_and_page(tmp_path: Path) -> None:
     files = run(tmp_path, quick=True, jobs=1, seed=0)

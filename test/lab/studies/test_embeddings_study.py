@@ -23,6 +23,7 @@ def some_of(data: Path, folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_drawn_things_are_found_by_views_that_the_map_has_not_seen():
     found = scores(asked_of_map(drawn(0), "around", 0), "ours")
     assert found["right"] > 0.95 and found["ece"] < 0.05
@@ -39,6 +40,7 @@ def test_a_room_is_associated_and_asked():
     assert np.allclose([own.ours.sum() for own in asked], 1.0)
 
 
+@pytest.mark.long
 @pytest.mark.real_data
 def test_photographs_are_found_by_other_views_of_them(tmp_path: Path) -> None:
     """Of some objects, every ten degrees."""

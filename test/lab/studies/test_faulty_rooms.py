@@ -86,6 +86,7 @@ def test_who_is_told_the_associations_names_what_was_displaced_if_the_map_is_goo
     assert len(told[1]) == 2
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_quick_run_of_the_study_writes_claims_and_tables(tmp_path: Path) -> None:
     files = run(tmp_path, quick=True, jobs=1, seed=8)  # a room whose first view leaves little open

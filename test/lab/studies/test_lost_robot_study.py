@@ -48,6 +48,7 @@ def test_a_start_in_a_long_blind_stretch_is_moved_to_its_end(data: Path) -> None
     np.testing.assert_allclose([item.pose[:2] for item in blind.prior.objects], [[-9.0, 2.0], [-10.0, 4.0]])
 
 
+@pytest.mark.long
 def test_the_initial_pose_is_off_by_up_to_ten_metres_and_says_so(data: Path) -> None:
     (drive,) = drives_in(data).values()
     (start,) = starts_of(drive, (2.0,))
@@ -67,6 +68,7 @@ def test_a_start_is_right_with_the_cluster_and_the_path() -> None:
     assert not all(claim.holds for claim in claims_of({**rows, "0": {**ROW, "ate_m": None}}))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.real_data
 def test_a_real_robot_that_is_lost_finds_itself(

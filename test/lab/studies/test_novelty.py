@@ -50,6 +50,7 @@ def test_pictures_without_an_object_are_the_same_again() -> None:
     assert len(np.unique(coloured_blocks(64, np.random.default_rng(0)).reshape(-1, 3), axis=0)) <= 5
 
 
+@pytest.mark.long
 @pytest.mark.real_data
 @pytest.mark.slow
 def test_of_photographs_all_curves_rise_and_noise_is_found(

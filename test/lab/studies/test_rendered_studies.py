@@ -110,6 +110,7 @@ def test_views_do_not_depend_on_the_number_of_processes_and_a_recoloured_side_ch
     assert np.allclose(plain[1].mean(axis=0), red[1].mean(axis=0), atol=0.02)  # its front
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.render
 def test_result_and_page_of_a_tiny_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -10,6 +10,7 @@ from semantic_slam_lab.studies.replay_scaling import study
 from semantic_slam_lab.studies.replay_scaling.study import belief_difference, replay, world_of
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_two_backends_state_the_belief_of_one_and_the_page_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -34,6 +34,7 @@ def test_a_room_is_right_with_all_four_and_nothing_else() -> None:
         assert [claim.holds for claim in claims] == [False, True, True, True, True, True]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.render
 def test_the_shipped_room_is_told_apart_from_what_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

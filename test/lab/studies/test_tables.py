@@ -43,6 +43,7 @@ def test_detections_err_by_what_they_say_and_are_of_what_is_there(room: TableTop
     assert len(errors) > 60 and 0 < alarms < 15 and low < sum(errors) < high
 
 
+@pytest.mark.long
 def test_a_flight_finds_the_things_and_their_names() -> None:
     told = flown(5, SHORT)
     assert told.found == told.named_right == told.seen >= 8 and told.false <= 1
@@ -53,6 +54,7 @@ def test_a_flight_finds_the_things_and_their_names() -> None:
     np.testing.assert_allclose(band(3, 10), [1.68, 4.70], atol=0.01)
 
 
+@pytest.mark.long
 def test_a_flight_without_depth_finds_the_things_and_their_names() -> None:
     told = flown(0, replace(SHORT, keyframes=20, depth=False))
     assert told.found == told.named_right == told.seen >= 8 and told.false <= 1
@@ -60,6 +62,7 @@ def test_a_flight_without_depth_finds_the_things_and_their_names() -> None:
     assert told.pose_nees < chi2.ppf(0.999, 6) and told.object_nees < chi2.ppf(0.999, 3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("named", [True, False])
 def test_a_camera_lost_by_metres_and_any_yaw_is_settled_right(named: bool) -> None:
     settled = [lost(seed, named, Flight()) for seed in range(3)]

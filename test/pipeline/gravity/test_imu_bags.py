@@ -87,6 +87,7 @@ def tilts(bags: list[Path], rooms: list[TableTops]) -> list[Tilt]:
     return [tilt_of(read_bag(bag)[topics.BELIEF][-1], room.truth[-1]) for bag, room in zip(bags, rooms, strict=True)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_roll_and_pitch_do_not_drift(rooms: list[TableTops], flown: dict[str, list[Path]], sensor: str) -> None:
     """From a start at which the camera looks down by some twenty degrees, which nobody tells but the sensor."""

@@ -1,6 +1,7 @@
 """A camera that is lost on a map and tilted: gravity gives its tilt at the start, and the points the rest."""
 
 import numpy as np
+import pytest
 from worlds.exact.spatial_fixtures import spatial
 from worlds.scenes.flights import Flight
 
@@ -47,6 +48,7 @@ def flown(seed: int, *, starts_by_gravity: bool) -> tuple[float, float]:
     return float(np.linalg.norm(belief.poses[0, :3] - flight.x[:3])), float(np.exp(belief.log_weights[0]))
 
 
+@pytest.mark.long
 def test_a_lost_camera_starts_as_tilted_as_its_sensor_has_it_and_is_settled_right() -> None:
     """In all of four rooms; where the start is taken to be level, in none."""
     found = [flown(seed, starts_by_gravity=True) for seed in range(ROOMS)]

@@ -86,6 +86,7 @@ def journal_in(folder: Path) -> Journal:
     return Journal(folder, RUN)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CONFIGURATIONS)
 @pytest.mark.parametrize("survive", [False, True])
 def test_a_run_that_is_killed_between_any_two_rounds_goes_on_to_the_bit(

@@ -67,6 +67,7 @@ def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     return Run(configuration, events, undisturbed.beliefs, state, killed_at, folder, killed.pool)
 
 
+@pytest.mark.long
 def test_new_backends_rebuild_what_a_snapshot_has(run: Run, tmp_path: Path) -> None:
     """Twice: the second manager takes another snapshot, from which a third one goes on."""
     folder = shutil.copytree(run.folder, tmp_path / "copy")

@@ -18,6 +18,7 @@ SETTLED_S = 1.0
 """So long the listener goes on after the player's end: what was sent before has come by then."""
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_an_interrupted_player_does_not_announce_the_end_of_the_bag(tmp_path: Path) -> None:

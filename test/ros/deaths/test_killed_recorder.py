@@ -84,6 +84,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
     return replay.belief_bag, newest
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_killed_recorder_leaves_what_it_had_up_to_the_last_second(
@@ -98,6 +99,7 @@ def test_a_killed_recorder_leaves_what_it_had_up_to_the_last_second(
     assert line.startswith(f"{bag}: its recorder was killed") and "Ctrl-C" in line and "\n" not in line
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.ros
 def test_a_report_is_made_of_the_bag_of_a_killed_recorder(killed: tuple[Path, int], tmp_path: Path) -> None:

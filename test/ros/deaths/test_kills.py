@@ -79,6 +79,7 @@ def go_on(folder: Path, specs: Sequence[NodeSpec]) -> None:
         nodes.wait("bag_player", TIMEOUT_S)
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_replay_whose_nodes_are_killed_ends_with_the_same_beliefs(tmp_path: Path) -> None:
@@ -104,6 +105,7 @@ def test_a_replay_whose_nodes_are_killed_ends_with_the_same_beliefs(tmp_path: Pa
             assert live.counts[name] == offline.counts[name]
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_the_only_backend_is_killed_and_replays_only_what_came_after_its_checkpoint(
@@ -129,6 +131,7 @@ def test_the_only_backend_is_killed_and_replays_only_what_came_after_its_checkpo
     assert not list(tmp_path.glob("semantic_slam_*/*"))  # the last node of the run has removed the checkpoints
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_manager_with_a_horizon_that_is_killed_goes_on_from_a_snapshot(

@@ -102,6 +102,7 @@ def predicted(before: HybridBelief, after: HybridBelief, driven: np.ndarray) -> 
     return np.diag(motion @ covariance(before) @ motion.T) + driven
 
 
+@pytest.mark.long
 def test_a_backend_and_the_manager_are_killed_in_a_drive_and_what_was_missed_is_stated_as_uncertainty(
     robot: Robot, configuration: Path, tmp_path: Path
 ) -> None:

@@ -66,6 +66,7 @@ def watcher() -> Iterator[tuple[Node, Watch]]:
     context.try_shutdown()
 
 
+@pytest.mark.long
 def test_who_paused_returns_and_who_was_killed_does_not(
     watcher: tuple[Node, Watch], backend: subprocess.Popen[str]
 ) -> None:
@@ -97,6 +98,7 @@ def manager() -> Iterator[Node]:
 CONFIGURATION = from_dict({"semantic_model": {"kind": "none"}, "association": "open"})
 
 
+@pytest.mark.long
 def test_the_last_backend_is_waited_for_as_long_as_it_is_alive(manager: Node, backend: subprocess.Popen[str]) -> None:
     """It may be replaying a long run; one that is gone, and late, is given up."""
     pool = RosPool(manager, (7,), timeout_s=0.5)

@@ -18,6 +18,7 @@ PLAYER = "from semantic_slam.ros import bag_player; bag_player.GONE_S = 2.0; bag
 """As it is, but for half a minute that it waits for another manager."""
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_the_player_ends_with_one_line_when_the_manager_is_gone(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ def with_a_pause(entries: list[Entry]) -> list[Entry]:
     return entries
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.parametrize("resume", [True, False])

@@ -32,6 +32,7 @@ MOST_BYTES = 200_000
 """For a keyframe of two objects, and its share of what discovery takes."""
 
 
+@pytest.mark.long
 def test_a_backend_on_another_host_dies_and_joins_again(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", place_entries("ranges", NUM_FRAMES))
     (bag / "objects.json").write_text(map_prior().to_json())

@@ -93,6 +93,7 @@ GIVEN = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "mark"), INTERRUPTED)
@@ -149,6 +150,7 @@ print(held[500] - held[100])
 """
 
 
+@pytest.mark.long
 def test_a_node_holds_no_more_however_many_callbacks_it_has_run() -> None:
     """In rclpy an executor that spins until a future is done leaves a function with that future at every turn."""
     told = subprocess.run([sys.executable, "-c", CALLBACKS], capture_output=True, text=True, timeout=60.0, check=True)

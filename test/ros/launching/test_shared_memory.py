@@ -92,6 +92,7 @@ def test_a_node_starts_where_another_was_killed_while_it_made_its_port(tmp_path:
         node.wait()
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_node_that_ends_leaves_nothing_and_one_that_is_killed_nothing_for_long(tmp_path: Path) -> None:

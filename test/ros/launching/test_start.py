@@ -12,6 +12,7 @@ LINE = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_networks_statistics_and_graphs_wait_until_somebody_needs_them() -> None:

@@ -38,6 +38,7 @@ def attack(forging: Forger, asking: Asker, chance: np.random.Generator) -> None:
         disturb(forging, asking, chance)
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_forged_messages_and_requests_change_nothing_and_are_counted_or_refused(

@@ -79,6 +79,7 @@ class Restarting:
         self._answers += self.order.take(data, topics.TYPES[topics.KEYFRAMES])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("configuration", [CLOSED, OPEN])
 @pytest.mark.parametrize("restart", [(topics.KEYFRAMES, 7), (topics.COMMITS, 7), (topics.KEYFRAMES, 1)])
 def test_it_asks_until_it_knows_all_and_no_belief_changes(

@@ -45,6 +45,7 @@ def raw(message: Any) -> Any:
     )
 
 
+@pytest.mark.long
 def test_compressed_colour_with_raw_depth_gives_ranges_and_garbage_in_between_gives_nothing(tmp_path: Path) -> None:
     network = json.loads(write_configuration(tmp_path).read_text())["perception"]["network"]
     parameters = {

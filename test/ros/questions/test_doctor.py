@@ -113,6 +113,7 @@ def test_drivers_that_fit_together_are_healthy_before_the_start(tmp_path: Path) 
         assert lines(examination.examine_running_system(configuration(tmp_path), None, 2.0)) == []
 
 
+@pytest.mark.long
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_manager_alone_with_drivers_that_do_not_fit_is_told_what_it_lacks(tmp_path: Path) -> None:

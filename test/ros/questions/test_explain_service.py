@@ -80,6 +80,7 @@ def asker() -> Iterator[Asker]:
         rclpy.shutdown()
 
 
+@pytest.mark.long
 def test_it_says_what_the_command_does_while_the_node_goes_on(asker: Asker, belief_bag: Path) -> None:
     asker.tell(belief_bag, 6)
     told = asker.ask(1)
@@ -88,6 +89,7 @@ def test_it_says_what_the_command_does_while_the_node_goes_on(asker: Asker, beli
     assert max(after - before for before, after in zip(asker.ticks, asker.ticks[1:], strict=False)) < 0.5
 
 
+@pytest.mark.long
 def test_what_cannot_be_explained_is_one_line_and_another_run_is_another_one(asker: Asker, belief_bag: Path) -> None:
     assert "there is no belief yet" in asker.ask(1).fault
     asker.tell(belief_bag, 2)

@@ -126,6 +126,7 @@ def dropped_by(node: str, **reasons: int) -> bytes:
     return serialize(message)
 
 
+@pytest.mark.long
 def test_the_page_follows_a_run(robot: Robot, view: tuple[subprocess.Popen[str], str], tmp_path: Any) -> None:
     process, address = view
     assert page(address, lambda told: told["state"]["publishers"] == 1)["frames"] == []

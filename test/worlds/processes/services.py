@@ -5,7 +5,7 @@ from typing import Any
 import rclpy
 from rclpy.node import Node
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 180.0
 
 
 def answered(node: Node, kind: Any, name: str, request: Any, tries: int = 3) -> Any:

@@ -176,6 +176,7 @@ def test_clusters_that_are_independent_weigh_together_what_all_their_assignments
         assert everything == pytest.approx(np.logaddexp.reduce(log_weights), abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot_sigma", [0.05, 0.2, 1.0])
 def test_of_coupled_clusters_little_is_missed(robot_sigma: float) -> None:
     """Total variation of what each detection is of, against all joint assignments: median and worst of 30 frames."""

@@ -117,6 +117,7 @@ def drawn(seed: int) -> Array:
     return found - first
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(2))
 def test_the_evidence_of_a_mover_is_that_of_the_joint_gaussian_with_the_sensor(seed: int) -> None:
     deviations = drawn(seed)

@@ -17,6 +17,7 @@ from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.movers import Movers
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_what_a_blind_history_took_for_ghosts_is_proposed_and_weighs_more(seed: int) -> None:
@@ -34,6 +35,7 @@ def test_what_a_blind_history_took_for_ghosts_is_proposed_and_weighs_more(seed: 
     assert after.log_joint > before.log_joint + 10.0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_first_detection_starts_and_the_others_move() -> None:
     world = make_world(20, seed=0)
@@ -58,6 +60,7 @@ def test_where_nothing_moves_nothing_is_proposed() -> None:
     assert mover_proposals(lineage, steps, world.truth, 0, moving, engine.problem.open_world) == []
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_what_was_not_seen_lately_is_not_proposed_again() -> None:
     world = make_world(20, seed=0)
@@ -69,6 +72,7 @@ def test_what_was_not_seen_lately_is_not_proposed_again() -> None:
     assert mover_proposals(*settled, since=len(steps)) == []
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_what_stands_and_was_taken_to_move_is_proposed_to_stand_and_weighs_more() -> None:
     world = make_world(20, seed=0)

@@ -36,6 +36,7 @@ def errors(beliefs: list[HybridBelief], truth: np.ndarray) -> np.ndarray:
     return np.array([np.hypot(*(own.poses[0, :2] - x[:2])) for own, x in zip(beliefs, truth, strict=True)])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_moves_is_called_moving_and_leaves_no_ghosts(seed: int) -> None:
@@ -56,6 +57,7 @@ def test_what_moves_does_not_pull_the_robot(seed: int) -> None:
     assert errors(with_movers, world.truth).mean() < errors(without, world.truth).mean() + 0.005
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_where_nothing_moves_nothing_is_called_moving(seed: int) -> None:
@@ -78,6 +80,7 @@ def test_a_velocity_is_known_while_its_object_is_seen() -> None:
     np.testing.assert_allclose(seen.object_velocities[row[0], :2], [0.15, 0.6], atol=0.15)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_neither_backends_nor_replays_change_anything() -> None:
     world, settings = make_world(14, seed=1), configuration(SHARE)
@@ -106,6 +109,7 @@ def _values(settings: Configuration) -> dict[str, Any]:
     return {"association": "open", "semantic_model": {"kind": "none"}, "open_world": {"iterate_updates": False}}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("speed_m_s", "moving"), [(0.0, 0.0), (1.0, 1.0)])
 def test_what_may_move_and_stands_is_said_to_stand(speed_m_s: float, moving: float) -> None:
     """A second of sights, of which the histories that take it to move never let the robot make use."""
@@ -138,6 +142,7 @@ def test_what_moves_keeps_what_it_is_called_when_something_else_is_given_up() ->
     assert given_up and any(own.movers.decided.any() for own in held)
 
 
+@pytest.mark.long
 def test_what_stood_for_long_is_still_known_by_its_place() -> None:
     """What moves is lost after a while out of sight, but not what may and does not."""
     engine, random = Engine(configuration(0.9, pruning={"ratio": 1e9})), np.random.default_rng(0)

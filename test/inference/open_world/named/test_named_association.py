@@ -125,6 +125,7 @@ def fine(room: Room) -> Room:
     return replace(room, keyframes=keyframes)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("errors", [{"correlated_share": 0.0}, ERRORS], ids=["white", "repeating"])
 def test_a_wrong_name_costs_one_detection_and_is_named(errors: dict[str, float]) -> None:
@@ -166,6 +167,7 @@ def biased_drive(seed: int, num_keyframes: int, **overrides: object) -> Room:
     return replace(room, keyframes=keyframes)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_numbers_given_find_the_bias_of_a_robot_whose_ranges_repeat_their_errors() -> None:
     nees = []
@@ -183,6 +185,7 @@ def test_numbers_given_find_the_bias_of_a_robot_whose_ranges_repeat_their_errors
     assert np.mean(nees) < 6.0
 
 
+@pytest.mark.long
 def test_single_steps_end_near_the_optimum_of_their_graph_where_errors_repeat() -> None:
     """Half the sum of squared errors is that of a batch solution; made linear as seldom as else it is 7 above it."""
     _, engine = driven(biased_drive(1, 60))
@@ -205,6 +208,7 @@ def test_a_pose_that_is_far_off_is_no_reason_to_doubt_every_name() -> None:
     assert errors_of(room, beliefs)[-1] < 0.3
 
 
+@pytest.mark.long
 def test_of_two_detections_with_one_name_evidence_chooses() -> None:
     room = named_room(30, 1)
     names = names_of(room)
@@ -255,6 +259,7 @@ def test_sets_of_right_names_weigh_what_the_joint_gaussian_says() -> None:
     assert few.log_left_out == pytest.approx(np.logaddexp.reduce([value for value in behind if value < -3.0]))
 
 
+@pytest.mark.long
 def test_a_lineage_with_a_wrong_name_is_rebuilt_to_the_last_bit() -> None:
     room, (k, row) = with_a_wrong_name(named_room(28, 1, odometry=BIASED, detection_errors=ERRORS), 24)
     pools = InProcessPool(2), ForgetfulPool(2, dies_at=k + 1)
@@ -274,6 +279,7 @@ def test_noises_of_odometry_are_decided_by_evidence_where_numbers_are_given() ->
     assert len(beliefs[0].hypotheses) == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("classes", ["carried", "enumerated"])
 def test_views_of_wrong_names_tell_of_no_class(classes: str) -> None:
     room = make_room(

@@ -57,6 +57,7 @@ def assert_same(own: HybridBelief, points: HybridBelief, tolerance: float) -> No
     np.testing.assert_allclose(*places, rtol=tolerance, atol=tolerance)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("errors", "labels", "rays", "on_map", "values"),
     [

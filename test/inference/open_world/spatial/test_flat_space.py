@@ -7,6 +7,7 @@ follows from its detections: that they agree in it is evidence for it.
 """
 
 import numpy as np
+import pytest
 from worlds.scenes.flat_space import LABELS, START, STEP, STEP_VARIANCES, FlatWorld, driven, seen_from
 
 from semantic_slam import Engine
@@ -42,6 +43,7 @@ def _log_height(variance: float) -> float:
     return -0.5 * float(np.log(2.0 * np.pi * variance))
 
 
+@pytest.mark.long
 def test_histories_among_mapped_objects_weigh_what_they_do_in_the_plane() -> None:
     """To 1e-6, with first detections and false alarms denser by A r / V, and others by that of an elevation.
 

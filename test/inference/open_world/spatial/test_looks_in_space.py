@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from worlds.scenes.open_flights import Errors, OpenFlight
 
 from semantic_slam import Detection
@@ -42,6 +43,7 @@ class FlightOfLooks(OpenFlight):
         return float(2.0 * (stated & alike).sum() / (stated.sum() + alike.sum()))
 
 
+@pytest.mark.long
 def test_looks_tell_what_is_seen_again_where_places_do_not() -> None:
     """Objects come with the mean directions of their vectors."""
     found = {}
@@ -63,6 +65,7 @@ def test_rays_have_looks_too() -> None:
     assert flight.share_of_pairs(list(flight.beliefs(16, rays=0.5))) > 0.97
 
 
+@pytest.mark.long
 def test_upright_bodies_may_have_looks() -> None:
     """Their attitudes do not matter: the objects are those of points."""
     flights = [

@@ -130,6 +130,7 @@ def flown(seed: int, T_ahead_body: np.ndarray, labels: Sequence[str] = ()) -> tu
     return belief, flight.points, flight.seen
 
 
+@pytest.mark.long
 def test_a_flight_without_a_map_finds_what_is_there() -> None:
     belief, points, seen = flown(1, AHEAD, LABELS)
     found = [item for item in belief.objects if item.existence > 0.5]
@@ -140,6 +141,7 @@ def test_a_flight_without_a_map_finds_what_is_there() -> None:
     assert belief.state_space == "spatial"
 
 
+@pytest.mark.long
 def test_a_flight_is_the_same_whichever_axes_the_body_has() -> None:
     ahead, optical = (flown(2, body)[0] for body in (AHEAD, OPTICAL_BODY))
     np.testing.assert_allclose(optical.object_poses, ahead.object_poses, atol=1e-6)

@@ -113,6 +113,7 @@ def quick_result(
     return result
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.real_data
 def test_a_quick_run_of_the_kitchen(
@@ -126,6 +127,7 @@ def test_a_quick_run_of_the_kitchen(
     assert result["visual_odometry_failures"] == 0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.real_data
 def test_a_quick_run_of_real_pictures_in_space(quick_result: Callable[[str], dict[str, Any]]) -> None:
@@ -134,6 +136,7 @@ def test_a_quick_run_of_real_pictures_in_space(quick_result: Callable[[str], dic
     assert result["lines"]["kitchen, depth"]["counts"]["chair"] >= 2
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.real_data
 def test_a_quick_run_of_the_cabinet(

@@ -349,6 +349,7 @@ def test_claims_are_made_of_what_was_run() -> None:
     assert "Mean ATE below that of jcbb" not in held, "jcbb was not run on the second robot"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.real_data
 def test_a_short_stretch_of_a_real_drive(
