@@ -15,7 +15,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.detection_vectors import DetectionVectors
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.view_places import view_places
-from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.inference.states.object_views import ObjectViews, appearance_of
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.labels.confusion import STEP_RAD
@@ -49,7 +49,7 @@ class EmbeddingViews:
                 parent = int(rows.parents[row])
                 object_id = given.object_ids[int(rows.objects[row, number])]
                 before = records[row].get(object_id, given.parents[parent].views.get(object_id))
-                record = self._known.get(object_id, self._nothing) if before is None else _record(before)
+                record = appearance_of(before) or self._known.get(object_id, self._nothing)
                 azimuth, log_range, _, elevation = places[row, number].tolist()
                 view = _View(index, azimuth, log_range, elevation)
                 added, records[row][object_id] = shared[parent].with_view(record, object_id, view, ratios)
@@ -97,23 +97,20 @@ class _Shared:
 
     def _usual(self, object_id: int) -> Array:
         """(R,) log probabilities of the settings for one object, by all others."""
-        own = self.views.get(object_id)
-        return self.model.usual(self._told if own is None else self._told - _record(own).told_settings)
+        own = appearance_of(self.views.get(object_id))
+        return self.model.usual(self._told if own is None else self._told - own.told_settings)
 
     @cached_property
     def _told(self) -> Array:
         """(R,) sum of the evidence of all objects' views on the settings."""
         told = np.zeros(len(self.model.settings[0]))
         for number in sorted(self.views):  # fixed order, for bitwise equal sums
-            told += _record(self.views[number]).told_settings
+            own = appearance_of(self.views[number])
+            if own is not None:
+                told += own.told_settings
         return told
-
-
-def _record(views: ObjectViews) -> EmbeddingRecord:
-    record: EmbeddingRecord = views.recent[0]
-    return record
 
 
 def _views(record: EmbeddingRecord) -> ObjectViews:
     """The record of an object's views; embeddings carry no class."""
-    return ObjectViews(log_likelihood=np.zeros(0), mutual_information=float("nan"), recent=(record,))
+    return ObjectViews(log_likelihood=np.zeros(0), mutual_information=float("nan"), appearance=record)
