@@ -15,8 +15,9 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.detector_labels import DetectorLabels
 from semantic_slam.inference.semantics.embedding_views import EmbeddingViews
-from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
-from semantic_slam.inference.states.object_views import ObjectViews, appearance_of
+from semantic_slam.inference.semantics.interface import ClassModels, LogPriorOf, SemanticEvidence, SemanticInput
+from semantic_slam.inference.states.lineage import Reassigned
+from semantic_slam.inference.states.object_views import ObjectViews
 
 
 class LabelsAndVectors:
@@ -24,6 +25,7 @@ class LabelsAndVectors:
 
     def __init__(self, labels: DetectorLabels, vectors: EmbeddingViews) -> None:
         self._labels, self._vectors = labels, vectors
+        self.retells = labels.retells and vectors.retells
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
@@ -37,7 +39,7 @@ class LabelsAndVectors:
 
         def records(rows: Sequence[int]) -> list[dict[int, ObjectViews]]:
             parts = zip(rows, labels.records(rows), vectors.records(rows), strict=True)
-            return [_with_looks(named, seen, before[parents[row]]) for row, named, seen in parts]
+            return [_with_looks(named, {**before[parents[row]], **seen}) for row, named, seen in parts]
 
         return replace(labels, log_weights=labels.log_weights + vectors.log_weights, records=records)
 
@@ -53,12 +55,18 @@ class LabelsAndVectors:
         """Log evidence of labels alone, pair by pair: for ranking, where the sides that vectors show are not known."""
         return self._labels.log_pairs(step, views, object_ids, log_prior, log_ranges, variances)
 
+    def retold(
+        self, views: Mapping[int, ObjectViews], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
+    ) -> tuple[float, dict[int, ObjectViews]]:
+        """Log gain of reassigning labels and vectors of detections by ``changes``, and the records afterwards."""
+        by_labels, named = self._labels.retold(views, changes, log_prior_of)
+        by_vectors, seen = self._vectors.retold(views, changes, log_prior_of)
+        return by_labels + by_vectors, _with_looks(named, seen)
 
-def _with_looks(
-    named: Mapping[int, ObjectViews], seen: Mapping[int, ObjectViews], before: Mapping[int, ObjectViews]
-) -> dict[int, ObjectViews]:
-    """The records of labels ``named``, each with the appearance of its object: as just ``seen``, or else as before."""
+
+def _with_looks(named: Mapping[int, ObjectViews], seen: Mapping[int, ObjectViews]) -> dict[int, ObjectViews]:
+    """The records of labels ``named``, each with the appearance that its object was ``seen`` to have, if it was."""
     return {
-        number: replace(own, appearance=appearance_of(seen.get(number) or before.get(number)))
+        number: replace(own, appearance=seen[number].appearance, looks=seen[number].looks) if number in seen else own
         for number, own in named.items()
     }
