@@ -151,9 +151,7 @@ def test_labels_that_nobody_lists_and_no_detection_has_are_an_error_with_a_remed
         told = from_message(entry.message)
         entry.message = to_message(replace(told, labels=("",) * len(told)))
     settings = load_configuration(configured(tmp_path / "configuration", BOTH))
-    with pytest.raises(
-        InputError, match=r"detector_embedding, but nothing tells.*semantic_model.kind: embedding"
-    ):
+    with pytest.raises(InputError, match=r"detector_embedding, but nothing tells.*semantic_model.kind: embedding"):
         done = run_bag(write_bag(tmp_path / "bag", found), tmp_path / "belief", settings)
         if done.fault is not None:
             raise done.fault

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ PLACES = np.array([[3.0, -1.0], [3.0, 1.0], [4.0, 0.0]])
 KINDS = ("none", "detector", "embedding", "detector_embedding")
 
 
-def seen(thing: int, random: np.random.Generator, x: float, y: float, **others: object) -> Detection:
+def seen(thing: int, random: np.random.Generator, x: float, y: float, **others: Any) -> Detection:
     """A detection of a thing at (x, y) [m] before the robot."""
     label, look = THINGS[thing]
     vector = LOOKS[look] + random.normal(0.0, 0.3, LOOKS.shape[1])
@@ -103,8 +104,8 @@ def test_a_record_has_the_words_of_one_part_and_the_appearance_of_the_other(
                 np.testing.assert_array_equal(record.log_likelihood, named[number].log_likelihood)
                 if number in looked:
                     pair = record.appearance, looked[number].appearance
-                    means = [own.mean_direction()[0] for own in pair if own is not None]
-                    np.testing.assert_array_equal(*means)
+                    ours, theirs = (own.mean_direction()[0] for own in pair if own is not None)
+                    np.testing.assert_array_equal(ours, theirs)
                 else:
                     before = both.given.parents[parent].views.get(number)
                     assert record.appearance is (None if before is None else before.appearance)
