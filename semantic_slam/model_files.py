@@ -17,6 +17,15 @@ METADATA_KEY = "semantic_slam"
 Arrays = dict[str, NDArray[Any]]
 
 
+def kind_of(path: Path) -> str:
+    """Kind of model that a file states; "" where it is no file of models, which reading it then reports."""
+    try:
+        with safe_open(str(path), framework="np") as file:
+            return str(dict(json.loads((file.metadata() or {}).get(METADATA_KEY, ""))).get("kind", ""))
+    except (OSError, SafetensorError, ValueError, TypeError):
+        return ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ModelFormat:
     """File format of one kind of model, and the remedy that tells a user how to get such a file."""

@@ -77,6 +77,7 @@ CLASS_MODELS = Registry(
         latent="semantic_slam.class_models.latent_space:LATENT",
         detector="semantic_slam.class_models.detector:DETECTOR",
         embedding="semantic_slam.class_models.embedding:EMBEDDING",
+        detector_embedding="semantic_slam.class_models.detector_embedding:DETECTOR_EMBEDDING",
     ),
 )
 """Values of ``semantic_model.kind``: a ClassModelKind of semantic_slam/class_models/kind.py each."""
@@ -113,6 +114,7 @@ SEMANTICS = Registry(
         descriptor_tables="semantic_slam.inference.semantics.descriptor_tables:DescriptorTables",
         detector_labels="semantic_slam.inference.semantics.detector_labels:DetectorLabels",
         embedding_views="semantic_slam.inference.semantics.embedding_views:EmbeddingViews",
+        labels_and_vectors="semantic_slam.inference.semantics.labels_and_vectors:LabelsAndVectors",
     ),
 )
 """How views weigh and are recorded: classes as inference/semantics/interface.py describes them."""

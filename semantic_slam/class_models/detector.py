@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semantic_slam.class_models.fitted_part import is_of_vectors
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
@@ -26,8 +27,11 @@ def load_label_model(settings: SemanticModelConfiguration, bag_sha256: str = "")
 
 
 def fitted_labels(settings: SemanticModelConfiguration) -> FittedLabels | None:
-    """Content of the configured file; None where none is configured or labels are not used. Raises InputError."""
-    is_fitted = bool(settings.path) and class_model_kind(settings).labels is not None
+    """Content of the configured file; None without one, where it is of vectors, or where labels are not used.
+
+    Raises InputError.
+    """
+    is_fitted = bool(settings.path) and class_model_kind(settings).labels is not None and not is_of_vectors(settings)
     return read_labels(Path(settings.path)) if is_fitted else None
 
 
@@ -56,12 +60,14 @@ def _known(value: float | None) -> tuple[float, ...]:
     return () if value is None else (value,)
 
 
-def _model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelModel:
+def label_model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelModel:
+    """Label model from the configuration parameters, or from the configured file. Raises InputError."""
     labels = settings.labels
     if not labels:
+        other = "none" if class_model_kind(settings).embeddings is None else "embedding"
         raise InputError(
-            "semantic_model.kind: detector, but nothing tells which labels the detector has; list them in"
-            " semantic_model.labels, or set semantic_model.kind: none"
+            f"semantic_model.kind: {settings.kind}, but nothing tells which labels the detector has; list them in"
+            f" semantic_model.labels, or set semantic_model.kind: {other}"
         )
     faults = [label for label in labels if not label or labels.count(label) > 1 or label == NONE_OF_THESE]
     if faults:
@@ -86,6 +92,6 @@ def _model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelModel:
 
 
 DETECTOR = ClassModelKind(
-    labels=_model, semantics="detector_labels", carried="detector_labels", has_factors=False, repeats_errors=False
+    labels=label_model, semantics="detector_labels", carried="detector_labels", has_factors=False, repeats_errors=False
 )
 """Class models from the detector's own labels and scores, without a classification network."""

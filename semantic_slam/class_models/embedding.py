@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from semantic_slam.class_models.fitted_part import is_of_vectors
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
@@ -18,7 +19,7 @@ def load_embedding_model(settings: SemanticModelConfiguration, bag_sha256: str =
     if load is None:
         return None
     model = load(settings)
-    return _fitted(model, settings, bag_sha256) if settings.path and load is embedding_model else model
+    return _fitted(model, settings, bag_sha256) if load is embedding_model and is_of_vectors(settings) else model
 
 
 def _fitted(model: EmbeddingModel, settings: SemanticModelConfiguration, bag_sha256: str) -> EmbeddingModel:

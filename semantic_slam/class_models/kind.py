@@ -30,7 +30,7 @@ class ClassModelKind:
     labels: "Callable[[SemanticModelConfiguration, str], LabelModel] | None" = (
         None  # a detector's labels instead; the string is the digest of the run's bag, or ""
     )
-    embeddings: "Callable[[SemanticModelConfiguration], EmbeddingModel] | None" = None  # embedding vectors instead
+    embeddings: "Callable[[SemanticModelConfiguration], EmbeddingModel] | None" = None  # embedding vectors, or both
     extractor: "Callable[[SemanticModelConfiguration], FeatureExtractor] | None" = None  # f, None: class probabilities
     appearance: "Callable[[SemanticModelConfiguration], KnownAppearance | None] | None" = None  # of the fitted objects
     network_digest: "Callable[[SemanticModelConfiguration], str] | None" = None  # of the network fitted to, or ""

@@ -61,8 +61,8 @@ class RevisionConfiguration:
     )
     reassociate_every_keyframes: int = parameter(
         0,
-        "association: open with detection_errors.correlated_share, without a map, semantic_model.kind: none or"
-        " detector: beyond the horizon,"
+        "association: open with detection_errors.correlated_share, without a map, semantic_model.kind: none, detector,"
+        " embedding or detector_embedding: beyond the horizon,"
         " keyframes from one look for places taken for others, or mapped twice, to the next; 0: never",
         minimum=0,
     )

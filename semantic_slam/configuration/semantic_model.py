@@ -11,13 +11,15 @@ class SemanticModelConfiguration:
     kind: str = parameter(
         "gp_independent",
         "class models of Eq. 4.2; gp_correlated: views share their errors; latent: descriptors in a learned space;"
-        " detector: a detector's own labels and scores, embedding: vectors that detections carry, without training",
+        " detector: a detector's own labels and scores, embedding: vectors that detections carry, without training;"
+        " detector_embedding: both, with the parameters of both",
         choices=CLASS_MODELS,
     )
     path: str = parameter(
         "",
         "file of the viewpoint models, or of the latent space; empty: the shipped one. detector: what semantic_slam fit"
-        " --from-run wrote; empty: nothing was fitted",
+        " --from-run wrote; empty: nothing was fitted. detector_embedding: the file says whether it is of labels or of"
+        " vectors, the others keep their parameters",
     )
     path_digest: str = parameter("", "digest of the file that path must name; empty: any, a run notes which it is")
     space: str = parameter("", "latent: the space that the file must hold; empty: any, a run notes which it is")

@@ -109,6 +109,35 @@ class TestEmbeddingViewsOfNamedObjects(EmbeddingViewsContract):
     association = "given"
 
 
+class LabelsAndVectorsContract(EmbeddingViewsContract):
+    """Two objects have each label, and every object has looks of its own."""
+
+    others = {"semantic_model": {"kind": "detector_embedding", "labels": LABELS}}  # noqa: RUF012
+
+    def keyframes(self) -> list[Keyframe]:
+        random = np.random.default_rng(5)
+        return [_called(keyframe, random) for keyframe in super().keyframes()]
+
+    def test_what_had_a_vector_has_an_appearance_beside_its_class(
+        self, asked: list[tuple[Weighed, Weighed, Weighed]]
+    ) -> None:
+        last = asked[-1][0].records[0]
+        assert any(record.appearance is not None for record in last.values())
+        assert all(record.recent and record.log_likelihood.size == len(LABELS) + 1 for record in last.values())
+
+
+class TestLabelsAndVectors(LabelsAndVectorsContract):
+    association = "open"
+
+
+class TestLabelsAndVectorsOnAMap(LabelsAndVectorsContract):
+    association = "enumerated"
+
+
+class TestLabelsAndVectorsOfNamedObjects(LabelsAndVectorsContract):
+    association = "given"
+
+
 def _looking(keyframe: Keyframe, looks: np.ndarray, random: np.random.Generator) -> Keyframe:
     measurements = keyframe.measurements
     numbers = [int(name.removeprefix("object_")) for name in measurements.track_ids]

@@ -231,6 +231,13 @@ MISTAKES = [
         configuration={"association": "open", "semantic_model": {"kind": "embedding"}},
     ),
     Mistake(
+        "a configuration that needs labels and vectors of a detector that has labels alone",
+        "configuration",
+        ("detector_embedding", "carries an embedding", "semantic_model.kind: detector"),
+        each(topics.DETECTIONS, varied),
+        configuration={"association": "open", "semantic_model": {"kind": "detector_embedding"}},
+    ),
+    Mistake(
         "a configuration that needs identities that nobody gives",
         "dropped",
         ("carry no track_ids", "association: enumerated"),

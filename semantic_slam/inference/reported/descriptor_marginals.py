@@ -7,6 +7,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import descriptor_key
+from semantic_slam.inference.states.object_views import appearance_of
 from semantic_slam.inference.world.objects import ReportedObjects
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
 
@@ -53,7 +54,8 @@ def _mean_directions(
     size = embeddings.dimensions
     mean, variance = np.full((2, len(reported.ids), size), np.nan)
     for row, number in enumerate(reported.ids):
-        if number in component.views:
-            mean[row], spread = component.views[number].recent[0].mean_direction()
+        own = appearance_of(component.views.get(number))
+        if own is not None:
+            mean[row], spread = own.mean_direction()
             variance[row] = spread / size
     return DescriptorMarginals(mean, variance)

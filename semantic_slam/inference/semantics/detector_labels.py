@@ -23,7 +23,13 @@ from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges, sizes_by_label
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.semantics.interface import ClassModels, LogPriorOf, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.interface import (
+    ClassModels,
+    LogPriorOf,
+    SemanticEvidence,
+    SemanticInput,
+    reassociates,
+)
 from semantic_slam.inference.semantics.new_classes import NewClasses
 from semantic_slam.inference.semantics.new_words import BoxModels, BoxWords
 from semantic_slam.inference.semantics.retold_words import retold_words
@@ -69,18 +75,15 @@ class DetectorLabels:
     def of(cls, models: ClassModels) -> Self:
         """From the label model, which the kind of class models must have."""
         assert models.labels is not None
-        errors, revision = models.configuration.open_world.track_error_share, models.configuration.revision
+        errors = models.configuration.open_world.track_error_share
         tracks = TrackLinks(errors) if errors > 0.0 else None
-        repeats = (
-            models.configuration.detection_errors.correlated_share > 0.0
-        )  # otherwise there is no reassociation of long drives
         return cls(
             models.labels,
             _size_model(models),
             tracks,
             class_counts=models.configuration.semantic_model.class_counts,
             anywhere=UnmeasuredRanges.of(models.configuration).anywhere,
-            keeps_boxes=revision.reassociate_every_keyframes > 0 and repeats,
+            keeps_boxes=reassociates(models.configuration),
         )
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:

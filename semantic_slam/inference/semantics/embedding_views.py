@@ -4,7 +4,7 @@ Given the positions of camera and objects, the embeddings of one object depend o
 objects of a hypothesis inform that. They do not inform positions.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
@@ -13,9 +13,18 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.detection_vectors import DetectionVectors
-from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.interface import (
+    ClassModels,
+    LogPriorOf,
+    SemanticEvidence,
+    SemanticInput,
+    reassociates,
+)
+from semantic_slam.inference.semantics.retold_looks import retold_looks
+from semantic_slam.inference.semantics.told_looks import Look, views_of
 from semantic_slam.inference.semantics.view_places import view_places
-from semantic_slam.inference.states.object_views import ObjectViews
+from semantic_slam.inference.states.lineage import Reassigned
+from semantic_slam.inference.states.object_views import ObjectViews, appearance_of
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord
 from semantic_slam.viewpoint.labels.confusion import STEP_RAD
@@ -24,22 +33,28 @@ from semantic_slam.viewpoint.labels.confusion import STEP_RAD
 class EmbeddingViews:
     """Evidence of appearance embeddings; the record of an object is its appearance so far."""
 
-    def __init__(self, model: EmbeddingModel, known: Mapping[int, EmbeddingRecord]) -> None:
-        """``known``: object id -> appearance stored in a map."""
+    def __init__(
+        self, model: EmbeddingModel, known: Mapping[int, EmbeddingRecord], *, keeps_looks: bool = False
+    ) -> None:
+        """``known``: object id -> appearance stored in a map. ``keeps_looks``: views may be reassigned later."""
         self._model, self._known, self._nothing = model, known, model.start()
+        self.retells = keeps_looks
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
         """From the embedding model, which the kind of class models must have."""
         assert models.embeddings is not None
-        return cls(models.embeddings, models.appearances)
+        return cls(models.embeddings, models.appearances, keeps_looks=reassociates(models.configuration))
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of each candidate's embeddings relative to the background, and the records after it."""
         rows, told = given.candidates.assignments, given.step.vectors
         assert told is not None
         places = view_places(given)
-        shared = [_Shared(model=self._model, told=told, views=parent.views) for parent in given.parents]
+        keyframe = given.step.index if self.retells else None
+        shared = [
+            _Shared(model=self._model, told=told, views=parent.views, keyframe=keyframe) for parent in given.parents
+        ]
         total, records = np.zeros(len(rows)), [dict[int, ObjectViews]() for _ in range(len(rows))]
         ratios: dict[tuple[int, _View], Array] = {}
         for number, index in enumerate(given.used.tolist()):
@@ -49,12 +64,19 @@ class EmbeddingViews:
                 parent = int(rows.parents[row])
                 object_id = given.object_ids[int(rows.objects[row, number])]
                 before = records[row].get(object_id, given.parents[parent].views.get(object_id))
-                record = self._known.get(object_id, self._nothing) if before is None else _record(before)
+                record = appearance_of(before) or self._known.get(object_id, self._nothing)
                 azimuth, log_range, _, elevation = places[row, number].tolist()
                 view = _View(index, azimuth, log_range, elevation)
-                added, records[row][object_id] = shared[parent].with_view(record, object_id, view, ratios)
+                looks = () if before is None else before.looks
+                added, records[row][object_id] = shared[parent].with_view(record, looks, object_id, view, ratios)
                 total[row] += added
         return SemanticEvidence.of(total, records)
+
+    def retold(
+        self, views: Mapping[int, ObjectViews], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
+    ) -> tuple[float, dict[int, ObjectViews]]:
+        """Log gain of reassigning the vectors of detections by ``changes``, and the records afterwards."""
+        return retold_looks(self._model, views, changes)
 
 
 @dataclass(frozen=True)
@@ -79,12 +101,21 @@ class _Shared:
     model: EmbeddingModel
     told: DetectionVectors
     views: Mapping[int, ObjectViews]
+    keyframe: int | None  # whose looks are kept; None: they are not
     known: dict[tuple[int, int, _View], tuple[float, ObjectViews]] = field(default_factory=dict)
 
     def with_view(
-        self, record: EmbeddingRecord, object_id: int, view: _View, ratios: dict[tuple[int, _View], Array]
+        self,
+        record: EmbeddingRecord,
+        looks: tuple[Look, ...],
+        object_id: int,
+        view: _View,
+        ratios: dict[tuple[int, _View], Array],
     ) -> tuple[float, ObjectViews]:
-        """Log evidence of a view of an object, and the updated record; ``ratios`` are shared by all parents."""
+        """Log evidence of a view of an object, and the updated record; ``ratios`` are shared by all parents.
+
+        ``looks`` are the object's so far, where they are kept.
+        """
         key = id(record), object_id, view
         if key not in self.known:
             vector, background = self.told.vectors[view.index], self.told.background
@@ -92,28 +123,28 @@ class _Shared:
                 ratios[id(record), view] = record.log_ratios(vector, background, view.place)[:, 0]
             ratio, usual = ratios[id(record), view], self._usual(object_id)
             after = record.after(vector, ratio, usual, background, view.place)
-            self.known[key] = self.model.evidence(record, ratio, usual), _views(after)
+            self.known[key] = self.model.evidence(record, ratio, usual), views_of(after, (*looks, *self._kept(view)))
         return self.known[key]
+
+    def _kept(self, view: _View) -> tuple[Look, ...]:
+        """The look of a view, where looks are kept."""
+        if self.keyframe is None:
+            return ()
+        told, detection = self.told, (self.keyframe, view.index)
+        vector = told.vectors[view.index]
+        return (Look(detection=detection, vector=vector, background=told.background, place=view.place),)
 
     def _usual(self, object_id: int) -> Array:
         """(R,) log probabilities of the settings for one object, by all others."""
-        own = self.views.get(object_id)
-        return self.model.usual(self._told if own is None else self._told - _record(own).told_settings)
+        own = appearance_of(self.views.get(object_id))
+        return self.model.usual(self._told if own is None else self._told - own.told_settings)
 
     @cached_property
     def _told(self) -> Array:
         """(R,) sum of the evidence of all objects' views on the settings."""
         told = np.zeros(len(self.model.settings[0]))
         for number in sorted(self.views):  # fixed order, for bitwise equal sums
-            told += _record(self.views[number]).told_settings
+            own = appearance_of(self.views[number])
+            if own is not None:
+                told += own.told_settings
         return told
-
-
-def _record(views: ObjectViews) -> EmbeddingRecord:
-    record: EmbeddingRecord = views.recent[0]
-    return record
-
-
-def _views(record: EmbeddingRecord) -> ObjectViews:
-    """The record of an object's views; embeddings carry no class."""
-    return ObjectViews(log_likelihood=np.zeros(0), mutual_information=float("nan"), recent=(record,))

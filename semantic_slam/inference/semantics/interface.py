@@ -143,6 +143,12 @@ class RanksPairs(Protocol):
         """
 
 
+def reassociates(configuration: Configuration) -> bool:
+    """Whether the views of a run may be reassigned long after they were taken, which only drives with drift need."""
+    has_drift = configuration.detection_errors.correlated_share > 0.0
+    return configuration.revision.reassociate_every_keyframes > 0 and has_drift
+
+
 @runtime_checkable
 class RetellsViews(Protocol):
     """Semantics whose views can be reassigned to other objects long after they were taken."""

@@ -12,6 +12,7 @@ from semantic_slam.inference.states.yaw import Yaw
 
 if TYPE_CHECKING:
     from semantic_slam.inference.states.heading_mixture import HeadingMixture
+    from semantic_slam.viewpoint.embeddings.model import EmbeddingRecord
 
 
 UNCERTAIN_RAD = 0.2
@@ -57,12 +58,19 @@ class ObjectViews:
     yaw: Yaw | None = None  # of an object in space, by its views; None: its Gaussian has it
     descriptor: DescriptorRecord | None = None  # with a learned latent space
     headings: HeadingRecord | None = None
+    appearance: "EmbeddingRecord | None" = None  # of its appearance vectors; None: there were none
+    looks: tuple[Any, ...] = ()  # the views with vectors, oldest first, where they may be reassigned later
     log_ratios: Array | None = None  # (C,) log ratio of its class prior at birth to that before the run; None: equal
 
 
 def coverage_of(views: ObjectViews | None) -> ViewCoverage:
     """The coverage in a record; ``NO_VIEWS`` without a record."""
     return NO_VIEWS if views is None else views.coverage
+
+
+def appearance_of(views: ObjectViews | None) -> "EmbeddingRecord | None":
+    """The appearance in a record; None without a record, or without a view that had a vector."""
+    return None if views is None else views.appearance
 
 
 def class_posterior(log_prior: Array, log_likelihood: Array) -> Array:

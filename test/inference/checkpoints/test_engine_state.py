@@ -10,6 +10,7 @@ import pytest
 from semantic_slam_lab.soak.robots import robot
 from semantic_slam_lab.soak.tour import Tour
 from worlds.same_beliefs import assert_same
+from worlds.scenes.labelled_looks import by_labels_and_vectors, with_labels_and_vectors
 from worlds.scenes.lost_world import configuration as lost_configuration
 from worlds.scenes.lost_world import make_world, map_of
 from worlds.scenes.rounds import START_SIGMAS, Rounds
@@ -76,6 +77,14 @@ def learning_its_region_and_scores() -> World:
     return made._replace(before=[*map(scored, made.before)], after=[*map(scored, made.after)])
 
 
+def of_labels_and_vectors() -> World:
+    own = robot("open", HORIZON)
+    own = replace(own, revision=replace(own.revision, carried_probability=0.0))
+    made = toured(by_labels_and_vectors(own))
+    before, after = ([with_labels_and_vectors(keyframe) for keyframe in part] for part in (made.before, made.after))
+    return made._replace(before=before, after=after)
+
+
 def where_the_robot_may_be_carried() -> World:
     """Where it is too late to be searched for, and its suspected kidnappings are out of a replay's reach."""
     own = robot("open", 40)
@@ -96,6 +105,7 @@ WORLDS = (
     in_space,
     on_a_map,
     learning_its_region_and_scores,
+    of_labels_and_vectors,
     pytest.param(where_the_robot_may_be_carried, marks=pytest.mark.slow),
     lost_in_a_map,
 )

@@ -39,7 +39,17 @@ CONFIGURATIONS = {
             "revision": {"every_keyframes": 1},
         }
     ),
+    "open, labels and vectors": from_dict(
+        {
+            "semantic_model": {"kind": "detector_embedding", "labels": ["chair", "cup"]},
+            "association": "open",
+            "open_world": {"iterate_updates": False},
+            "revision": {"every_keyframes": 1},
+        }
+    ),
 }
+LABELS, LOOKS = ("chair", "chair", "cup"), np.random.default_rng(0).normal(size=(len(PLACES), 8))
+"""Of the things at these places; without class models they are not used."""
 
 
 class KilledError(Exception):
@@ -67,8 +77,13 @@ class Mortal(InProcessPool):
 
 
 def keyframes() -> list[Keyframe]:
+    things = list(zip(PLACES, LABELS, LOOKS, strict=True))
     return [
-        Keyframe.planar(k, detections=[Detection.at(x - 0.1 * (k + 1), y) for x, y in PLACES], motion=(0.1, 0.0, 0.0))
+        Keyframe.planar(
+            k,
+            detections=[Detection.at(x - 0.1 * (k + 1), y, label=own, embedding=look) for (x, y), own, look in things],
+            motion=(0.1, 0.0, 0.0),
+        )
         for k in range(NUM_KEYFRAMES)
     ]
 

@@ -9,6 +9,7 @@ from semantic_slam_lab.soak.journaled_manager import Event, KeepingPool, LivingP
 from semantic_slam_lab.soak.robots import robot
 from semantic_slam_lab.soak.tour import Tour
 from worlds.same_beliefs import assert_same
+from worlds.scenes.labelled_looks import by_labels_and_vectors, with_labels_and_vectors
 
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
@@ -50,11 +51,16 @@ class Run:
         return manager
 
 
-@pytest.fixture(scope="module", params=["given", "open"])
+@pytest.fixture(scope="module", params=["given", "open", "open, labels and vectors"])
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    configuration = configuration_of(request.param)
+    name, *seen = request.param.split(", ")
+    configuration = configuration_of(name)
     tour = Tour(configuration).keyframes()
-    events = list(events_of([next(tour).keyframe for _ in range(NUM_KEYFRAMES)]))
+    keyframes = [next(tour).keyframe for _ in range(NUM_KEYFRAMES)]
+    if seen:
+        configuration = by_labels_and_vectors(configuration)
+        keyframes = [with_labels_and_vectors(keyframe) for keyframe in keyframes]
+    events = list(events_of(keyframes))
     folder, killed_at = tmp_path_factory.mktemp("killed"), KILLED_AT * len(events) // NUM_KEYFRAMES
     killed = Manager(folder, configuration)
     for event in events[:killed_at]:

@@ -16,6 +16,9 @@ LENGTH = 2 * VISIT + BLIND
 
 LABELS = ("post", "door", "door", "post", "door", "post", "post")
 """What the detector calls each landmark."""
+LOOKS = dict(zip(("post", "door"), np.random.default_rng(7).normal(size=(2, 24)), strict=True))
+"""What landmarks of each label look like, all alike, which views show with noise."""
+LOOK_SIGMA = 0.3
 
 
 def configured(every: int, kind: str = "none") -> Configuration:
@@ -59,7 +62,19 @@ def _seen_from(robot: np.ndarray, rng: np.random.Generator) -> list[Detection]:
     noisy = [(n, *(polar[n] + SIGMAS * rng.standard_normal(2))) for n in seen]
     return [
         Detection(
-            range_m=r, bearing_rad=b, covariance=np.diag(SIGMAS**2), label=LABELS[n], class_scores={LABELS[n]: 0.8}
+            range_m=r,
+            bearing_rad=b,
+            covariance=np.diag(SIGMAS**2),
+            label=LABELS[n],
+            class_scores={LABELS[n]: 0.8},
+            embedding=_look(n, r, b),
         )
         for n, r, b in noisy
     ]
+
+
+def _look(landmark: int, range_m: float, bearing_rad: float) -> np.ndarray:
+    """The look of a landmark; its noise is drawn for the detection's place, so places are as they were without."""
+    keys = np.abs(np.array([range_m, bearing_rad]).view(np.int64)).tolist()
+    look = LOOKS[LABELS[landmark]]
+    return look + LOOK_SIGMA * np.random.default_rng(keys).normal(size=len(look))

@@ -43,12 +43,16 @@ class FlightOfLooks(OpenFlight):
         return float(2.0 * (stated & alike).sum() / (stated.sum() + alike.sum()))
 
 
+KINDS = ({"kind": "embedding"}, {"kind": "detector_embedding", "labels": ("post", "door")})
+
+
 @pytest.mark.long
-def test_looks_tell_what_is_seen_again_where_places_do_not() -> None:
-    """Objects come with the mean directions of their vectors."""
+@pytest.mark.parametrize("model", KINDS, ids=lambda model: model["kind"])
+def test_looks_tell_what_is_seen_again_where_places_do_not(model: dict[str, Any]) -> None:
+    """Objects come with the mean directions of their vectors, and where there are labels, with their classes."""
     found = {}
-    for kind in ("none", "embedding"):
-        flight = FlightOfLooks(3, semantic_model={"kind": kind})
+    for kind, own in (("none", {"kind": "none"}), ("embedding", model)):
+        flight = FlightOfLooks(3, semantic_model=own, labels=model.get("labels", ()))
         beliefs = list(flight.beliefs(16))
         found[kind] = flight.share_of_pairs(beliefs)
     assert found["none"] < 0.9 and found["embedding"] > 0.97
@@ -56,12 +60,17 @@ def test_looks_tell_what_is_seen_again_where_places_do_not() -> None:
     there = last.existence > 0.5
     assert there.sum() == len(flight.seen)
     alike = np.corrcoef(last.descriptors[there][:, :SIZE], flight.vectors)[: there.sum(), there.sum() :]
-    assert sorted(alike.argmax(axis=1).tolist()) == sorted(flight.seen)
+    shown = alike.argmax(axis=1)
+    assert sorted(shown.tolist()) == sorted(flight.seen)
+    if model.get("labels"):
+        assert last.class_names[:2] == model["labels"]
+        assert last.class_probabilities[there].argmax(axis=1).tolist() == (shown % 2).tolist()
 
 
-def test_rays_have_looks_too() -> None:
+@pytest.mark.parametrize("model", KINDS, ids=lambda model: model["kind"])
+def test_rays_have_looks_too(model: dict[str, Any]) -> None:
     """Half of the detections without a range, of which the distance is vague at first."""
-    flight = FlightOfLooks(3, semantic_model={"kind": "embedding"})
+    flight = FlightOfLooks(3, semantic_model=model, labels=model.get("labels", ()))
     assert flight.share_of_pairs(list(flight.beliefs(16, rays=0.5))) > 0.97
 
 
