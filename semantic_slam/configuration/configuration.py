@@ -45,7 +45,8 @@ class Configuration:
     state_space: str = parameter(
         "planar",
         "where the robot and its objects are: planar, or spatial with all six of the pose, with observation: points and"
-        " semantic_model.kind: none or detector, or observation: range_bearing and class scores by viewpoint",
+        " semantic_model.kind: none, detector, embedding or detector_embedding, or observation: range_bearing and class"
+        " scores by viewpoint",
         choices=STATE_SPACES,
     )
     distinct_assignment: bool = parameter(True, "one object takes at most one detection of a frame")

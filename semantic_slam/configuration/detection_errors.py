@@ -39,7 +39,8 @@ class DetectionErrorsConfiguration:
     outlier_share: float = parameter(
         0.0,
         "share of the detections of known objects that err far more than the others, before any is seen; 0: none does;"
-        " for association: open, or given, with iterate_updates: false and semantic_model.kind: none or detector",
+        " for association: open, or given, with iterate_updates: false and"
+        " semantic_model.kind: none, detector, embedding or detector_embedding",
         minimum=0.0,
         maximum=0.5,
     )

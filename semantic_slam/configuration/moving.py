@@ -9,7 +9,8 @@ from semantic_slam.configuration.parameter import parameter
 class MovingConfiguration:
     share: float = parameter(
         0.0,
-        "association: open with iterate_updates: false, semantic_model.kind: none or detector: share of the objects"
+        "association: open with iterate_updates: false,"
+        " semantic_model.kind: none, detector, embedding or detector_embedding: share of the objects"
         " that may move; 0: none does",
         minimum=0.0,
         maximum=0.9,

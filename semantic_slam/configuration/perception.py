@@ -69,7 +69,8 @@ class PerceptionConfiguration:
     )
     noise_factors: tuple[float, ...] = parameter(
         (1.0,),
-        "association: open or given, iterate_updates: false, semantic_model.kind: none or detector: factors on the"
+        "association: open or given, iterate_updates: false,"
+        " semantic_model.kind: none, detector, embedding or detector_embedding: factors on the"
         " covariance of places, of which every hypothesis has one; evidence decides",
     )
     ranges_are: tuple[str, ...] = parameter(
