@@ -38,9 +38,6 @@ def find_objects(belief: HybridBelief, question: Question, looks: Appearances | 
 
     A vector shows one object: the probabilities of the objects sum to 1 - unknown. A name may match many: then unknown
     is the probability that none matches, and 1 - unknown that at least one does.
-
-    Each object is in the region as one Gaussian, with the mean and the covariance over all hypotheses: one that is at
-    y = 1.2 m or -1.2 m, with probability 0.5 each, is within 0.3 m of one of the two with 0.12 in place of 0.5.
     """
     existence = np.clip(np.nan_to_num(belief.existence), 0.0, 1.0)
     probabilities = _probabilities(belief, question, looks, existence) * inside(belief, question.region)

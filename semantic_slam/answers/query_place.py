@@ -33,9 +33,6 @@ def query_place(
 
     ``region`` None: everywhere. The run's ``map_prior`` gives the former positions of moved objects, and objects that
     the belief no longer contains. Raises InputError.
-
-    Each object is in the region as one Gaussian, with the mean and the covariance over all hypotheses: one that is at
-    y = 1.2 m or -1.2 m, with probability 0.5 each, is within 0.3 m of one of the two with 0.12 in place of 0.5.
     """
     check_limits(region, least_probability)
     known = {own.object_id: own for own in map_prior.objects} if map_prior is not None else {}

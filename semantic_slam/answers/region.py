@@ -12,14 +12,21 @@ Region = tuple[float, float, float, float]
 def inside(belief: HybridBelief, region: Region | None) -> Array:
     """(O,) probabilities that the objects of a belief lie in the region; None: the whole map.
 
-    One Gaussian per object, with the mean and the covariance over all hypotheses, as a belief does not have the places
-    of objects by hypothesis.
+    Objects that are in one of several places are there with the sum over these; all others are one Gaussian each.
     """
-    return within(belief.object_poses, belief.object_covariances, region)
+    found = within(belief.object_poses, belief.object_covariances, region)
+    if len(belief.place_objects):
+        shares = belief.place_probabilities * within(belief.place_means, belief.place_covariances, region)
+        found[belief.place_objects] = 0.0
+        np.add.at(found, belief.place_objects, shares)
+    return found
 
 
 def within(poses: Array, covariances: Array, region: Region | None) -> Array:
-    """(O,) probabilities that objects lie in the region, from (O, 7) poses and (O, 6, 6) covariances."""
+    """(O,) probabilities that objects lie in the region.
+
+    ``poses`` are (O, 7), or positions (O, 3); their covariances are (O, 6, 6) or (O, 3, 3).
+    """
     if region is None:
         return np.ones(len(poses))
     from scipy.stats import multivariate_normal  # deferred: the import takes 0.5 s and is only needed for a region

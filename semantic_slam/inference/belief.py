@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
-from semantic_slam.inference.belief_views import HypothesisEstimate, ObjectEstimate
+from semantic_slam.inference.belief_views import HypothesisEstimate, ObjectEstimate, ObjectPlace
 from semantic_slam.inference.object_table import OPTIONAL, QUANTITIES, ObjectTable
 
 
@@ -61,6 +61,11 @@ class HybridBelief(ObjectTable):
     revised_keyframes: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (R,)
     revised_detections: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (R,) of it
     revised_objects: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))  # (R,) id, or -1
+    place_objects: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (M,) rows of
+    # objects that are in one of several places; those on whose place the hypotheses agree have none
+    place_probabilities: Array = field(default_factory=lambda: np.zeros(0))  # (M,) if it exists; sum to 1 per object
+    place_means: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (M, 3) in map
+    place_covariances: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))  # (M, 3, 3)
 
     @property
     def objects(self) -> tuple[ObjectEstimate, ...]:
@@ -73,8 +78,20 @@ class HybridBelief(ObjectTable):
                 class_probabilities=dict(zip(self.class_names, self.class_probabilities[row].tolist(), strict=True)),
                 pose=self.object_poses[row],
                 covariance=self.object_covariances[row],
+                places=self._places_of(row),
             )
             for row, name in enumerate(self.object_names)
+        )
+
+    def _places_of(self, row: int) -> tuple[ObjectPlace, ...]:
+        """Where an object may be, likeliest first."""
+        rows = np.flatnonzero(self.place_objects == row)
+        rows = rows[np.argsort(-self.place_probabilities[rows], kind="stable")]
+        if not len(rows):
+            return (ObjectPlace(1.0, self.object_poses[row, :3], self.object_covariances[row, :3, :3]),)
+        return tuple(
+            ObjectPlace(float(self.place_probabilities[own]), self.place_means[own], self.place_covariances[own])
+            for own in rows
         )
 
     @property

@@ -30,6 +30,15 @@ class HypothesisEstimate:
         return float(planar_from_pose_vector(self.pose)[2])
 
 
+@dataclass(frozen=True)
+class ObjectPlace:
+    """One of the places where an object may be."""
+
+    probability: float  # that it is there, if it exists
+    position: Array  # (3,) metres in map
+    covariance: Array  # (3, 3)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ObjectEstimate:
     """Estimate of one object, marginalised over all hypotheses."""
@@ -40,6 +49,7 @@ class ObjectEstimate:
     class_probabilities: dict[str, float]  # {} without class models
     pose: Array  # (7,) in map: x y z qx qy qz qw
     covariance: Array  # (6, 6) x y z rx ry rz along the axes of map, moment-matched over hypotheses
+    places: tuple[ObjectPlace, ...]  # one where the hypotheses agree, else several, likeliest first
 
     @property
     def position(self) -> Array:

@@ -12,6 +12,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.entropy import association_entropy, component_entropy
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.object_places import distinct_places
 from semantic_slam.inference.object_table import ObjectTable, marginals
 from semantic_slam.inference.pruning import Pruned
 from semantic_slam.inference.states.lineage import Lineage
@@ -149,6 +150,7 @@ def state_belief(
         outlier_probability=clutter,
         state_space=state_space,
         **_revisions(mixture.changes),
+        **distinct_places(weights, mixture.objects),
         **inferred_noise.marginals(weights, mixture.noise, step.sensed),
         **marginals(weights, mixture.objects),
     )

@@ -32,6 +32,10 @@ BELIEF_LAYOUT: Layout = {
     "revised_keyframes": ("R",),
     "revised_detections": ("R",),
     "revised_objects": ("R",),
+    "place_objects": ("M",),
+    "place_probabilities": ("M",),
+    "place_means": ("M", 3),
+    "place_covariances": ("M", 3, 3),
 }
 
 

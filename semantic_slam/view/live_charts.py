@@ -20,6 +20,7 @@ CHARTED = 240
 EMPTIED = (
     *("object_ids", "detection_ids", "modes", "poses", "pose_covariances", "noise_values", "noise_sigmas"),
     *("revised_ids", "revised_keyframes", "revised_detections", "revised_objects"),
+    *("place_objects", "place_probabilities", "place_means", "place_covariances"),
 )
 """Arrays of a belief that the charts do not show."""
 
