@@ -59,6 +59,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
             objects=objects,
             axes="x, y" if last.planar else "x, y, z",
             may_fade=any(frame["e"] for frame in drawn["frames"]),
+            has_places=any("p" in frame for frame in drawn["frames"]),
             may_move=bool(np.isfinite(record.beliefs[-1].moving).any()),
             may_leave=bool(np.isfinite(record.beliefs[-1].missing).any()),
             evidence=evidence_views(analysis, explained, pictures.views),

@@ -8,7 +8,8 @@ from semantic_slam.geometry.arrays import Array
 def ellipses(covariances: Array) -> Array:
     """(N, 3) semi-axes [m] of one standard deviation in x-y, major first, and the major one's direction [rad].
 
-    ``covariances`` is (N, 6, 6) in map; [[a, b], [b, c]] has eigenvalues (a + c) / 2 +- sqrt(((a - c) / 2)^2 + b^2).
+    ``covariances`` is (N, 6, 6) or (N, 3, 3) in map; [[a, b], [b, c]] has eigenvalues
+    (a + c) / 2 +- sqrt(((a - c) / 2)^2 + b^2).
     """
     a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
     middle, radius = (a + c) / 2.0, np.hypot((a - c) / 2.0, b)

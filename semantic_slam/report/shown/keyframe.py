@@ -43,6 +43,7 @@ def keyframe_scene(
         "s": [place for place in seen if place >= 0],
         "e": _faint(belief, numbers),
         **_movers(belief, numbers),
+        **_places(belief, numbers),
     }
 
 
@@ -97,6 +98,16 @@ def _movers(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[lis
     rows = [row for row in np.flatnonzero(belief.moving > MOVES) if int(belief.object_ids[row]) in numbers]
     moving = [[numbers[int(belief.object_ids[row])], *rounded(belief.object_velocities[row, :2])] for row in rows]
     return {"m": moving} if moving else {}
+
+
+def _places(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[list[float]]]:
+    """Per place of an object that is in one of several: place in the list of objects, probability, x, y, ellipse."""
+    ids = belief.object_ids[belief.place_objects].tolist()
+    states = np.column_stack(
+        [belief.place_probabilities, belief.place_means[:, :2], ellipses(belief.place_covariances)]
+    )
+    told = [[numbers[own], *rounded(state)] for own, state in zip(ids, states, strict=True) if own in numbers]
+    return {"p": told} if told else {}
 
 
 def _differs(states: Array, before: Array) -> NDArray[np.bool_]:

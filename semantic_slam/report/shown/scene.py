@@ -105,6 +105,7 @@ def _extent(data: dict[str, Any]) -> list[float]:
     frames = data["frames"]
     best = [max(frame["h"], key=lambda row: row[1])[2:4] for frame in frames[len(frames) // 2 :]]
     objects = [row[1:3] for frame in frames[-1:] for row in frame["o"]]
+    objects += [row[2:4] for frame in frames[-1:] for row in frame.get("p", [])]
     objects += [item["true"][:2] for item in data["objects"] if item["true"]]
     truth, dead = ([point[:2] for point in data[name]] for name in ("truth", "dead"))
     core = np.array(best + objects + truth + _last_states(frames))

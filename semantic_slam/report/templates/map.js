@@ -51,6 +51,13 @@ function nameOf(place, o) { // its label, and what it is once that is likelier t
   return scene.objects[place].label + (p[top] > .5 ? " " + scene.classes[top].name : "");
 }
 
+function shownObjects(objects, frame) { // [place in the list, probability, values]: an object is in each of its places, where it has several
+  const several = new Map();
+  for (const [place, ...own] of frame.p || []) several.set(place, [...(several.get(place) || []), own]);
+  return objects.flatMap((o, place) => !o ? [] : !several.has(place) ? [[place, 1, o]] :
+    several.get(place).map(([p, x, y, a, b, angle]) => [place, p, [x, y, o[2], a, b, angle, ...o.slice(6)]]));
+}
+
 class MapView {
   constructor(svg, small, height = 0) { // height: share of the width, 0: as the extent is, within limits
     this.svg = svg;
@@ -80,13 +87,15 @@ class MapView {
     const frame = scene.frames[i], best = heaviest(frame), order = lightestFirst(frame);
     for (const j of order)
       line(track(i, j).map(h => [h[2], h[3]]), j === best ? INK : GREY, j === best ? 2.2 : 1.4, { opacity: j === best ? 1 : Math.min(.9, .18 + Math.sqrt(frame.h[j][1])) });
-    for (const place of frame.s) {
-      const o = objectsAt[i][place], h = frame.h[best];
-      if (o) line([[h[2], h[3]], [o[0], o[1]]], SIGHT, 1, { opacity: .7 });
+    const everything = shownObjects(objectsAt[i], frame);
+    for (const seen of frame.s) {
+      const h = frame.h[best], found = everything.find(([place]) => place === seen); // the best hypothesis' place of it
+      if (found) line([[h[2], h[3]], found[2].slice(0, 2)], SIGHT, 1, { opacity: .7 });
     }
     const moves = new Set((frame.m || []).map(m => m[0])), gone = (o, place) => moves.has(place) && o[3] > VAGUE;
-    const exists = new Map(frame.e);
-    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.fading(exists.get(place), () => this.object(o, scene.objects[place])));
+    const exists = new Map(frame.e), shown = everything.filter(([place, , o]) => !gone(o, place));
+    for (const [place, p, o] of shown)
+      this.fading(exists.has(place) || p < 1 ? (exists.get(place) ?? 1) * p : undefined, () => this.object(o, scene.objects[place]));
     for (const at of scene.crosses || []) this.cross(at);
     for (const [place, vx, vy] of frame.m || []) {
       const o = objectsAt[i][place], past = objectsAt.slice(Math.max(0, i - TRAIL), i + 1).map(at => at[place]).filter(at => at);
@@ -96,8 +105,8 @@ class MapView {
     }
     for (const j of order) this.robot(frame.h[j], j === best);
     if (this.small) return;
-    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.fading(exists.get(place), () => this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o))));
-    objectsAt[i].forEach((o, place) => o && !gone(o, place) && this.question(this.x(o[0]), this.y(o[1]), scene.objects[place]));
+    for (const [place, , o] of shown) this.fading(exists.get(place), () => this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
+    for (const [place, , o] of shown) this.question(this.x(o[0]), this.y(o[1]), scene.objects[place]);
   }
 
   grid() {

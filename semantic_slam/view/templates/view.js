@@ -102,6 +102,7 @@ function tiles(i, frame) {
   });
   part("faint").hidden = !frame.e.length;
   part("movers").hidden = !frame.m;
+  part("places").hidden = !frame.p;
 }
 
 function tell({ state, run, health, dropped }) { // how the run goes, and its nodes
