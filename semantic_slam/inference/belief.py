@@ -78,13 +78,13 @@ class HybridBelief(ObjectTable):
                 class_probabilities=dict(zip(self.class_names, self.class_probabilities[row].tolist(), strict=True)),
                 pose=self.object_poses[row],
                 covariance=self.object_covariances[row],
-                places=self._places_of(row),
+                places=self.places_of(row),
             )
             for row, name in enumerate(self.object_names)
         )
 
-    def _places_of(self, row: int) -> tuple[ObjectPlace, ...]:
-        """Where an object may be, likeliest first."""
+    def places_of(self, row: int) -> tuple[ObjectPlace, ...]:
+        """Where the object in a row of the arrays may be, likeliest first."""
         rows = np.flatnonzero(self.place_objects == row)
         rows = rows[np.argsort(-self.place_probabilities[rows], kind="stable")]
         if not len(rows):

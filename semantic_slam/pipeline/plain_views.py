@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.belief_views import ObjectPlace
 from semantic_slam.messages.standard import MAP_FRAME, PoseEstimate, header_message, pose_message
 from semantic_slam.messages.typestore import message_class
 
@@ -50,7 +51,8 @@ def path_view(stamps_ns: Sequence[int], poses: Array, frame: str = MAP_FRAME) ->
 class MarkersView:
     """Makes a visualization_msgs/MarkerArray: per object a 2-sigma ellipsoid and a text with its likeliest class.
 
-    Their opacity follows the object's existence probability; they are deleted once it is no longer in the belief.
+    An object that is in one of several places has an ellipsoid in each of them. Opacities follow the probabilities that
+    it exists, and is there; markers are deleted once it is no longer in the belief.
     """
 
     STATE: ClassVar[tuple[str, ...]] = ("_shown",)
@@ -62,10 +64,12 @@ class MarkersView:
     def of(self, belief: HybridBelief) -> Any:
         """Markers of a belief, and deletions of earlier markers whose objects are gone."""
         markers = []
-        for row, object_id in enumerate(belief.object_ids.tolist()):
+        for row in range(len(belief.object_ids)):
             pose, covariance = belief.object_poses[row], belief.object_covariances[row]
             if np.isfinite(pose).all() and np.isfinite(covariance).all():
-                markers += [_ellipsoid(belief, row, object_id), _label(belief, row, object_id)]
+                places = belief.places_of(row)
+                markers += [_ellipsoid(belief, row, place, number) for number, place in enumerate(places)]
+                markers.append(_label(belief, row, places[0].position))
         shown = {(marker.ns, marker.id): None for marker in markers}
         markers += [_deletion(belief, *gone) for gone in self._shown if gone not in shown]
         self._shown = shown
@@ -98,13 +102,14 @@ def likeliest_class(belief: HybridBelief, row: int) -> tuple[int, str]:
     return best, f"{belief.class_names[best]} {belief.class_probabilities[row, best]:.2f}"
 
 
-def _ellipsoid(belief: HybridBelief, row: int, object_id: int) -> Any:
-    covariance = belief.object_covariances[row][:3, :3]
-    variances, axes = np.linalg.eigh(covariance)
+def _ellipsoid(belief: HybridBelief, row: int, place: ObjectPlace, number: int) -> Any:
+    """Marker of an object in its ``number``-th place, from 0, which is a namespace for further ones."""
+    variances, axes = np.linalg.eigh(place.covariance)
     axes[:, 0] *= np.sign(np.linalg.det(axes))  # make it a rotation, not a reflection
-    marker = _marker(belief, "objects", object_id, SPHERE, likeliest_class(belief, row)[0])
-    marker.color.a = _opacity(belief, row)
-    marker.pose = pose_message(np.concatenate([belief.object_poses[row][:3], _quaternion(axes)]))
+    namespace = f"place_{number + 1}" if number else "objects"
+    marker = _marker(belief, namespace, int(belief.object_ids[row]), SPHERE, likeliest_class(belief, row)[0])
+    marker.color.a = _opacity(belief, row) * place.probability
+    marker.pose = pose_message(np.concatenate([place.position, _quaternion(axes)]))
     x, y, z = np.maximum(2.0 * SIGMAS * np.sqrt(np.maximum(variances, 0.0)), LEAST_DIAMETER_M).tolist()
     marker.scale = message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
     return marker
@@ -122,12 +127,12 @@ def _opacity(belief: HybridBelief, row: int) -> float:
     return OPACITY * max(existence, LEAST_SHARE) if np.isfinite(existence) else OPACITY
 
 
-def _label(belief: HybridBelief, row: int, object_id: int) -> Any:
+def _label(belief: HybridBelief, row: int, position: Array) -> Any:
     best, text = likeliest_class(belief, row)
-    marker = _marker(belief, "classes", object_id, TEXT, best)
+    marker = _marker(belief, "classes", int(belief.object_ids[row]), TEXT, best)
     marker.color.a = _opacity(belief, row)
-    position = belief.object_poses[row][:3] + np.array([0.0, 0.0, 2.0 * TEXT_HEIGHT_M])
-    marker.pose = pose_message(np.concatenate([position, [0.0, 0.0, 0.0, 1.0]]))
+    above = position + np.array([0.0, 0.0, 2.0 * TEXT_HEIGHT_M])
+    marker.pose = pose_message(np.concatenate([above, [0.0, 0.0, 0.0, 1.0]]))
     marker.scale = message_class("geometry_msgs/msg/Vector3")(x=0.0, y=0.0, z=TEXT_HEIGHT_M)
     marker.text = text
     return marker

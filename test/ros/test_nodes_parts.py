@@ -156,6 +156,23 @@ def test_markers_of_objects_that_are_gone_are_deleted_once_and_others_fade_with_
     assert [(marker.id, marker.color.a) for marker in again] == [(9, pytest.approx(0.35))] * 2
 
 
+def test_an_object_in_one_of_two_places_has_an_ellipsoid_in_each_and_its_name_in_the_likelier_one() -> None:
+    view, belief = MarkersView(), small_belief(0, [1, 2], [1, 1], [0.6, 0.4], [4, 9], [[4], [4]])
+    means = np.array([[2.0, -1.0, 0.0], [2.0, 1.0, 0.0]])
+    torn = replace(
+        belief,
+        place_objects=np.array([0, 0], dtype=np.uint32),
+        place_probabilities=np.array([0.4, 0.6]),
+        place_means=means,
+        place_covariances=np.tile(0.04 * np.eye(3), (2, 1, 1)),
+    )
+    markers = {(own.ns, own.id): own for own in view.of(torn).markers}
+    assert list(markers) == [("objects", 4), ("place_2", 4), ("classes", 4), ("objects", 9), ("classes", 9)]
+    assert [markers[name, 4].pose.position.y for name in ("objects", "place_2", "classes")] == [1.0, -1.0, 1.0]
+    assert [markers[name, 4].color.a for name in ("objects", "place_2")] == pytest.approx([0.42, 0.28])
+    assert [(own.ns, own.id) for own in view.of(belief).markers if own.action == 2] == [("place_2", 4)]
+
+
 def test_ellipsoid_spans_two_standard_deviations() -> None:
     """Variances 0.09 and 0.25 m^2 along x and y: diameters 4 x 0.3 m and 4 x 0.5 m; the flat axis has a least size."""
     belief = small_belief(0, [1], [1], [1.0], [4], [[4]])
