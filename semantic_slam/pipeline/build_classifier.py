@@ -1,5 +1,6 @@
 """Builds the classifier of a configuration: network, feature extractor, class models and geometry."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.collaborators import AppearanceCheck, CoverageCheck
 from semantic_slam.perception.range_bearing import range_and_bearing
-from semantic_slam.pipeline.fitted_network import check_fitted_to, other_network
+from semantic_slam.pipeline.fitted_network import OtherScoresError, check_fitted_to, other_network
 from semantic_slam.viewpoint.appearance import KnownPictures
 from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel
 from semantic_slam.viewpoint.novelty import KnownViews
@@ -20,15 +21,23 @@ if TYPE_CHECKING:
     from semantic_slam.perception.networks.network import ClassifierNetwork
 
 
-def build_classifier(configuration: Configuration) -> Classifier:
+def build_classifier(configuration: Configuration, warn: Callable[[str], None] | None = None) -> Classifier:
     """Load the network and the class models.
 
-    Raises InputError if their files are missing or invalid, or if the models were fitted to another network's scores.
+    ``warn`` is told where the models are for scores of other names, which then go without a novelty check; None:
+    OtherScoresError is raised. Raises InputError if files are missing or invalid, or the models for other weights.
     """
     settings, semantic_model = configuration.perception, configuration.semantic_model
     network, extractor = _network(configuration), load_extractor(semantic_model)
-    if network is not None and extractor is None:
-        check_fitted_to(network, semantic_model)
+    appearance = None
+    try:
+        if network is not None and extractor is None:
+            check_fitted_to(network, semantic_model)
+        appearance = _appearance(semantic_model, settings, network)
+    except OtherScoresError as fault:
+        if warn is None:
+            raise
+        warn(str(fault))
     num_features = len(network.class_names) if network is not None else 0
     if extractor is not None:
         num_features = extractor.num_features
@@ -39,7 +48,7 @@ def build_classifier(configuration: Configuration) -> Classifier:
         range_bearing_sensor=partial(range_and_bearing, configuration=settings),
         extractor=extractor,
         coverage=_coverage(semantic_model, num_features),
-        appearance=_appearance(semantic_model, settings, network),
+        appearance=appearance,
         in_space=configuration.is_spatial,
     )
 

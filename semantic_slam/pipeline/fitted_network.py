@@ -13,16 +13,21 @@ if TYPE_CHECKING:
 REMEDY = "fit models to it with semantic_slam fit --config, or set semantic_model.kind: none"
 
 
+class OtherScoresError(InputError):
+    """Raised for class models that were fitted to scores of other names than the configured network's."""
+
+
 def check_fitted_to(network: "ClassifierNetwork", settings: SemanticModelConfiguration) -> None:
     """Compare names of the scores, and weights where the file of the class models states a digest.
 
-    Raises InputError where they differ. Class models that are not read from such a file are not checked.
+    Raises OtherScoresError for other names and InputError for other weights. Class models that are not read from such a
+    file are not checked.
     """
     model = load_model(settings)
     if not isinstance(model, FittedModel):
         return
     if model.feature_names != network.class_names:
-        raise InputError(
+        raise OtherScoresError(
             f"{models_of(settings)}: fitted to the scores of {shortened(model.feature_names)}, but the configured"
             f" network has scores of {shortened(network.class_names)}; {REMEDY}"
         )

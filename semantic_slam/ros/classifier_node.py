@@ -53,7 +53,7 @@ class ClassifierNode(PipelineNode):
         self._configuration, self._perception = configuration, configuration.perception
         has_images = declare_fixed(self, "has_images", True)
         has_depth = declare_fixed(self, "has_depth", True)
-        self._classifier = build_classifier(configuration) if has_images else None
+        self._classifier = build_classifier(configuration, self.get_logger().warning) if has_images else None
         self._transforms = TransformTree()
         moves = declare_fixed(self, "has_moving_camera", False) and is_installed(topics.TYPES[topics.TF])
         self._has_depth, self._moving = has_depth, self._transforms if moves else None

@@ -93,8 +93,16 @@ def test_a_run_with_other_scores_other_weights_or_other_groups_is_refused(
         return load_configuration(configured(tmp_path / "other.yaml", file, models, **perception))
 
     refused(with_network(weights, classes=["cup", "desk"]), r"m\.safetensors: fitted to the scores of cup, teddy, none")
+    told: list[str] = []  # a node by itself goes on: what it measures may be for a manager with other models
+    assert build_classifier(with_network(weights, classes=["cup", "desk"]), told.append).class_names[:2] == (
+        "cup",
+        "desk",
+    )
+    assert len(told) == 1 and "fitted to the scores of cup, teddy" in told[0]
     other = squeezenet_file(tmp_path / "other.pth", seed=1)
     refused(with_network(other, classes=list(CLASSES)), r"m\.safetensors: fitted to another network, or to other")
+    with pytest.raises(InputError, match="fitted to another network"):
+        build_classifier(with_network(other, classes=list(CLASSES)), told.append)
     groups = tmp_path / "groups.yaml"
     groups.write_text("cup: [cup, coffee mug]\n")
     chosen = {"class_groups": str(groups), "classes": ["teddy"]}
