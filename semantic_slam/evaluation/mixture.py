@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.chi_squared import chi_squared_quantile
+from semantic_slam.geometry.moments import position_moments
 
 NUM_CIRCLES, NUM_ANGLES = 200, 16
 """Numbers of circles and angles of the sample points that represent a planar Gaussian."""
@@ -55,19 +56,13 @@ def position_region(
     of the mixture itself; the moment-matched Gaussian's ellipse would contain less of a heavy-tailed mixture.
     ``weights`` (H,) sum to one; ``positions`` (H, 2), ``covariances`` (H, 2, 2).
     """
-    mean, covariance = _moments(weights, positions, covariances)
+    mean, covariance = position_moments(weights, positions, covariances)
     points = positions[:, None] + _normals() @ np.swapaxes(np.linalg.cholesky(covariances), 1, 2)
     inverse = np.linalg.inv(covariance)
     squared = np.einsum("hni,ij,hnj->hn", points - mean, inverse, points - mean)
     limit = _quantile(squared, weights / squared.shape[1], probability)
     inside = float((truth - mean) @ inverse @ (truth - mean)) <= limit
     return inside, float(np.sqrt(limit * np.sqrt(np.linalg.det(covariance))))
-
-
-def _moments(weights: Array, positions: Array, covariances: Array) -> tuple[Array, Array]:
-    mean = weights @ positions
-    offsets = positions - mean
-    return mean, np.einsum("h,hij->ij", weights, covariances + offsets[:, :, None] * offsets[:, None, :])
 
 
 @cache

@@ -22,6 +22,16 @@ def largest_sigmas(covariances: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[..., -1], 0.0)))
 
 
+def position_moments(weights: Array, positions: Array, covariances: Array) -> tuple[Array, Array]:
+    """(d,) mean and (d, d) covariance of a mixture of Gaussians over positions.
+
+    ``weights`` (H,) sum to one; ``positions`` (H, d), ``covariances`` (H, d, d).
+    """
+    mean = weights @ positions
+    offsets = positions - mean
+    return mean, np.einsum("h,hij->ij", weights, covariances + offsets[:, :, None] * offsets[:, None, :])
+
+
 def matched_moments(weights: Array, poses: Array, covariances: Array) -> tuple[Array, Array]:
     """(7,) pose and (6, 6) covariance of the Gaussian with the moments of the mixture.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index, squared_norms
+from semantic_slam.geometry.moments import position_moments
 from semantic_slam.inference.object_table import ObjectTable
 
 LEAST_SPREAD = 0.5
@@ -37,7 +38,7 @@ def distinct_places(weights: Array, objects: ObjectTable) -> dict[str, Any]:
             continue
         for members in groups:
             own = shares[members, row]
-            mean, covariance = _moments(own / own.sum(), positions[members, row], inner[members, row])
+            mean, covariance = position_moments(own / own.sum(), positions[members, row], inner[members, row])
             rows.append(row)
             probabilities.append(float(own.sum()))
             means.append(mean)
@@ -81,10 +82,3 @@ def _groups(shares: Array, positions: Array, inner: Array) -> list[Index]:
         groups.append(left[joins])
         left = left[~joins]
     return groups
-
-
-def _moments(shares: Array, positions: Array, inner: Array) -> tuple[Array, Array]:
-    """(3,) mean and (3, 3) covariance of a mixture."""
-    mean = shares @ positions
-    off = positions - mean
-    return mean, np.einsum("h,hij->ij", shares, inner) + np.einsum("h,hi,hj->ij", shares, off, off)

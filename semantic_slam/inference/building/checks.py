@@ -10,6 +10,8 @@ from semantic_slam.inference.building.views import sees_places_in_single_steps, 
 from semantic_slam.inference.models.noise.noise_settings import DEPTH, DISTANCE
 from semantic_slam.inference.world.departures import Departures
 
+KINDS_OF_PLACES = "semantic_model.kind: none, detector, embedding or detector_embedding"
+"""What errors call the kinds whose views are independent of an object's heading."""
 SHORTEST_HALF_RANGE_M = 1e-3  # shorter ones would be of no sensor, and their squares underflow
 
 
@@ -67,7 +69,7 @@ def _check_detection_errors(configuration: Configuration, association: type[Asso
     if errors.outlier_share > 0.0 and not (association.tracks_objects and sees_places_in_single_steps(configuration)):
         raise InputError(
             "detection_errors.outlier_share works only with association: open or given, open_world.iterate_updates:"
-            " false and semantic_model.kind: none, detector, embedding or detector_embedding; set these, or it to 0"
+            f" false and {KINDS_OF_PLACES}; set these, or it to 0"
         )
     if (errors.sigma_range_offset_m or errors.sigma_yaw_rad) and errors.correlated_share <= 0.0:
         raise InputError(
@@ -82,8 +84,7 @@ def _check_detections(configuration: Configuration, association: type[Associatio
     if not factors or min(factors) <= 0.0 or (factors != (1.0,) and not may_differ):
         raise InputError(
             "perception.noise_factors must be positive, and other than [1.0] only with association: open or given,"
-            " open_world.iterate_updates: false and"
-            " semantic_model.kind: none, detector, embedding or detector_embedding"
+            f" open_world.iterate_updates: false and {KINDS_OF_PLACES}"
         )
     kinds = configuration.perception.ranges_are
     if not kinds or not {DISTANCE, DEPTH}.issuperset(kinds) or (kinds != (DISTANCE,) and not may_differ):
@@ -152,5 +153,5 @@ def _check_moving(configuration: Configuration, association: type[AssociationStr
     if moving.is_on and association.tracks_objects and not (plain and len(moving.speeds)):
         raise InputError(
             "moving.share and moving.share_by_label are for open_world.iterate_updates: false and"
-            " semantic_model.kind: none, detector, embedding or detector_embedding; set these, or the shares to 0"
+            f" {KINDS_OF_PLACES}; set these, or the shares to 0"
         )
