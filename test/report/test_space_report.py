@@ -99,6 +99,17 @@ def test_rows_go_on_with_height_attitude_and_ellipsoid() -> None:
     assert len(planar) == AFTER_CLASSES and planar[7] < 1.0
 
 
+def test_rows_of_places_go_on_with_height_and_ellipsoid() -> None:
+    """A point that is at a height of 0.8 m, or on the floor below."""
+    places = np.array([[1.0, 2.0, 0.8], [1.0, 2.0, 0.0]])
+    several = {"place_objects": np.array([0, 0], dtype=np.uint32), "place_probabilities": np.array([0.6, 0.4])}
+    several |= {"place_means": places, "place_covariances": np.stack([POINT[:3, :3], 4.0 * POINT[:3, :3]])}
+    rows = keyframe_scene(dataclasses.replace(in_space(), **several), START, [], {3: 0, 4: 1}, {})["p"]
+    np.testing.assert_allclose([row[:4] for row in rows], [[0, 0.6, 1, 2], [0, 0.4, 1, 2]])
+    assert [row[7] for row in rows] == [0.8, 0.0]
+    np.testing.assert_allclose(np.reshape(np.abs(rows[1][8:]), (3, 3)), [[0, 0.2, 0], [0.4, 0, 0], [0, 0, 0.6]])
+
+
 def test_the_page_of_a_run_in_space_turns_its_map(tmp_path: Path) -> None:
     text = report(tmp_path, in_space())
     scene = scene_of(text)

@@ -101,12 +101,14 @@ def _movers(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[lis
 
 
 def _places(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[list[float]]]:
-    """Per place of an object that is in one of several: place in the list of objects, probability, x, y, ellipse."""
-    ids = belief.object_ids[belief.place_objects].tolist()
-    states = np.column_stack(
-        [belief.place_probabilities, belief.place_means[:, :2], ellipses(belief.place_covariances)]
-    )
-    told = [[numbers[own], *rounded(state)] for own, state in zip(ids, states, strict=True) if own in numbers]
+    """Per place of an object that is in one of several: place in the list of objects, probability, x, y, ellipse.
+
+    In space z and ellipsoid besides.
+    """
+    ids, means, covariances = belief.object_ids[belief.place_objects], belief.place_means, belief.place_covariances
+    space = [] if belief.planar else [means[:, 2:], principal_axes(covariances)]
+    states = np.column_stack([belief.place_probabilities, means[:, :2], ellipses(covariances), *space])
+    told = [[numbers[own], *rounded(state)] for own, state in zip(ids.tolist(), states, strict=True) if own in numbers]
     return {"p": told} if told else {}
 
 

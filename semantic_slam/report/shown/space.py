@@ -17,7 +17,7 @@ WIDEST_RAD = 2.4
 def principal_axes(covariances: Array) -> Array:
     """(N, 9) the three principal axes of positions, each one standard deviation [m] long, shortest first.
 
-    ``covariances`` is (N, 6, 6) in map; what is not known of them is NaN.
+    ``covariances`` is (N, 3, 3) or more, such as (N, 6, 6), in map; what is not known of them is NaN.
     """
     places = covariances[:, :3, :3]
     known = np.asarray(np.isfinite(places).all(axis=(1, 2)))

@@ -55,7 +55,7 @@ function shownObjects(objects, frame) { // [place in the list, probability, valu
   const several = new Map();
   for (const [place, ...own] of frame.p || []) several.set(place, [...(several.get(place) || []), own]);
   return objects.flatMap((o, place) => !o ? [] : !several.has(place) ? [[place, 1, o]] :
-    several.get(place).map(([p, x, y, a, b, angle]) => [place, p, [x, y, o[2], a, b, angle, ...o.slice(6)]]));
+    several.get(place).map(([p, x, y, a, b, angle, ...inSpace]) => [place, p, [x, y, o[2], a, b, angle, ...o.slice(6, 7 + scene.classes.length), ...inSpace]]));
 }
 
 class MapView {

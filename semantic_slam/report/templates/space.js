@@ -1,4 +1,4 @@
-// The map of a run in space, turned by hand. Rows of hypotheses go on with z, quaternion and ellipsoid, those of objects with z and ellipsoid.
+// The map of a run in space, turned by hand. Rows of hypotheses go on with z, quaternion and ellipsoid, those of objects and of their places with z and ellipsoid.
 const SOLID = Math.sqrt(7.815); // 95 % of a Gaussian in space
 const START = { yaw: -.6, tilt: .55, zoom: 1 }, FAR = 4; // distance of the eye, in sizes of the scene
 const FRUSTA = 24, SMALL = .05, LARGE = .1, ROOM = .25; // cameras along the path; how long they are, and how far things may come out of view, in sizes of the scene
@@ -66,7 +66,7 @@ class SpaceView {
 
   fit() { // the scene into the canvas, whatever way it is turned about the vertical; a run that grows is left some room
     const [x0, y0, x1, y1] = scene.extent, last = scene.frames.length - 1;
-    const every = [...track(last, heaviest(scene.frames[last])).map(placeOf), ...objectsAt[last].filter(o => o).map(objectPlace), ...scene.truth];
+    const every = [...track(last, heaviest(scene.frames[last])).map(placeOf), ...shownObjects(objectsAt[last], scene.frames[last]).map(([, , o]) => objectPlace(o)), ...scene.truth];
     const points = every.filter(([x, y]) => x > x0 && x < x1 && y > y0 && y < y1), axes = [0, 1, 2];
     const low = axes.map(n => Math.min(...points.map(p => p[n]))), high = axes.map(n => Math.max(...points.map(p => p[n]))), room = ROOM * this.size;
     if (this.low && axes.every(n => low[n] >= this.low[n] - room && high[n] <= this.high[n] + room)) return;
@@ -115,10 +115,14 @@ class SpaceView {
     const every = Math.ceil(scene.frames.length / FRUSTA);
     path.forEach((h, n) => (i - n) % every === 0 && n && this.camera(h, SMALL, GREY, 1, .55));
     this.line(path.map(placeOf), INK, 2);
-    for (const place of frame.s) if (objects[place]) this.line([turnedBy(best, scene.camera[0]), objectPlace(objects[place])], SIGHT, 1, .7);
-    const shown = objects.map((o, place) => o && [o, place, this.at(objectPlace(o))]).filter(entry => entry).sort((a, b) => a[2][3] - b[2][3]);
-    for (const [o, place] of shown) {
-      this.opacity = Math.max(exists.get(place) ?? 1, FAINTEST);
+    const shown = shownObjects(objects, frame).map(([place, p, o]) => ({ place, o, at: this.at(objectPlace(o)), opacity: Math.max((exists.get(place) ?? 1) * p, FAINTEST) }));
+    for (const seen of frame.s) {
+      const found = shown.find(({ place }) => place === seen); // the likeliest of its places
+      if (found) this.line([turnedBy(best, scene.camera[0]), objectPlace(found.o)], SIGHT, 1, .7);
+    }
+    shown.sort((a, b) => a.at[3] - b.at[3]);
+    for (const { place, o, opacity } of shown) {
+      this.opacity = opacity;
       this.object(o, scene.objects[place]);
     }
     this.opacity = 1;
@@ -126,9 +130,9 @@ class SpaceView {
     for (const h of frame.h) if (h !== best) this.ellipsoid(placeOf(h), axesOf(h.slice(13)), GREY, .5);
     this.ellipsoid(placeOf(best), axesOf(best.slice(13)), INK, 1);
     this.camera(best, LARGE, INK, 1.6, 1);
-    for (const [o, place] of shown.reverse()) {
-      this.opacity = Math.max(exists.get(place) ?? 1, FAINTEST);
-      this.label(this.at(objectPlace(o)), nameOf(place, o));
+    for (const { place, o, at, opacity } of shown.reverse()) {
+      this.opacity = opacity;
+      this.label(at, nameOf(place, o));
     }
     this.opacity = 1;
     this.compass();
