@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from semantic_slam.class_models.fitted_part import is_of_vectors
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.model_files import kind_of
+from semantic_slam.viewpoint.embeddings.store import FORMAT as VECTORS
 from semantic_slam.viewpoint.labels.confusion import Confusion
 from semantic_slam.viewpoint.labels.model import NONE_OF_THESE, LabelModel
 from semantic_slam.viewpoint.labels.settings import LabelSettings
@@ -27,12 +28,15 @@ def load_label_model(settings: SemanticModelConfiguration, bag_sha256: str = "")
 
 
 def fitted_labels(settings: SemanticModelConfiguration) -> FittedLabels | None:
-    """Content of the configured file; None without one, where it is of vectors, or where labels are not used.
+    """Labels' part of the configured file; None without a file, where it is of vectors, or where labels are not used.
 
     Raises InputError.
     """
-    is_fitted = bool(settings.path) and class_model_kind(settings).labels is not None and not is_of_vectors(settings)
-    return read_labels(Path(settings.path)) if is_fitted else None
+    kind = class_model_kind(settings)
+    if not settings.path or kind.labels is None:
+        return None
+    is_of_vectors = kind.embeddings is not None and kind_of(Path(settings.path)) == VECTORS.kind
+    return None if is_of_vectors else read_labels(Path(settings.path))
 
 
 def with_fitted_detection(

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.training.judgement import Judgement
 from semantic_slam.training.labels.fit import Fitted
-from semantic_slam.training.labels.judgement import Judgement
 from semantic_slam.viewpoint.labels.runner_up import truth_second
 
 MOST_OTHERS = 3
@@ -29,7 +29,7 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
         "is_kept": is_kept,
         "rounds": found.rounds,
         "sides": confusion.num_sectors,
-        "held_out": {"before": first.numbers, "after": last.numbers},
+        "held_out": {"before": _numbers(first), "after": _numbers(last)},
         "repeat_share": float(weights @ settings.repeat_shares),
         "repeat_rad": float(weights @ settings.repeat_rads),
         "scores_count": float(weights @ settings.by_score),
@@ -99,6 +99,14 @@ def _detection_line(own: Mapping[str, Any]) -> str:
         f"detected {own['probability']:.0%} of the time, {far}, {aside}; whether an object can be detected persists"
         f" with {own['persistence']:g} from keyframe to keyframe; {judged}"
     )
+
+
+def _numbers(own: Judgement) -> dict[str, float]:
+    return {
+        "log_evidence": own.log_evidence,
+        "calibration_error": own.calibration_error,
+        "num_words": len(own.answers),
+    }
 
 
 def _line(label: str, own: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.model_files import ModelFormat
 from semantic_slam.viewpoint.detection_values import UNTOLD, DetectionValues
+from semantic_slam.viewpoint.embeddings.store import FittedEmbeddings, parsed_embeddings
 from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE, Confusion
 from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.labels.runner_up import EVEN_HABITS
@@ -44,6 +45,7 @@ class FittedLabels:
     report: dict[str, Any]
     habits: Array = field(default_factory=lambda: EVEN_HABITS)  # (H,) share of objects with each second-word habit
     detection: DetectionValues = UNTOLD
+    vectors: FittedEmbeddings | None = None  # of the vectors that the same detections carry
 
     def detection_of(self, sha256: str) -> DetectionValues:
         """Detection values for a bag: fitted to the other bags where this one was part of the fit."""
@@ -86,6 +88,7 @@ def save_labels(fitted: FittedLabels, path: Path) -> None:
         "bags": [asdict(bag) for bag in fitted.bags],
         "report": fitted.report,
         "detection": asdict(fitted.detection),
+        "vectors": None if fitted.vectors is None else asdict(fitted.vectors),
     }
     plain = {name: np.array(value, dtype=np.float64, order="C") for name, value in arrays.items()}
     FORMAT.write(path, plain, description)
@@ -117,6 +120,7 @@ def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabe
         bags=tuple(_bag(own) for own in description["bags"]),
         report=dict(description["report"]),
         detection=_detection(description),
+        vectors=None if description.get("vectors") is None else parsed_embeddings(description["vectors"]),
     )
 
 
