@@ -82,12 +82,19 @@ def label_model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelM
         raise InputError("semantic_model.repeat_shares must be in [0, 1), one at least; correct them")
     if not settings.count_factors or min(settings.count_factors) <= 0.0:
         raise InputError("semantic_model.count_factors must be above 0, one at least; correct them")
+    if not settings.score_powers or min(settings.score_powers) < 0.0:
+        raise InputError("semantic_model.score_powers must not be below 0, one at least; correct them")
     fitted = fitted_labels(settings)
     if fitted is not None:
         return with_vocabulary(fitted.model(bag_sha256), labels)
     return LabelModel(
         labels=labels,
-        settings=LabelSettings.grid(settings.repeat_shares, (settings.repeat_rad,), settings.count_factors),
+        settings=LabelSettings.grid(
+            settings.repeat_shares,
+            (settings.repeat_rad,),
+            settings.count_factors,
+            score_powers=settings.score_powers,
+        ),
         confusions=(
             Confusion.symmetric(len(labels), settings.label_accuracy, settings.label_counts, settings.outlier_share),
         ),

@@ -97,7 +97,7 @@ def test_what_may_come_next_sums_to_one_and_is_what_is_weighed():
     np.testing.assert_allclose(next_words.sum(axis=2), 1.0)
     for word in range(3):
         gained = of.after(record, view(word, 12)).log_likelihood - record.log_likelihood
-        by_word = of.settings.by_score == 0.0
+        by_word = of.settings.score_powers == 0.0
         np.testing.assert_allclose(np.exp(gained[by_word]), next_words[by_word, :, word])
 
 

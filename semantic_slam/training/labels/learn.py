@@ -13,7 +13,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.training.detection.looks import looks_of
 from semantic_slam.training.detection.rates import LearnedRates, learned
-from semantic_slam.training.labels.candidates import alike, by_side
+from semantic_slam.training.labels.candidates import alike, by_score, by_side
 from semantic_slam.training.labels.expectation import Expectation
 from semantic_slam.training.labels.fit import Fitted, as_they_are, with_known_classes
 from semantic_slam.training.labels.judgement import judged
@@ -99,13 +99,18 @@ def learn(told: RunTracks) -> FittedLabels:
     )
     unfitted = as_they_are([start] * len(FOLDS), told.every)
     same = alike(start, before, told.every)
-    found = max(same, by_side(same, before, told.every), key=lambda own: own.held_out)
+    scored = max(same, by_score(same, before, told.every), key=_held_out)
+    found = max(scored, by_side(scored, before, told.every), key=_held_out)
     as_run = with_known_classes(unfitted, told.every, settings.class_counts)
     first, last = judged(as_run, told.every), judged(found, told.every)
     is_better = last.is_better_than(first)
     detection = told.detection.numbers | {"runs": len(told.runs), "runs_in_space": told.num_in_space}
     report = report_of(found, is_better, first, last) | {"detection": detection}
     return _handed_on(found, told, report) if is_better else _as_before(unfitted, told, report)
+
+
+def _held_out(own: Fitted) -> float:
+    return own.held_out
 
 
 def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:

@@ -24,6 +24,22 @@ class LabelWord:
     answer: int  # the word, -1: none
     shares: Array  # (W,) scores of all words
 
+    def calibrated(self, powers: Sequence[float]) -> Array:
+        """(Q, W) probabilities of what the box shows, by Q powers of the scores, which are normalised.
+
+        A power below 1 is that of a detector that is surer than right, one above 1 of one that is less sure than it
+        might be (temperature scaling, Guo et al. 2017, with the inverse temperature). 0: the answer alone is told.
+        """
+        return np.array([self._by_power(power) for power in powers])
+
+    def _by_power(self, power: float) -> Array:
+        if power == 0.0:
+            return np.asarray((np.arange(len(self.shares)) == self.answer).astype(np.float64))
+        if power == 1.0:
+            return self.shares
+        raised = (self.shares / self.shares.max()) ** power
+        return np.asarray(raised / raised.sum())
+
     @cached_property
     def reported(self) -> tuple[int, ...]:
         """Indices of the words that were reported."""

@@ -18,6 +18,8 @@ from semantic_slam.viewpoint.labels.settings import LabelSettings
 
 ANEW = "fit it anew with semantic_slam fit --from-run"
 FORMAT = ModelFormat(kind="detector", schema_version=1, remedy=f"check semantic_model.path, or {ANEW}")
+OLDER_NAMES = {"settings.by_score": "settings.score_powers"}
+"""Arrays that were named otherwise in files of older versions, where they had fewer values."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,10 +109,11 @@ def read_labels(path: Path) -> FittedLabels:
 
 def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabels:
     """Parse the content of a file. Raises KeyError or TypeError."""
+    told = {OLDER_NAMES.get(name, name): array for name, array in arrays.items()}
     parts = [arrays[f"confusions.{item.name}"] for item in fields(Confusion)]
     return FittedLabels(
         labels=tuple(map(str, description["labels"])),
-        settings=LabelSettings(**{item.name: arrays[f"settings.{item.name}"] for item in fields(LabelSettings)}),
+        settings=LabelSettings(**{item.name: told[f"settings.{item.name}"] for item in fields(LabelSettings)}),
         confusions=tuple(
             Confusion(counts=counts, none=none, outlier_share=float(share))
             for counts, none, share in zip(*parts, strict=True)
