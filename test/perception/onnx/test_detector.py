@@ -123,7 +123,7 @@ def test_boxes_of_a_yolox_are_told_by_its_cells(cell: tuple[int, int, int]) -> N
     """Its table has the shape of a YOLOv5's, so that its layout has to be named; channels are blue, green and red."""
     box, size = (30.0, 10.0, 70.0, 26.0), (64, 96)
     table = yolox_table(box, size, cell)
-    with pytest.raises(ValueError, match="not in pixels of the input .*--layout yolox"):
+    with pytest.raises(ValueError, match=r"not in pixels of the input .*--layout yolox"):
         recognised([table[None]], 2, size, None, Path("net.onnx")).boxes([table[None]])
     layout = recognised([table[None]], 2, size, "yolox", Path("net.onnx"))
     boxes, scores = layout.boxes([table[None]])
