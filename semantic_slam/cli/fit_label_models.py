@@ -31,7 +31,7 @@ def learn_labels(arguments: argparse.Namespace) -> None:
 
 def _learn(folders: list[Path], models: Path, report: Path) -> list[str]:
     from semantic_slam.training.from_run import learn_from
-    from semantic_slam.training.labels.runs import read_runs
+    from semantic_slam.training.runs import read_runs
 
     learned = learn_from(read_runs(folders))
     learned.save(models)

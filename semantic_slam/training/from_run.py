@@ -11,7 +11,7 @@ from semantic_slam.training.embeddings.learn import learn_embeddings, looks_of
 from semantic_slam.training.embeddings.report import lines_of as lines_of_looks
 from semantic_slam.training.labels.learn import RunTracks, learn
 from semantic_slam.training.labels.report import lines_of
-from semantic_slam.training.labels.runs import Run
+from semantic_slam.training.runs import Run
 from semantic_slam.viewpoint.embeddings.store import FittedEmbeddings, save_embeddings
 from semantic_slam.viewpoint.labels.store import FittedLabels, save_labels
 

@@ -15,10 +15,12 @@ from semantic_slam.evaluation.seen_from import seen_from
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.training.labels.runs import Run
+from semantic_slam.training.runs import Run
 
 LEAST_WEIGHT = 0.01
 """Sightings that are less likely are left out."""
+LEAST_RANGE_M = 0.05
+"""Nearer views count as from there, as they do in a run."""
 Place = tuple[int, int]
 """Keyframe and detection of it, by their places in the run."""
 

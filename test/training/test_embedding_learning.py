@@ -18,7 +18,7 @@ from semantic_slam.training.embeddings.learn import OUTLIER_SHARES, Told, learn_
 from semantic_slam.training.embeddings.looks import STRETCHES, LookTrack, LookView, RunLooks
 from semantic_slam.training.embeddings.replay import Replay, Usual, judged, rows_of
 from semantic_slam.training.embeddings.report import lines_of
-from semantic_slam.training.labels.runs import Run, read_runs
+from semantic_slam.training.runs import Run, read_runs
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel

@@ -18,7 +18,7 @@ from semantic_slam.training.embeddings.looks import STRETCHES, RunLooks
 from semantic_slam.training.embeddings.replay import Replay, Usual, judged, rows_of
 from semantic_slam.training.embeddings.report import report_of
 from semantic_slam.training.judgement import Judgement
-from semantic_slam.training.labels.runs import Run
+from semantic_slam.training.runs import Run
 from semantic_slam.viewpoint.embeddings.model import SHARED_COUNTS, EmbeddingModel
 from semantic_slam.viewpoint.embeddings.store import FittedEmbeddings, LooksByDirection
 

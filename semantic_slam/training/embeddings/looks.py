@@ -7,9 +7,15 @@ from typing import Self
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.training.labels.runs import Run
-from semantic_slam.training.labels.tracks import LEAST_RANGE_M
-from semantic_slam.training.sightings import SightingReader, Sightings, sightings_of, stretch_edges, stretch_of
+from semantic_slam.training.runs import Run
+from semantic_slam.training.sightings import (
+    LEAST_RANGE_M,
+    SightingReader,
+    Sightings,
+    sightings_of,
+    stretch_edges,
+    stretch_of,
+)
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground, SeenVectors
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.vectors import reduced

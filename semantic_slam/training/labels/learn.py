@@ -20,8 +20,8 @@ from semantic_slam.training.labels.judgement import judged
 from semantic_slam.training.labels.maximisation import BeforeFit, class_shares, habit_shares
 from semantic_slam.training.labels.passes import FOLDS, NO_STRETCH, STRETCHES, passed
 from semantic_slam.training.labels.report import report_of
-from semantic_slam.training.labels.runs import Run
 from semantic_slam.training.labels.tracks import Track, tracks_of
+from semantic_slam.training.runs import Run
 from semantic_slam.training.sightings import stretch_edges
 from semantic_slam.viewpoint.labels.confusion import Confusion
 from semantic_slam.viewpoint.labels.store import FittedBag, FittedLabels

@@ -10,13 +10,10 @@ from semantic_slam.inference.building.class_prior import class_prior
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.perception.class_names import NONE_OF_THESE
-from semantic_slam.training.labels.runs import Run
-from semantic_slam.training.sightings import SightingReader, Sightings, sightings_of, stretch_of
+from semantic_slam.training.runs import Run
+from semantic_slam.training.sightings import LEAST_RANGE_M, SightingReader, Sightings, sightings_of, stretch_of
 from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, STEP_RAD
 from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
-
-LEAST_RANGE_M = 0.05
-"""Nearer views count as from there, as they do in a run."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
 from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE, Confusion
 from semantic_slam.viewpoint.labels.record import ANY_STRETCH, LabelRecord, LabelView, NearestView, NewestViews
@@ -84,6 +84,11 @@ class LabelPrior:
         return np.searchsorted(self.powers, self.settings.score_powers)
 
     @cached_property
+    def is_by_word(self) -> Flags:
+        """(Q,) whether a power of scores lets the words alone count."""
+        return np.array(self.powers) == 0.0
+
+    @cached_property
     def by_word(self) -> Array:
         """(R, 1) 1 where the setting uses the words alone, else 0."""
         return np.asarray((self.settings.score_powers == 0.0).astype(np.float64)[:, None])
@@ -121,7 +126,8 @@ class LabelPrior:
 
     def drawn(self, view: LabelView) -> Array:
         """(Q, K) prior counts of what a view shows, by each of :attr:`powers` of its scores."""
-        return np.asarray(view.word.calibrated(self.powers) @ self.prior_of(view).T)
+        prior, word = self.prior_of(view), view.word
+        return np.array([prior @ word.calibrated(power) if power else prior[:, word.answer] for power in self.powers])
 
     @cached_property
     def first_gains(self) -> Array:

@@ -17,7 +17,7 @@ class LabelSettings:
 
     repeat_shares: Array  # (R,) rho at the same viewpoint
     repeat_rads: Array  # (R,) angle, or change of log distance, over which rho decays by 1 / e
-    score_powers: Array  # (R,) power of the scores that is calibrated (LabelWord.calibrated); 0: the word alone counts
+    score_powers: Array  # (R,) power of the scores that is a probability; 0: the word alone counts
     count_factors: Array  # (R,) multipliers of the prior Dirichlet counts of the classes
     other_factors: Array  # (R,) multipliers of those of the class "none of the labels"
     log_weights: Array  # (R,) normalised log prior

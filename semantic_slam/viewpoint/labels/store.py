@@ -159,6 +159,8 @@ def _check(found: FittedLabels) -> None:
     for values_, shape in shapes:
         if values_.shape != shape or not np.all(np.isfinite(values_)):
             raise ValueError("an array has a wrong shape or is not finite")
+    if found.settings.score_powers.min() < 0.0:
+        raise ValueError("powers of scores must not be below 0")
     for own in (found.detection, *(bag.detection for bag in found.bags)):
         _check_detection(own)
     counts = [part for own in found.confusions for part in (own.counts, own.none)]

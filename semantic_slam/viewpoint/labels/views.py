@@ -73,7 +73,7 @@ class FirstView:
         likelihood = (1.0 - share) * (drawn / totals) + share / prior.num_words
         told = record.log_likelihood[0] + np.log(likelihood)  # any setting will do: all are equal so far
         if view.word.second != NONE:
-            told[np.array(prior.powers) == 0.0] += _first_gained(prior, view)  # scores include it already
+            told[prior.is_by_word] += _first_gained(prior, view)  # scores include it already
         return cls(prior=prior, before=record, view=view, totals=totals, likelihood=likelihood, log_likelihood=told)
 
     def log_evidence(self, log_rows: Array) -> Array:
@@ -91,7 +91,7 @@ class FirstView:
         view, before, power_of = self.view, self.before, self.prior.power_of
         word, share = view.word, self.prior.confusions[view.stretch].outlier_share
         words, new = list(word.reported), (1.0 - share) / (self.totals * self.likelihood)
-        meant = word.calibrated(self.prior.powers)[:, words]  # (Q, N)
+        meant = word.meant(words, self.prior.powers)  # (Q, N)
         counts = (self.prior.prior_of(view).T[words, None] * meant.T[..., None]) * new
         second = before.seconds.following(RunnerUp(first=word.answer, second=word.second, earlier=NONE, away=0.0))
         return LabelRecord(
@@ -195,7 +195,7 @@ def _first_gained(prior: LabelPrior, view: LabelView) -> Array:
 
 def _weights(prior: LabelPrior, words: tuple[int, ...], view: LabelView) -> Array:
     """(R, N) weight of each word in a view: one-hot for the answer, or a power of its scores."""
-    return view.word.calibrated(prior.powers)[:, list(words)][prior.power_of]
+    return view.word.meant(words, prior.powers)[prior.power_of]
 
 
 def _with_room(counts: Array, num_words: int) -> Array:
