@@ -86,7 +86,7 @@ class LabelPrior:
     @cached_property
     def is_by_word(self) -> Flags:
         """(Q,) whether a power of scores lets the words alone count."""
-        return np.array(self.powers) == 0.0
+        return np.asarray(np.array(self.powers) == 0.0)
 
     @cached_property
     def by_word(self) -> Array:
