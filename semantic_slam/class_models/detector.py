@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from semantic_slam.class_models.fitted_part import is_of_vectors
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import OpenWorldConfiguration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.model_files import kind_of
+from semantic_slam.viewpoint.embeddings.store import FORMAT as VECTORS
 from semantic_slam.viewpoint.labels.confusion import Confusion
 from semantic_slam.viewpoint.labels.model import NONE_OF_THESE, LabelModel
 from semantic_slam.viewpoint.labels.settings import LabelSettings
@@ -27,12 +28,15 @@ def load_label_model(settings: SemanticModelConfiguration, bag_sha256: str = "")
 
 
 def fitted_labels(settings: SemanticModelConfiguration) -> FittedLabels | None:
-    """Content of the configured file; None without one, where it is of vectors, or where labels are not used.
+    """Labels' part of the configured file; None without a file, where it is of vectors, or where labels are not used.
 
     Raises InputError.
     """
-    is_fitted = bool(settings.path) and class_model_kind(settings).labels is not None and not is_of_vectors(settings)
-    return read_labels(Path(settings.path)) if is_fitted else None
+    kind = class_model_kind(settings)
+    if not settings.path or kind.labels is None:
+        return None
+    is_of_vectors = kind.embeddings is not None and kind_of(Path(settings.path)) == VECTORS.kind
+    return None if is_of_vectors else read_labels(Path(settings.path))
 
 
 def with_fitted_detection(
@@ -78,12 +82,19 @@ def label_model(settings: SemanticModelConfiguration, bag_sha256: str) -> LabelM
         raise InputError("semantic_model.repeat_shares must be in [0, 1), one at least; correct them")
     if not settings.count_factors or min(settings.count_factors) <= 0.0:
         raise InputError("semantic_model.count_factors must be above 0, one at least; correct them")
+    if not settings.score_powers or min(settings.score_powers) < 0.0:
+        raise InputError("semantic_model.score_powers must not be below 0, one at least; correct them")
     fitted = fitted_labels(settings)
     if fitted is not None:
         return with_vocabulary(fitted.model(bag_sha256), labels)
     return LabelModel(
         labels=labels,
-        settings=LabelSettings.grid(settings.repeat_shares, (settings.repeat_rad,), settings.count_factors),
+        settings=LabelSettings.grid(
+            settings.repeat_shares,
+            (settings.repeat_rad,),
+            settings.count_factors,
+            score_powers=settings.score_powers,
+        ),
         confusions=(
             Confusion.symmetric(len(labels), settings.label_accuracy, settings.label_counts, settings.outlier_share),
         ),

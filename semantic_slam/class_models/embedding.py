@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
-from semantic_slam.class_models.fitted_part import is_of_vectors
 from semantic_slam.class_models.kind import ClassModelKind, class_model_kind
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
+from semantic_slam.model_files import kind_of
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
-from semantic_slam.viewpoint.embeddings.store import ANEW, read_embeddings
+from semantic_slam.viewpoint.embeddings.store import ANEW, FittedEmbeddings, read_embeddings
+from semantic_slam.viewpoint.embeddings.store import FORMAT as VECTORS
+from semantic_slam.viewpoint.labels.store import FORMAT as LABELS
+from semantic_slam.viewpoint.labels.store import read_labels
 
 
 def load_embedding_model(settings: SemanticModelConfiguration, bag_sha256: str = "") -> EmbeddingModel | None:
@@ -19,14 +22,32 @@ def load_embedding_model(settings: SemanticModelConfiguration, bag_sha256: str =
     if load is None:
         return None
     model = load(settings)
-    return _fitted(model, settings, bag_sha256) if load is embedding_model and is_of_vectors(settings) else model
-
-
-def _fitted(model: EmbeddingModel, settings: SemanticModelConfiguration, bag_sha256: str) -> EmbeddingModel:
+    fitted = fitted_vectors(settings)
+    if fitted is None:
+        return model
     try:
-        return read_embeddings(Path(settings.path)).model(model, bag_sha256)
+        return fitted.model(model, bag_sha256)
     except ValueError as fault:
         raise InputError(f"{settings.path}: {fault}; set them as they were, or {ANEW}") from None
+
+
+def fitted_vectors(settings: SemanticModelConfiguration) -> FittedEmbeddings | None:
+    """Vectors' part of the configured file; None without a file, where it is of labels, or where vectors are not used.
+
+    Raises InputError, also where labels are not used and the file has nothing else.
+    """
+    kind, path = class_model_kind(settings), Path(settings.path)
+    if not settings.path or kind.embeddings is not embedding_model:
+        return None
+    if kind_of(path) != LABELS.kind:
+        return read_embeddings(path) if kind.labels is None or kind_of(path) == VECTORS.kind else None
+    vectors = read_labels(path).vectors
+    if vectors is None and kind.labels is None:
+        raise InputError(
+            f"{path}: was fitted to labels alone; fit it to runs of semantic_model.kind: detector_embedding or"
+            " embedding, whose detections have vectors"
+        )
+    return vectors
 
 
 def embedding_model(settings: SemanticModelConfiguration) -> EmbeddingModel:

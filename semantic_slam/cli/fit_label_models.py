@@ -1,6 +1,6 @@
-"""``semantic_slam fit --from-run DIR... --out FILE``: fit models of a detector's labels or of its embeddings.
+"""``semantic_slam fit --from-run DIR... --out FILE``: fit models of a detector's labels and embeddings.
 
-They are learnt from the user's own runs: which labels the detector gives to objects, or how embeddings depend on the
+They are learnt from the user's own runs: which labels the detector gives to objects, and how embeddings depend on the
 viewing direction.
 """
 
@@ -30,22 +30,10 @@ def learn_labels(arguments: argparse.Namespace) -> None:
 
 
 def _learn(folders: list[Path], models: Path, report: Path) -> list[str]:
-    from semantic_slam.class_models.kind import class_model_kind
-    from semantic_slam.training.embeddings.learn import learn_embeddings
-    from semantic_slam.training.embeddings.learn import lines_of as lines_of_looks
-    from semantic_slam.training.labels.learn import RunTracks, learn
-    from semantic_slam.training.labels.report import lines_of
-    from semantic_slam.training.labels.runs import read_runs
-    from semantic_slam.viewpoint.embeddings.store import save_embeddings
-    from semantic_slam.viewpoint.labels.store import save_labels
+    from semantic_slam.training.from_run import learn_from
+    from semantic_slam.training.runs import read_runs
 
-    runs = read_runs(folders)
-    if class_model_kind(runs[0].configuration.semantic_model).labels is None:
-        looks = learn_embeddings(runs)
-        save_embeddings(looks, models)
-        report.write_text(json.dumps(looks.report, indent=1) + "\n", encoding="utf-8")
-        return lines_of_looks(looks)
-    fitted = learn(RunTracks.of(runs))
-    save_labels(fitted, models)
-    report.write_text(json.dumps(fitted.report, indent=1) + "\n", encoding="utf-8")
-    return lines_of(fitted.report)
+    learned = learn_from(read_runs(folders))
+    learned.save(models)
+    report.write_text(json.dumps(learned.report, indent=1) + "\n", encoding="utf-8")
+    return learned.lines

@@ -77,6 +77,12 @@ class SemanticModelConfiguration:
         "detector: probabilities that a view from the place of an earlier one repeats its answer; how far each is right"
         " is inferred",
     )
+    score_powers: tuple[float, ...] = parameter(
+        (0.0, 1.0),
+        "detector: powers of the scores of a box that may be the probabilities of what it shows: 1 as they are told,"
+        " below 1 of a detector surer than right, above 1 of one that is too modest, 0 the label alone counts; which is"
+        " right is inferred",
+    )
     repeat_rad: float = parameter(
         0.5,
         "detector, embedding: turn about the object [rad], or change of the logarithm of its distance, after which"

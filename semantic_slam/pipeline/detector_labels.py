@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.class_models.detector import fitted_labels
+from semantic_slam.class_models.embedding import fitted_vectors
 from semantic_slam.class_models.kind import class_model_kind
 from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.class_models.viewpoint_models import load_model
@@ -57,12 +58,13 @@ def are_asked_for(configuration: Configuration) -> bool:
 
 def known_to_fit(settings: SemanticModelConfiguration, sha256: str) -> str:
     """Notice if the configured models were fitted to the bag with this SHA-256, else "". Raises InputError."""
-    fitted = fitted_labels(settings)
-    if fitted is None or fitted.bag(sha256) is None:
-        return ""
-    return (
-        f"{settings.path} was fitted to this bag, too; every stretch of it has the models that were fitted without it"
-    )
+    labels, vectors = fitted_labels(settings), fitted_vectors(settings)
+    ways = []
+    if labels is not None and labels.bag(sha256) is not None:
+        ways.append("every stretch of it has the models that were fitted without it")
+    if vectors is not None and sha256 in vectors.without:
+        ways.append("its vectors have the models that were fitted without this bag")
+    return f"{settings.path} was fitted to this bag, too; {', and '.join(ways)}" if ways else ""
 
 
 def with_labels(

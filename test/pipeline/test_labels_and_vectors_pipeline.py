@@ -1,5 +1,6 @@
 """Labels and vectors together: from a bag by the command line to objects that have names and are found by looks."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,9 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.viewpoint.embeddings.store import FittedEmbeddings, LooksByDirection, save_embeddings
-from semantic_slam.viewpoint.labels.store import read_labels
+from semantic_slam.viewpoint.labels.store import read_labels, save_labels
 
-FRAMES, LABELS = 12, ("chair", "cup")
+FRAMES, LABELS = 17, ("chair", "cup")
 BOTH = {"kind": "detector_embedding"}
 SETTINGS = SemanticModelConfiguration(kind="detector_embedding", labels=LABELS)
 
@@ -108,17 +109,67 @@ def test_the_next_run_takes_up_classes_and_looks_of_the_map(reported: Path, tmp_
     assert last.class_probabilities.max(axis=1).min() > 0.8 and np.isfinite(last.descriptors).all()
 
 
-def test_what_is_fitted_to_such_a_run_are_the_labels(
-    reported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture(scope="module")
+def fitted(reported: Path) -> Path:
+    """The file that such a run teaches, by the command line."""
+    path = reported.parent / "fitted.safetensors"
+    with pytest.MonkeyPatch.context() as patch:
+        assert call(patch, "fit", "--from-run", reported, "--out", path) == 0
+    return path
+
+
+def test_what_is_fitted_to_such_a_run_are_labels_and_vectors(
+    reported: Path, fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The file says so: it gives the labels' models, and vectors keep those that nothing was fitted for."""
+    """The next run uses both; on the bag that they were fitted to, vectors have the models without it."""
+    told = json.loads(fitted.with_suffix(".json").read_text())["vectors"]
+    assert told["is_kept"] and told["held_out"]["after"]["log_evidence"] > told["held_out"]["before"]["log_evidence"]
+    settings = replace(SETTINGS, path=str(fitted))
+    labels, looks = load_label_model(settings), load_embedding_model(settings)
+    assert labels is not None and labels.labels == read_labels(fitted).labels == LABELS
+    assert looks is not None and looks.outlier_share == told["outlier_share"] < SETTINGS.outlier_share
+    others = looking(place_entries("ranges", FRAMES + 1), looks=LOOKS[::-1])
+    for name, entries_of_bag, model in (("own", entries(), embedding_model(SETTINGS)), ("other", others, looks)):
+        folder = tmp_path / name
+        configuration = load_configuration(configured(folder / "configuration", BOTH | {"path": str(fitted)}))
+        run_bag(write_bag(folder / "bag", entries_of_bag), folder / "belief", configuration)
+        said = "its vectors have the models that were fitted without this bag" in capsys.readouterr().out
+        assert said == (name == "own")
+        used = load_embedding_model(settings, sha256_of(folder / "belief"))
+        assert used is not None and used.outlier_share == model.outlier_share
+
+
+def sha256_of(belief: Path) -> str:
+    return read_record(belief).run.source_sha256
+
+
+def test_the_parts_of_such_a_file_serve_runs_by_labels_and_runs_by_vectors(fitted: Path, tmp_path: Path) -> None:
+    labels = load_label_model(replace(SETTINGS, kind="detector", path=str(fitted)))
+    looks = load_embedding_model(SemanticModelConfiguration(kind="embedding", path=str(fitted)))
+    both = replace(SETTINGS, path=str(fitted))
+    own = load_label_model(both)
+    assert labels is not None and own is not None and looks == load_embedding_model(both)
+    np.testing.assert_array_equal(labels.class_shares, own.class_shares)
+    assert looks != embedding_model(SETTINGS)
+    without = tmp_path / "labels.safetensors"
+    save_labels(replace(read_labels(fitted), vectors=None), without)
+    assert load_embedding_model(replace(both, path=str(without))) == embedding_model(SETTINGS)
+    with pytest.raises(InputError, match="was fitted to labels alone"):
+        load_embedding_model(SemanticModelConfiguration(kind="embedding", path=str(without)))
+
+
+def test_runs_of_both_kinds_without_a_vector_teach_labels_alone_and_the_command_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mute = place_entries("ranges", FRAMES)
+    for entry in of_topic(mute, topics.DETECTIONS):
+        entry.message = to_message(replace(from_message(entry.message), labels=LABELS))
+    settings = load_configuration(configured(tmp_path / "configuration", BOTH))
+    run_bag(write_bag(tmp_path / "bag", mute), tmp_path / "out" / "belief", settings)
     path = tmp_path / "fitted.safetensors"
-    assert call(monkeypatch, "fit", "--from-run", reported, "--out", path) == 0
-    settings = replace(SETTINGS, path=str(path))
-    fitted, labels = fitted_labels(settings), load_label_model(settings)
-    assert fitted is not None and labels is not None and fitted.labels == read_labels(path).labels == LABELS
-    np.testing.assert_array_equal(labels.class_shares, fitted.class_shares)
-    assert load_embedding_model(settings) == embedding_model(settings)
+    assert call(monkeypatch, "fit", "--from-run", tmp_path / "out", "--out", path) == 0
+    assert "vectors: no object of the runs has one, so their models are as configured" in capsys.readouterr().out
+    assert read_labels(path).vectors is None
 
 
 def test_a_file_of_vectors_gives_the_vectors_models_and_labels_keep_theirs(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.training.labels.judgement import Judgement
+from semantic_slam.training.judgement import Judgement
 
 NUM_OBJECTS, NUM_VIEWS = 30, 20
 

@@ -20,8 +20,8 @@ from semantic_slam.training.labels.fit import as_they_are, with_known_classes
 from semantic_slam.training.labels.learn import RunTracks, learn
 from semantic_slam.training.labels.maximisation import BeforeFit
 from semantic_slam.training.labels.passes import FOLDS, STRETCHES
-from semantic_slam.training.labels.runs import read_runs
 from semantic_slam.training.labels.tracks import Track
+from semantic_slam.training.runs import read_runs
 from semantic_slam.viewpoint.detection_values import UNTOLD
 from semantic_slam.viewpoint.labels.confusion import DIRECTIONS
 from semantic_slam.viewpoint.labels.model import LabelModel

@@ -12,7 +12,7 @@ from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.labels.record import ANY_STRETCH, LabelView, LabelWord
 from semantic_slam.viewpoint.labels.runner_up import EVEN_HABITS
 from semantic_slam.viewpoint.labels.settings import LabelSettings
-from semantic_slam.viewpoint.labels.store import FittedBag, FittedLabels, read_labels, save_labels
+from semantic_slam.viewpoint.labels.store import FORMAT, FittedBag, FittedLabels, read_labels, save_labels
 from semantic_slam.viewpoint.labels.vocabulary import with_vocabulary
 
 LABELS = ("cup", "tv")
@@ -97,7 +97,7 @@ def test_what_may_come_next_sums_to_one_and_is_what_is_weighed():
     np.testing.assert_allclose(next_words.sum(axis=2), 1.0)
     for word in range(3):
         gained = of.after(record, view(word, 12)).log_likelihood - record.log_likelihood
-        by_word = of.settings.by_score == 0.0
+        by_word = of.settings.score_powers == 0.0
         np.testing.assert_allclose(np.exp(gained[by_word]), next_words[by_word, :, word])
 
 
@@ -153,12 +153,28 @@ def test_a_file_gives_back_what_was_written(tmp_path):
     np.testing.assert_allclose(unknown.settings.log_weights, -np.log(4.0))
 
 
+def test_a_file_from_before_scores_were_calibrated_says_whether_they_count(tmp_path):
+    path = tmp_path / "fitted.safetensors"
+    save_labels(FITTED, path)
+    arrays, described = FORMAT.read(path)
+    arrays["settings.by_score"] = arrays.pop("settings.score_powers")
+    FORMAT.write(path, arrays, described)
+    np.testing.assert_array_equal(read_labels(path).settings.score_powers, FITTED.settings.score_powers)
+
+
 def test_a_file_of_something_else_is_refused_in_one_line(tmp_path):
     path = tmp_path / "fitted.safetensors"
     path.write_bytes(b"not a file of models")
     with pytest.raises(InputError, match="not readable as safetensors"):
         read_labels(path)
-    for wrong in ({"class_shares": SHARES[:2]}, {"habits": EVEN_HABITS[1:]}, {"habits": 0.0 * EVEN_HABITS}):
+    below = replace(FITTED.settings, score_powers=np.array([0.0, 0.0, 1.0, -1.0]))
+    faults = (
+        {"class_shares": SHARES[:2]},
+        {"habits": EVEN_HABITS[1:]},
+        {"habits": 0.0 * EVEN_HABITS},
+        {"settings": below},
+    )
+    for wrong in faults:
         save_labels(replace(FITTED, **wrong), path)
         with pytest.raises(InputError, match="fit it anew with semantic_slam fit --from-run"):
             read_labels(path)

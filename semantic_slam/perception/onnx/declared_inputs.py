@@ -1,10 +1,12 @@
 """Inputs that an ONNX file declares, which OpenCV does not tell: their shapes from the file's protocol buffer.
 
-Field numbers are those of onnx.proto3: ModelProto.graph 7; GraphProto.initializer 5, .input 11; TensorProto.name 8;
+Field numbers are those of onnx.proto3: ModelProto.graph 7, .metadata_props 14; StringStringEntryProto.key 1, .value 2;
+GraphProto.initializer 5, .input 11; TensorProto.name 8;
 ValueInfoProto.name 1, .type 2; TypeProto.tensor_type 1; TypeProto.Tensor.shape 2; TensorShapeProto.dim 1;
 TensorShapeProto.Dimension.dim_value 1.
 """
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,6 +28,16 @@ def declared_inputs(path: Path) -> dict[str, Shape]:
         weights.update(_text(tensor, 8) for tensor in _messages(graph, 5))
         inputs |= {_text(value, 1): _shape(value) for value in _messages(graph, 11)}
     return {name: shape for name, shape in inputs.items() if name not in weights}
+
+
+def stated_input_size(path: Path) -> tuple[int | None, int | None]:
+    """Height and width for which a network was exported, by the entry ``imgsz`` that Ultralytics' exports have.
+
+    None where a file, which OpenCV has read, states none.
+    """
+    stated = {_text(entry, 1): _text(entry, 2) for entry in _messages(memoryview(path.read_bytes()), 14)}
+    sizes = [int(number) for number in re.findall(r"\d+", stated.get("imgsz", ""))]
+    return (sizes[0], sizes[-1]) if len(sizes) in (1, 2) and min(sizes) > 0 else (None, None)
 
 
 def _shape(value: memoryview) -> Shape:

@@ -10,7 +10,7 @@ import numpy as np
 from semantic_slam.errors import InputError, one_line
 from semantic_slam.geometry.arrays import Array, Bytes
 from semantic_slam.perception.frame import Detections
-from semantic_slam.perception.onnx.declared_inputs import declared_inputs
+from semantic_slam.perception.onnx.declared_inputs import declared_inputs, stated_input_size
 from semantic_slam.perception.onnx.letterbox import letterboxed
 from semantic_slam.perception.onnx.recognition import recognised
 from semantic_slam.perception.onnx.suppression import without_overlaps
@@ -22,7 +22,7 @@ class DetectorSettings:
     """What a detector's file may leave open, and its reporting thresholds."""
 
     input_size: int | None = None  # pixels, side of the square input; None: as the file says
-    layout: str | None = None  # yolov5, yolov8 or end_to_end, where the outputs fit several; None: by their shapes
+    layout: str | None = None  # of recognition.TABLES; None: by the shapes of the outputs
     least_score: float = 0.35  # of a box's best class
     largest_overlap: float = 0.6  # intersection over union above which the weaker of two boxes is suppressed
 
@@ -118,7 +118,8 @@ def _input_size(path: Path, given: int | None) -> tuple[int, int]:
     if len(inputs) != 1 or len(inputs[0]) != 4 or inputs[0][1] not in (3, None):
         shapes = ", ".join("x".join(str(size or "?") for size in shape) for shape in inputs) or "none"
         raise InputError(f"{path}: its inputs are {shapes}; export it with one, pictures of 1x3xHxW")
-    height, width = (size or given for size in inputs[0][2:])
+    open_size = stated_input_size(path) if given is None else (given, given)
+    height, width = (size or own for size, own in zip(inputs[0][2:], open_size, strict=True))
     if height is None or width is None:
         raise InputError(f"{path}: leaves its input size open; give it (--input-size, such as 640)")
     if given is not None and given < 1:

@@ -7,9 +7,11 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.onnx.layout import Layout
 from semantic_slam.perception.onnx.nanodet import NanoDet
-from semantic_slam.perception.onnx.yolo import EndToEnd, WithClassScores, WithObjectness, YoloTable, table_of
+from semantic_slam.perception.onnx.yolo import ByCell, EndToEnd, WithClassScores, WithObjectness, YoloTable, table_of
 
-TABLES: dict[str, type[YoloTable]] = {layout.name: layout for layout in (WithObjectness, WithClassScores, EndToEnd)}
+TABLES: dict[str, type[YoloTable]] = {
+    layout.name: layout for layout in (WithObjectness, WithClassScores, EndToEnd, ByCell)
+}
 """Layouts of a single output, by the name that a user may give."""
 
 
@@ -32,11 +34,16 @@ def recognised(
     return nanodet
 
 
+def _by_shape() -> list[type[YoloTable]]:
+    """Layouts that are told by the shape of their table."""
+    return [layout for layout in TABLES.values() if not layout.is_only_named]
+
+
 def _table_layout(
     outputs: Sequence[Array], num_classes: int, size: tuple[int, int], given: str | None, origin: Path
 ) -> Layout:
     shape = table_of(outputs).shape
-    layouts = [TABLES[given]] if given else list(TABLES.values())
+    layouts = [TABLES[given]] if given else _by_shape()
     ways = [layout.of(shape, num_classes, size, in_any_turn=bool(given)) for layout in layouts]
     found = [way for way in ways if way is not None]
     if not found:
@@ -49,7 +56,7 @@ def _table_layout(
 
 def _unknown(outputs: Sequence[Array], num_classes: int, given: str | None, origin: Path) -> str:
     of_names = f"{num_classes} class name{'' if num_classes == 1 else 's'}"
-    tables = [_expected(layout, num_classes) for name, layout in TABLES.items() if given in (None, name)]
+    tables = [_expected(layout, num_classes) for layout in ([TABLES[given]] if given else _by_shape())]
     known = ", ".join(tables if given else [*tables, "NanoDet's pairs"])
     return (
         f"{origin}: with {of_names} its outputs {_shapes(outputs)} are none of {known}; give its own class names, or"

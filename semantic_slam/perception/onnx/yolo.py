@@ -9,6 +9,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Bytes
 
+CELL_SIDES = (8, 16, 32)
+"""Pixels of the input that a side of YOLOX's cells has, grid by grid."""
 LEAST_SPREAD = 0.5
 """Share of the input over which the centres of all boxes must spread at least: every cell of the input has a box."""
 
@@ -27,6 +29,7 @@ class YoloTable(ABC):
     name: ClassVar[str]  # that a user may give
     grey: ClassVar[int] = 114
     usually_transposed: ClassVar[bool] = False
+    is_only_named: ClassVar[bool] = False  # not recognised by its shape, which is another layout's, too
 
     @staticmethod
     @abstractmethod
@@ -67,9 +70,14 @@ class _CentredBoxes(YoloTable, ABC):
     def _corners(self, table: Array) -> Array:
         """(N, 4) x_min y_min x_max y_max of rows that begin with centre and size. Raises ValueError."""
         centres, halves = table[:, :2], table[:, 2:4] / 2.0
-        if (np.ptp(centres, axis=0) < LEAST_SPREAD * np.array(self.size[::-1])).any():
-            raise ValueError("the boxes are not in pixels of the input")
+        if not _are_in_pixels(centres, self.size):
+            raise ValueError("the boxes are not in pixels of the input (those of a YOLOX are read with --layout yolox)")
         return np.concatenate([centres - halves, centres + halves], axis=1)
+
+
+def _are_in_pixels(centres: Array, size: tuple[int, int]) -> bool:
+    """Whether (N, 2) centres spread over an input of that height and width."""
+    return bool((np.ptp(centres, axis=0) >= LEAST_SPREAD * np.array(size[::-1])).all())
 
 
 class WithObjectness(_CentredBoxes):
@@ -97,6 +105,41 @@ class WithClassScores(_CentredBoxes):
 
     def _read(self, table: Array) -> tuple[Array, Array]:
         return self._corners(table), table[:, 4:]
+
+
+class ByCell(YoloTable):
+    """Layout of YOLOX: offset from the cell and log size in cells, objectness, and scores of the classes.
+
+    One row for each cell of grids of 8, 16 and 32 pixels (Ge et al. 2021; ``demo_postprocess`` of its repository), or
+    boxes that the file has decoded already. Input: BGR, 0..255.
+    """
+
+    name = "yolox"
+    is_only_named = True
+
+    @staticmethod
+    def num_columns(num_classes: int) -> int:
+        return 5 + num_classes
+
+    def normalised(self, pixels: Bytes) -> Array:
+        return np.asarray(pixels[..., ::-1], dtype=np.float64)
+
+    def _read(self, table: Array) -> tuple[Array, Array]:
+        corners, sides = self._cells()
+        if len(table) != len(sides):
+            raise ValueError(f"it has {len(table)} boxes, not one for each of the {len(sides)} cells of YOLOX's grids")
+        centres, sizes = table[:, :2], table[:, 2:4]
+        if not _are_in_pixels(centres, self.size):
+            centres, sizes = (centres + corners) * sides, np.exp(sizes) * sides
+        boxes = np.concatenate([centres - sizes / 2.0, centres + sizes / 2.0], axis=1)
+        return boxes, table[:, 4:5] * table[:, 5:]
+
+    def _cells(self) -> tuple[Array, Array]:
+        """(N, 2) column and row of every cell, row by row, and (N, 1) sides in pixels."""
+        height, width = self.size
+        grids = [np.indices((height // side, width // side)).reshape(2, -1)[::-1].T for side in CELL_SIDES]
+        sides = np.repeat(np.array(CELL_SIDES, dtype=np.float64), [len(grid) for grid in grids])
+        return np.concatenate(grids).astype(np.float64), sides[:, None]
 
 
 class EndToEnd(YoloTable):

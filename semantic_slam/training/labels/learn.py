@@ -13,26 +13,23 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.training.detection.looks import looks_of
 from semantic_slam.training.detection.rates import LearnedRates, learned
-from semantic_slam.training.labels.candidates import alike, by_side
+from semantic_slam.training.labels.candidates import alike, by_score, by_side
 from semantic_slam.training.labels.expectation import Expectation
 from semantic_slam.training.labels.fit import Fitted, as_they_are, with_known_classes
-from semantic_slam.training.labels.judgement import Judgement, judged
+from semantic_slam.training.labels.judgement import judged
 from semantic_slam.training.labels.maximisation import BeforeFit, class_shares, habit_shares
 from semantic_slam.training.labels.passes import FOLDS, NO_STRETCH, STRETCHES, passed
 from semantic_slam.training.labels.report import report_of
-from semantic_slam.training.labels.runs import Run
-from semantic_slam.training.labels.tracks import Track, stretch_edges, tracks_of
+from semantic_slam.training.labels.tracks import Track, tracks_of
+from semantic_slam.training.runs import Run
+from semantic_slam.training.sightings import stretch_edges
 from semantic_slam.viewpoint.labels.confusion import Confusion
 from semantic_slam.viewpoint.labels.store import FittedBag, FittedLabels
 
 LEAST_SHARE = 1e-3
 """Settings with less than this share of the likeliest one's weight are not handed on."""
-LEAST_GAIN = 3.0
-"""Nats by which held-out log evidence has to be better than before any fit."""
 LEAST_WORDS = 3.0
 """Words drawn from what a class is called, from which on its sides are told apart."""
-MOST_MISCALIBRATION = 0.02
-"""How much more than before any fit the calibration error of held-out words may surely be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,19 +99,18 @@ def learn(told: RunTracks) -> FittedLabels:
     )
     unfitted = as_they_are([start] * len(FOLDS), told.every)
     same = alike(start, before, told.every)
-    found = max(same, by_side(same, before, told.every), key=lambda own: own.held_out)
+    scored = max(same, by_score(same, before, told.every), key=_held_out)
+    found = max(scored, by_side(scored, before, told.every), key=_held_out)
     as_run = with_known_classes(unfitted, told.every, settings.class_counts)
     first, last = judged(as_run, told.every), judged(found, told.every)
-    is_better = _is_better(first, last)
+    is_better = last.is_better_than(first)
     detection = told.detection.numbers | {"runs": len(told.runs), "runs_in_space": told.num_in_space}
     report = report_of(found, is_better, first, last) | {"detection": detection}
     return _handed_on(found, told, report) if is_better else _as_before(unfitted, told, report)
 
 
-def _is_better(first: Judgement, last: Judgement) -> bool:
-    if last.log_evidence < first.log_evidence + LEAST_GAIN:
-        return False
-    return last.worse_calibrated_than(first) <= MOST_MISCALIBRATION
+def _held_out(own: Fitted) -> float:
+    return own.held_out
 
 
 def _handed_on(found: Fitted, told: RunTracks, report: dict[str, Any]) -> FittedLabels:

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.training.judgement import Judgement
 from semantic_slam.training.labels.fit import Fitted
-from semantic_slam.training.labels.judgement import Judgement
 from semantic_slam.viewpoint.labels.runner_up import truth_second
 
 MOST_OTHERS = 3
@@ -29,10 +29,11 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
         "is_kept": is_kept,
         "rounds": found.rounds,
         "sides": confusion.num_sectors,
-        "held_out": {"before": first.numbers, "after": last.numbers},
+        "held_out": {"before": _numbers(first), "after": _numbers(last)},
         "repeat_share": float(weights @ settings.repeat_shares),
         "repeat_rad": float(weights @ settings.repeat_rads),
-        "scores_count": float(weights @ settings.by_score),
+        "scores_count": float(weights @ (settings.score_powers > 0.0)),
+        "score_power": float(settings.score_powers[np.argmax(weights)]),
         "truth_second": float(whole.model.habits @ truth_second(whole.model.num_words)),
         "outlier_share": confusion.outlier_share,
         "classes": {
@@ -66,7 +67,18 @@ def lines_of(report: Mapping[str, Any]) -> list[str]:
         f" {report['outlier_share']:.3f}; where the first name is wrong the truth is second in"
         f" {report['truth_second']:.0%}; {report['rounds']} rounds"
     )
+    lines.append(_scores_line(report["score_power"]))
     return [*lines, judged, *detection_lines(report["detection"])]
+
+
+def _scores_line(power: float) -> str:
+    """What the detector's scores are worth."""
+    if power == 0.0:
+        return "scores tell nothing beyond the first two names"
+    if power == 1.0:
+        return "scores are probabilities as they are told"
+    kind = "surer than right" if power < 1.0 else "less sure than it might be"
+    return f"scores are probabilities to the power of {power:g}: the detector is {kind}"
 
 
 def detection_lines(own: Mapping[str, Any]) -> list[str]:
@@ -99,6 +111,14 @@ def _detection_line(own: Mapping[str, Any]) -> str:
         f"detected {own['probability']:.0%} of the time, {far}, {aside}; whether an object can be detected persists"
         f" with {own['persistence']:g} from keyframe to keyframe; {judged}"
     )
+
+
+def _numbers(own: Judgement) -> dict[str, float]:
+    return {
+        "log_evidence": own.log_evidence,
+        "calibration_error": own.calibration_error,
+        "num_words": len(own.answers),
+    }
 
 
 def _line(label: str, own: Mapping[str, Any]) -> str:

@@ -20,10 +20,12 @@ class LooksByDirection:
 
     repeat_rad: float  # angle over which an object's appearance changes
     counts: tuple[float, ...]  # (R,) prior pseudo-count of objects per setting
+    outlier_share: float | None = None  # None: as configured, in files of versions that did not learn it
 
     def of(self, model: EmbeddingModel) -> EmbeddingModel:
         """Copy of ``model`` with the learned parameters in place of the network-independent defaults."""
-        return replace(model, repeat_rad=self.repeat_rad, shared_counts=self.counts)
+        share = model.outlier_share if self.outlier_share is None else self.outlier_share
+        return replace(model, repeat_rad=self.repeat_rad, shared_counts=self.counts, outlier_share=share)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,22 +57,32 @@ def read_embeddings(path: Path) -> FittedEmbeddings:
     """Read such a file. Raises InputError naming the file, the fault and the remedy."""
     _, told = FORMAT.read(path)
     try:
-        found = FittedEmbeddings(
-            dimensions=int(told["dimensions"]),
-            spread_shares=tuple(map(float, told["spread_shares"])),
-            noise_shares=tuple(map(float, told["noise_shares"])),
-            whole=None if told["whole"] is None else _looks(told["whole"]),
-            without={str(name): _looks(own) for name, own in dict(told["without"]).items()},
-            report=dict(told["report"]),
-        )
-        _check(found)
+        return parsed_embeddings(told)
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(f"{path}: incomplete models of vectors ({fault}); {ANEW}") from None
+
+
+def parsed_embeddings(told: dict[str, Any]) -> FittedEmbeddings:
+    """Learned parameters from their description in a file. Raises KeyError, TypeError or ValueError."""
+    found = FittedEmbeddings(
+        dimensions=int(told["dimensions"]),
+        spread_shares=tuple(map(float, told["spread_shares"])),
+        noise_shares=tuple(map(float, told["noise_shares"])),
+        whole=None if told["whole"] is None else _looks(told["whole"]),
+        without={str(name): _looks(own) for name, own in dict(told["without"]).items()},
+        report=dict(told["report"]),
+    )
+    _check(found)
     return found
 
 
 def _looks(told: dict[str, Any]) -> LooksByDirection:
-    return LooksByDirection(repeat_rad=float(told["repeat_rad"]), counts=tuple(map(float, told["counts"])))
+    share = told.get("outlier_share")
+    return LooksByDirection(
+        repeat_rad=float(told["repeat_rad"]),
+        counts=tuple(map(float, told["counts"])),
+        outlier_share=None if share is None else float(share),
+    )
 
 
 def _check(found: FittedEmbeddings) -> None:
@@ -82,3 +94,5 @@ def _check(found: FittedEmbeddings) -> None:
             raise ValueError("counts must be one for each setting, finite and above 0")
         if not (np.isfinite(own.repeat_rad) and own.repeat_rad > 0.0):
             raise ValueError("repeat_rad must be above 0")
+        if own.outlier_share is not None and not 0.0 <= own.outlier_share < 1.0:
+            raise ValueError("outlier_share must not be below 0, and be below 1")

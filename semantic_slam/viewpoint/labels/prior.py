@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.perception.class_names import NONE_OF_THESE as NONE_OF_THESE
 from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE, Confusion
 from semantic_slam.viewpoint.labels.record import ANY_STRETCH, LabelRecord, LabelView, NearestView, NewestViews
@@ -74,14 +74,24 @@ class LabelPrior:
         return np.concatenate([own, others], axis=1)
 
     @cached_property
-    def by_score(self) -> Index:
-        """(R,) 1 where the setting uses scores besides the word, else 0."""
-        return self.settings.by_score.astype(int)
+    def powers(self) -> tuple[float, ...]:
+        """Q different powers of scores among the settings, ascending; 0: the word alone counts."""
+        return tuple(np.unique(self.settings.score_powers).tolist())
+
+    @cached_property
+    def power_of(self) -> Index:
+        """(R,) place of each setting's power among :attr:`powers`."""
+        return np.searchsorted(self.powers, self.settings.score_powers)
+
+    @cached_property
+    def is_by_word(self) -> Flags:
+        """(Q,) whether a power of scores lets the words alone count."""
+        return np.asarray(np.array(self.powers) == 0.0)
 
     @cached_property
     def by_word(self) -> Array:
         """(R, 1) 1 where the setting uses the words alone, else 0."""
-        return 1.0 - self.settings.by_score[:, None]
+        return np.asarray((self.settings.score_powers == 0.0).astype(np.float64)[:, None])
 
     @cached_property
     def classes_of_rows(self) -> Index:
@@ -115,9 +125,9 @@ class LabelPrior:
         return np.asarray(self.priors[view.stretch][self.sector_of(view)])
 
     def drawn(self, view: LabelView) -> Array:
-        """(2, K) prior counts of a view's answer: by its word alone, and weighted by its scores."""
-        prior = self.prior_of(view)
-        return np.array([prior[:, view.word.answer], prior @ view.word.shares])
+        """(Q, K) prior counts of what a view shows, by each of :attr:`powers` of its scores."""
+        prior, word = self.prior_of(view), view.word
+        return np.array([prior @ word.calibrated(power) if power else prior[:, word.answer] for power in self.powers])
 
     @cached_property
     def first_gains(self) -> Array:

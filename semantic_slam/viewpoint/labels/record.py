@@ -24,6 +24,22 @@ class LabelWord:
     answer: int  # the word, -1: none
     shares: Array  # (W,) scores of all words
 
+    def calibrated(self, power: float) -> Array:
+        """(W,) probabilities of what the box shows, by a power of the scores, which is normalised.
+
+        A power below 1 is that of a detector that is surer than right, one above 1 of one that is less sure than it
+        might be (temperature scaling, Guo et al. 2017, with the inverse temperature).
+        """
+        if power == 1.0:
+            return self.shares
+        raised = (self.shares / self.shares.max()) ** power
+        return np.asarray(raised / raised.sum())
+
+    def meant(self, words: Sequence[int], powers: Sequence[float]) -> Array:
+        """(Q, N) probabilities that the box shows some words, by powers of the scores; 0: the answer alone counts."""
+        places, by_answer = list(words), [float(word == self.answer) for word in words]
+        return np.array([self.calibrated(power)[places] if power else by_answer for power in powers])
+
     @cached_property
     def reported(self) -> tuple[int, ...]:
         """Indices of the words that were reported."""

@@ -10,6 +10,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.model_files import ModelFormat
 from semantic_slam.viewpoint.detection_values import UNTOLD, DetectionValues
+from semantic_slam.viewpoint.embeddings.store import FittedEmbeddings, parsed_embeddings
 from semantic_slam.viewpoint.labels.confusion import HIDDEN_NONE, Confusion
 from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.labels.runner_up import EVEN_HABITS
@@ -17,6 +18,8 @@ from semantic_slam.viewpoint.labels.settings import LabelSettings
 
 ANEW = "fit it anew with semantic_slam fit --from-run"
 FORMAT = ModelFormat(kind="detector", schema_version=1, remedy=f"check semantic_model.path, or {ANEW}")
+OLDER_NAMES = {"settings.by_score": "settings.score_powers"}
+"""Arrays that were named otherwise in files of older versions, where they had fewer values."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +47,7 @@ class FittedLabels:
     report: dict[str, Any]
     habits: Array = field(default_factory=lambda: EVEN_HABITS)  # (H,) share of objects with each second-word habit
     detection: DetectionValues = UNTOLD
+    vectors: FittedEmbeddings | None = None  # of the vectors that the same detections carry
 
     def detection_of(self, sha256: str) -> DetectionValues:
         """Detection values for a bag: fitted to the other bags where this one was part of the fit."""
@@ -86,6 +90,7 @@ def save_labels(fitted: FittedLabels, path: Path) -> None:
         "bags": [asdict(bag) for bag in fitted.bags],
         "report": fitted.report,
         "detection": asdict(fitted.detection),
+        "vectors": None if fitted.vectors is None else asdict(fitted.vectors),
     }
     plain = {name: np.array(value, dtype=np.float64, order="C") for name, value in arrays.items()}
     FORMAT.write(path, plain, description)
@@ -104,10 +109,11 @@ def read_labels(path: Path) -> FittedLabels:
 
 def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabels:
     """Parse the content of a file. Raises KeyError or TypeError."""
+    told = {OLDER_NAMES.get(name, name): array for name, array in arrays.items()}
     parts = [arrays[f"confusions.{item.name}"] for item in fields(Confusion)]
     return FittedLabels(
         labels=tuple(map(str, description["labels"])),
-        settings=LabelSettings(**{item.name: arrays[f"settings.{item.name}"] for item in fields(LabelSettings)}),
+        settings=LabelSettings(**{item.name: told[f"settings.{item.name}"] for item in fields(LabelSettings)}),
         confusions=tuple(
             Confusion(counts=counts, none=none, outlier_share=float(share))
             for counts, none, share in zip(*parts, strict=True)
@@ -117,6 +123,7 @@ def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabe
         bags=tuple(_bag(own) for own in description["bags"]),
         report=dict(description["report"]),
         detection=_detection(description),
+        vectors=None if description.get("vectors") is None else parsed_embeddings(description["vectors"]),
     )
 
 
@@ -152,6 +159,8 @@ def _check(found: FittedLabels) -> None:
     for values_, shape in shapes:
         if values_.shape != shape or not np.all(np.isfinite(values_)):
             raise ValueError("an array has a wrong shape or is not finite")
+    if found.settings.score_powers.min() < 0.0:
+        raise ValueError("powers of scores must not be below 0")
     for own in (found.detection, *(bag.detection for bag in found.bags)):
         _check_detection(own)
     counts = [part for own in found.confusions for part in (own.counts, own.none)]

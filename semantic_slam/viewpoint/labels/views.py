@@ -56,48 +56,48 @@ class SilentView:
 class FirstView:
     """First word of an object: no earlier word can repeat, and the total count of a row cancels.
 
-    Settings therefore differ only in whether scores count: axis 0 of the arrays is (words alone, scores).
+    Settings therefore differ only in how scores count: axis 0 of the arrays is that of the Q powers of scores.
     """
 
     prior: LabelPrior
     before: LabelRecord
     view: LabelView
     totals: Array  # (K,) counts of each row
-    likelihood: Array  # (2, K) of the word
-    log_likelihood: Array  # (2, K) of all views
+    likelihood: Array  # (Q, K) of the word
+    log_likelihood: Array  # (Q, K) of all views
 
     @classmethod
     def of(cls, prior: LabelPrior, record: LabelRecord, view: LabelView, drawn: Array) -> Self:
-        """Weigh a view of an object without words; ``drawn`` (2, K) as :meth:`LabelPrior.drawn` finds it."""
+        """Weigh a view of an object without words; ``drawn`` (Q, K) as :meth:`LabelPrior.drawn` finds it."""
         totals, share = prior.totals[view.stretch][prior.sector_of(view)], prior.confusions[view.stretch].outlier_share
         likelihood = (1.0 - share) * (drawn / totals) + share / prior.num_words
         told = record.log_likelihood[0] + np.log(likelihood)  # any setting will do: all are equal so far
         if view.word.second != NONE:
-            told[0] += _first_gained(prior, view)
+            told[prior.is_by_word] += _first_gained(prior, view)  # scores include it already
         return cls(prior=prior, before=record, view=view, totals=totals, likelihood=likelihood, log_likelihood=told)
 
     def log_evidence(self, log_rows: Array) -> Array:
         """(R,) sums over the rows."""
-        return finite_log_sum_exp(self.log_likelihood + log_rows, axis=1)[self.prior.by_score]
+        return finite_log_sum_exp(self.log_likelihood + log_rows, axis=1)[self.prior.power_of]
 
     @property
     def by_setting(self) -> Array:
         """(R, C) log likelihood of each class."""
-        return self.prior.by_class(self.log_likelihood)[self.prior.by_score]
+        return self.prior.by_class(self.log_likelihood)[self.prior.power_of]
 
     @property
     def record(self) -> LabelRecord:
         """Record with the object's first words."""
-        view, before, by_score = self.view, self.before, self.prior.by_score
+        view, before, power_of = self.view, self.before, self.prior.power_of
         word, share = view.word, self.prior.confusions[view.stretch].outlier_share
         words, new = list(word.reported), (1.0 - share) / (self.totals * self.likelihood)
-        meant = np.array([[float(one == word.answer) for one in words], word.shares[words]])  # (2, N)
+        meant = word.meant(words, self.prior.powers)  # (Q, N)
         counts = (self.prior.prior_of(view).T[words, None] * meant.T[..., None]) * new
         second = before.seconds.following(RunnerUp(first=word.answer, second=word.second, earlier=NONE, away=0.0))
         return LabelRecord(
-            log_likelihood=self.log_likelihood[by_score],
+            log_likelihood=self.log_likelihood[power_of],
             words=word.reported,
-            counts=counts[:, by_score],
+            counts=counts[:, power_of],
             newest=before.newest.following(view),
             seconds=before.seconds if second is None else second.after,
         )
@@ -119,10 +119,10 @@ class LaterView:
 
     @classmethod
     def of(cls, prior: LabelPrior, record: LabelRecord, view: LabelView, drawn: Array) -> Self:
-        """Weigh a view of an object with words or without; ``drawn`` (2, K) as :meth:`LabelPrior.drawn` finds it."""
+        """Weigh a view of an object with words or without; ``drawn`` (Q, K) as :meth:`LabelPrior.drawn` finds it."""
         word, share, nearest = view.word, prior.confusions[view.stretch].outlier_share, record.newest.nearest(view)
         totals = prior.weighted_totals[view.stretch][prior.sector_of(view)] + record.counts.sum(axis=0)
-        of_class, weights = prior.factors * drawn[prior.by_score], _weights(prior, record.words, view)
+        of_class, weights = prior.factors * drawn[prior.power_of], _weights(prior, record.words, view)
         new = (of_class + np.einsum("rn,nrk->rk", weights, record.counts)) / totals
         repeating = prior.repeats(nearest)
         anew = 1.0 - repeating
@@ -194,9 +194,8 @@ def _first_gained(prior: LabelPrior, view: LabelView) -> Array:
 
 
 def _weights(prior: LabelPrior, words: tuple[int, ...], view: LabelView) -> Array:
-    """(R, N) weight of each word in a view: one-hot for the answer, or its scores."""
-    is_answer = [float(word == view.word.answer) for word in words]
-    return np.array([is_answer, view.word.shares[list(words)]])[prior.by_score]
+    """(R, N) weight of each word in a view: one-hot for the answer, or a power of its scores."""
+    return view.word.meant(words, prior.powers)[prior.power_of]
 
 
 def _with_room(counts: Array, num_words: int) -> Array:

@@ -8,6 +8,7 @@ import pytest
 from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.configuration import Configuration
 from semantic_slam.contracts.semantics import Weighed, WitnessSemantics
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.log_space import log_sum_exp
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.inference.engine import Engine
@@ -92,3 +93,8 @@ def test_every_combination_is_a_setting():
     model = load_label_model(own)
     assert model is not None
     assert model.num_settings == 2 * len(own.repeat_shares) * len(own.count_factors)
+    broad = load_label_model(replace(own, score_powers=(0.0, 0.5, 1.0, 2.0)))
+    assert broad is not None and broad.num_settings == 2 * model.num_settings and broad.powers == (0.0, 0.5, 1.0, 2.0)
+    for powers in ((), (1.0, -0.5)):
+        with pytest.raises(InputError, match="score_powers must not be below 0, one at least"):
+            load_label_model(replace(own, score_powers=powers))

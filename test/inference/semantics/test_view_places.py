@@ -83,6 +83,6 @@ def test_labels_are_as_sure_as_the_camera_has_moved(told):
     record = model.start()
     for view in views():
         record = model.after(record, view)
-    by_word = model.settings.by_score == 0.0
+    by_word = model.settings.score_powers == 0.0
     found = told.recent[0].record.log_likelihood
     np.testing.assert_allclose(found[by_word], record.log_likelihood[by_word], atol=1e-12)

@@ -9,8 +9,8 @@ from onnx import TensorProto, helper, numpy_helper
 from worlds.views.onnx_networks import write_network
 
 from semantic_slam.errors import InputError
-from semantic_slam.perception.onnx.declared_inputs import declared_inputs
-from semantic_slam.perception.onnx.detector import OnnxDetector
+from semantic_slam.perception.onnx.declared_inputs import declared_inputs, stated_input_size
+from semantic_slam.perception.onnx.detector import DetectorSettings, OnnxDetector
 
 
 def sum_of(path: Path, *inputs: onnx.ValueInfoProto, weights: tuple[onnx.TensorProto, ...] = ()) -> Path:
@@ -42,6 +42,25 @@ def test_weights_among_the_inputs_are_none(tmp_path: Path) -> None:
 
 def test_a_file_of_pytorch_is_read_as_well(tmp_path: Path) -> None:
     assert declared_inputs(write_network(tmp_path / "net.onnx", "yolov8", size=(32, 96))) == {"images": (1, 3, 32, 96)}
+
+
+@pytest.mark.parametrize(
+    ("stated", "size"),
+    [("[320, 640]", (320, 640)), ("416", (416, 416)), ("[]", (None, None)), ("[0, 0]", (None, None))],
+)
+def test_the_size_that_an_export_states_fills_in_for_an_open_one(
+    stated: str, size: tuple[int | None, int | None], tmp_path: Path
+) -> None:
+    path = write_network(tmp_path / "net.onnx", "yolov8", open_sizes=(0, 2, 3))
+    assert stated_input_size(path) == (None, None)
+    model = onnx.load(str(path))
+    model.metadata_props.add(key="stride", value="32")
+    model.metadata_props.add(key="imgsz", value=stated)
+    onnx.save(model, str(path))
+    assert stated_input_size(path) == size
+    if size == (320, 640):
+        assert OnnxDetector(path, ("red", "green", "blue")).input_size == size
+        assert OnnxDetector(path, ("red", "green", "blue"), DetectorSettings(input_size=64)).input_size == (64, 64)
 
 
 @pytest.mark.parametrize(

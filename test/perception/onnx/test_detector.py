@@ -12,6 +12,7 @@ from semantic_slam.perception.onnx.detector import DetectorSettings, OnnxDetecto
 from semantic_slam.perception.onnx.layout import Layout
 from semantic_slam.perception.onnx.letterbox import letterboxed
 from semantic_slam.perception.onnx.nanodet import NanoDet
+from semantic_slam.perception.onnx.recognition import recognised
 from semantic_slam.perception.onnx.suppression import without_overlaps
 from semantic_slam.perception.onnx.yolo import EndToEnd, WithClassScores, WithObjectness
 
@@ -102,6 +103,39 @@ def test_a_table_that_fits_two_layouts_asks_which_it_is(tmp_path: Path) -> None:
         detect(detector, black_with_block((64, 64), (16, 24, 24, 32), "blue"))
     with pytest.raises(InputError, match="no layout of a detector"):
         OnnxDetector(path, ("thing",), DetectorSettings(layout="yolov99"))
+
+
+def yolox_table(
+    box: tuple[float, float, float, float], size: tuple[int, int], cell: tuple[int, int, int]
+) -> np.ndarray:
+    """Two classes; the cell in that row and column of the grid of that side tells the box, the others nothing."""
+    height, width = size
+    counts = [height // side * (width // side) for side in (8, 16, 32)]
+    table, (row, column, side) = np.zeros((sum(counts), 7)), cell
+    number = sum(counts[: (8, 16, 32).index(side)]) + row * (width // side) + column
+    centre, extent = np.array([box[0] + box[2], box[1] + box[3]]) / 2.0, np.array([box[2] - box[0], box[3] - box[1]])
+    table[number] = [*(centre / side - [column, row]), *np.log(extent / side), 0.8, 0.1, 0.9]
+    return table
+
+
+@pytest.mark.parametrize("cell", [(2, 5, 8), (1, 2, 16), (0, 1, 32)])
+def test_boxes_of_a_yolox_are_told_by_its_cells(cell: tuple[int, int, int]) -> None:
+    """Its table has the shape of a YOLOv5's, so that its layout has to be named; channels are blue, green and red."""
+    box, size = (30.0, 10.0, 70.0, 26.0), (64, 96)
+    table = yolox_table(box, size, cell)
+    with pytest.raises(ValueError, match=r"not in pixels of the input .*--layout yolox"):
+        recognised([table[None]], 2, size, None, Path("net.onnx")).boxes([table[None]])
+    layout = recognised([table[None]], 2, size, "yolox", Path("net.onnx"))
+    boxes, scores = layout.boxes([table[None]])
+    best = int(scores.max(axis=1).argmax())
+    np.testing.assert_allclose(boxes[best], box)
+    np.testing.assert_allclose(scores[best], [0.08, 0.72])
+    decoded = table.copy()
+    decoded[:, :2], decoded[:, 2:4] = (boxes[:, :2] + boxes[:, 2:]) / 2.0, boxes[:, 2:] - boxes[:, :2]
+    np.testing.assert_allclose(layout.boxes([decoded[None]])[0], boxes)
+    np.testing.assert_array_equal(layout.normalised(np.array([[[1, 2, 3]]], dtype=np.uint8)), [[[3.0, 2.0, 1.0]]])
+    with pytest.raises(ValueError, match="it has 125 boxes, not one for each of the 126 cells"):
+        layout.boxes([table[None, :-1]])
 
 
 def test_a_transposed_table_is_read_by_the_layout_that_is_given(tmp_path: Path) -> None:

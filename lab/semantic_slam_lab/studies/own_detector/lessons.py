@@ -8,8 +8,8 @@ import numpy as np
 
 from semantic_slam.training.labels.learn import RunTracks, learn
 from semantic_slam.training.labels.maximisation import class_shares
-from semantic_slam.training.labels.runs import Run, read_runs
 from semantic_slam.training.labels.tracks import Track
+from semantic_slam.training.runs import Run, read_runs
 from semantic_slam.viewpoint.labels.store import FittedLabels, save_labels
 from semantic_slam_lab.studies.own_detector.bags import Case, foreign_bag, imported
 from semantic_slam_lab.studies.own_detector.courses import Drive
