@@ -16,6 +16,7 @@ from semantic_slam.perception.camera_sight import edges_of
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places
+from semantic_slam.perception.range_noise import range_variances
 
 
 @dataclass(frozen=True)
@@ -82,11 +83,11 @@ def points_of_boxes(
 ) -> SpatialPoints:
     """Points at given distances along the rays through (D, 4) boxes with cut edges (D, 2, 2); NaN without a distance.
 
-    The error along the ray is that of sigma_range_m and sigma_range_per_m; across, that of the boxes.
+    The error along the ray is that of ``perception.sigma_range_*``; across, that of the boxes.
     """
     rays, across = ray_covariances(boxes, cut, camera, T_base_camera, settings)
     along = rays[:, :, None] * rays[:, None, :]
-    by_range = settings.sigma_range_m**2 + (settings.sigma_range_per_m * distances_m) ** 2
+    by_range = range_variances(distances_m, settings)
     covariances = by_range[:, None, None] * along + (distances_m**2)[:, None, None] * across
     return SpatialPoints(T_base_camera[:3] + rays * distances_m[:, None], covariances)
 
