@@ -10,7 +10,6 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.optional_arrays import left_out
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.best_scored import best_scored
-from semantic_slam.perception.boxes.cut_edges import cut_edges, none_cut
 from semantic_slam.perception.camera_sight import sight_of
 from semantic_slam.perception.collaborators import (
     AppearanceCheck,
@@ -20,6 +19,7 @@ from semantic_slam.perception.collaborators import (
     crop_features,
 )
 from semantic_slam.perception.crops import box_fault, square_crop
+from semantic_slam.perception.cut_edges import cut_edges, none_cut
 from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
 from semantic_slam.perception.measurement import SemanticMeasurements

@@ -14,8 +14,8 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.best_scored import best_scored
-from semantic_slam.perception.boxes.cut_edges import cut_edges, none_cut
 from semantic_slam.perception.crops import IN_SHARES, are_in_shares
+from semantic_slam.perception.cut_edges import cut_edges, none_cut
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places

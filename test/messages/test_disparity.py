@@ -11,7 +11,7 @@ from semantic_slam.errors import MessageError
 from semantic_slam.messages.images import decode_depth, size_of
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class
-from semantic_slam.perception.boxes.cut_edges import none_cut
+from semantic_slam.perception.cut_edges import none_cut
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.points_in_space import points_of_boxes
 

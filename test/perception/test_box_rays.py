@@ -9,9 +9,9 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.inputs.spatial_reader import rays_of
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
-from semantic_slam.perception.boxes.cut_edges import cut_edges, none_cut
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.crops import IN_SHARES
+from semantic_slam.perception.cut_edges import cut_edges, none_cut
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.places import PlaceReader
 from semantic_slam.perception.range_bearing import range_and_bearing

@@ -12,8 +12,8 @@ from semantic_slam import Engine, HybridBelief
 from semantic_slam.configuration import load_configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.perception import classifier as classifier_module
-from semantic_slam.perception.boxes.cut_edges import cut_by_border, cut_edges
 from semantic_slam.perception.classifier import Classifier
+from semantic_slam.perception.cut_edges import cut_by_border, cut_edges
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.places import PlaceReader
 from semantic_slam.perception.range_bearing import range_and_bearing

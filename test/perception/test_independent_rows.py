@@ -11,7 +11,7 @@ from semantic_slam.geometry.pose import rotated_by_matrix, rotation_matrix, tran
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
-from semantic_slam.perception.boxes.cut_edges import cut_by_border
+from semantic_slam.perception.cut_edges import cut_by_border
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.places_geometry import places_of_boxes
 from semantic_slam.perception.points_in_space import points_of_boxes

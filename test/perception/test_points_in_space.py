@@ -8,8 +8,8 @@ import pytest
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry import se3, so3
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
-from semantic_slam.perception.boxes.cut_edges import cut_edges
 from semantic_slam.perception.classifier import Classifier
+from semantic_slam.perception.cut_edges import cut_edges
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.image_sight import ImageSight
 from semantic_slam.perception.measurement import SemanticMeasurements

@@ -10,7 +10,7 @@ from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.perception.boxes.box_sizes import pixel_rays
-from semantic_slam.perception.boxes.cut_edges import cut_by_border
+from semantic_slam.perception.cut_edges import cut_by_border
 from semantic_slam.perception.frame import CameraModel, Detections
 
 
