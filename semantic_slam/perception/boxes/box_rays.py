@@ -31,8 +31,8 @@ def ray_covariances(
 ) -> tuple[Array, Array]:
     """(D, 3) unit rays through the centres of (D, 4) boxes and their (D, 3, 3) covariances, in the body frame.
 
-    ``cut``: (D, 2, 2) edges that are cut, see :mod:`semantic_slam.perception.cut_edges`. The covariances are transverse to the rays only; NaN
-    where there is no box.
+    ``cut``: (D, 2, 2) edges that are cut, see :mod:`semantic_slam.perception.cut_edges`. The covariances are
+    transverse to the rays only; NaN where there is no box.
     """
     rays = whole_box_rays(boxes, cut, camera)
     shown, are_cut = shown_sizes(boxes, camera), cut.any(axis=2)
