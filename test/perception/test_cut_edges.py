@@ -95,7 +95,7 @@ def test_without_depth_edges_that_another_box_adjoins_may_be_cut(
     assert cut_edges(np.array(boxes), CAMERA).tolist() == wanted
 
 
-def detections(boxes: Sequence[Sequence[float]]) -> Detections:
+def detections(boxes: Sequence[Sequence[float]] | np.ndarray) -> Detections:
     names = ("cup", "book", "bottle")[: len(boxes)]
     ones = np.ones(len(boxes))
     return Detections(
