@@ -5,10 +5,8 @@ readings: at the edge there is a step from the surface inside to a nearer one ou
 too. Both surfaces are continued to the edge as planes, so that a floor or a table on which the object stands has no
 step there, however fast it comes nearer below the edge. The inverse depth of a plane is linear in the pixel.
 
-Without a reading another detection's box tells it, if all of the edge lies in that box or abuts on it, and that box is
-nearer. If either depth is unknown, the other box counts as nearer unless it holds most of this one: an object that is
-mostly seen within the outline of another stands in front of it, is a part of it, or is the object itself under another
-label. Where boxes abut, edges of both may then be cut, as nothing tells which object is nearer.
+Without a reading about the edge another detection's box tells it, if all of the edge lies in that box or abuts on it,
+and the middle of that box is nearer. Without any depth nothing tells which of two things hides the other.
 
 An edge has to be covered along its length: an object that shows beside its occluder reaches the edge of its box there.
 """
@@ -17,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.geometry.arrays import Array, Flags
-from semantic_slam.perception.boxes.same_outline import areas, shared_areas
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.range_bearing import depth_in_box
 
@@ -37,8 +34,6 @@ LEAST_STEP_M, STEP_PER_M = 0.1, 0.05
 """Smallest step in depth from an object to its occluder [m], and per metre of depth, as depth errs by more far away."""
 FARTHEST_M = 1e3
 """Depth of a plane that does not meet the edge before the camera."""
-MOSTLY = 0.5
-"""Share of a box's area from which on it lies mostly in another."""
 
 
 def cut_by_border(boxes: Array, camera: CameraModel) -> Flags:
@@ -53,23 +48,24 @@ def none_cut(count: int) -> Flags:
 
 
 def cut_edges(
-    boxes: Array, camera: CameraModel, depth_m: NDArray[np.float32] | None = None, max_depth_m: float = np.inf
+    boxes: Array, camera: CameraModel, depth_m: NDArray[np.float32] | None, max_depth_m: float = np.inf
 ) -> Flags:
     """(D, 2, 2) which edges of a frame's (D, 4) boxes are cut, by the border or by what is nearer.
 
     ``boxes`` are all of the frame, as those that are not used hide others, too; NaN where there is no box. ``depth_m``
     is (height, width) along the optical axis [m]; None: no depth. Axis 1 is x and y, axis 2 the low and high end.
     """
-    depths = np.full(len(boxes), np.nan)
-    if depth_m is not None:
-        depths = np.array([_depth_of(box, depth_m, max_depth_m) for box in boxes], dtype=np.float64)
+    at_border = cut_by_border(boxes, camera)
+    if depth_m is None:
+        return at_border
+    depths = np.array([_depth_of(box, depth_m, max_depth_m) for box in boxes], dtype=np.float64)
     outwards = np.array([-1.0, 1.0])
     there, here = (_at_edge(boxes, away, depth_m) for away in (OUTSIDE * outwards, -INSIDE * outwards))
     own = np.fmin(depths[:, None, None, None], here)
     is_beside = _lie_in_nearer_boxes(_probes(boxes, OUTSIDE * outwards), boxes, depths)
     is_told = np.isfinite(there) & np.isfinite(own)
     covered = np.where(is_told, _is_nearer(there, own), is_beside[..., None])
-    return np.asarray(cut_by_border(boxes, camera) | (covered.mean(axis=-1) >= LEAST_COVERED))
+    return np.asarray(at_border | (covered.mean(axis=-1) >= LEAST_COVERED))
 
 
 def _depth_of(box: Array, depth_m: NDArray[np.float32], max_depth_m: float) -> float:
@@ -81,7 +77,7 @@ def _is_nearer(there: Array, own: Array) -> Flags:
     return np.asarray(own - there > np.maximum(LEAST_STEP_M, STEP_PER_M * own))
 
 
-def _at_edge(boxes: Array, away: Array, depth_m: NDArray[np.float32] | None) -> Array:
+def _at_edge(boxes: Array, away: Array, depth_m: NDArray[np.float32]) -> Array:
     """(D, 2, 2, P) depth at the edges of the surfaces ``away`` from them; of the reading itself if there is but one."""
     near, far = (_readings(_probes(boxes, away, times), depth_m) for times in (1.0, 2.0))
     inverse = np.where(np.isfinite(far), 2.0 / near - 1.0 / far, 1.0 / near)
@@ -100,10 +96,8 @@ def _probes(boxes: Array, away: Array, times: float = 1.0) -> Array:
     return pixels
 
 
-def _readings(pixels: Array, depth_m: NDArray[np.float32] | None) -> Array:
-    """(...,) depth at (..., 2) pixels; NaN outside the image, without a valid reading and without an image."""
-    if depth_m is None:
-        return np.full(pixels.shape[:-1], np.nan)
+def _readings(pixels: Array, depth_m: NDArray[np.float32]) -> Array:
+    """(...,) depth at (..., 2) pixels; NaN outside the image and without a valid reading."""
     height, width = depth_m.shape
     is_inside = np.asarray(((pixels >= 0.0) & (pixels < [width, height])).all(axis=-1))
     u, v = np.moveaxis(np.where(is_inside[..., None], pixels, 0.0).astype(np.intp), -1, 0)
@@ -112,11 +106,8 @@ def _readings(pixels: Array, depth_m: NDArray[np.float32] | None) -> Array:
 
 
 def _lie_in_nearer_boxes(pixels: Array, boxes: Array, depths: Array) -> Flags:
-    """(D, 2, 2) whether all P pixels (D, 2, 2, P, 2) beside an edge lie in another box that is nearer, or may be."""
-    is_known = np.isfinite(depths[:, None]) & np.isfinite(depths)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        lies_in = shared_areas(boxes, boxes) / areas(boxes)[:, None]
-    is_before = np.where(is_known, _is_nearer(depths, depths[:, None]), lies_in < MOSTLY)
+    """(D, 2, 2) whether all P pixels (D, 2, 2, P, 2) beside an edge lie in another box that is nearer."""
+    is_before = _is_nearer(depths, depths[:, None])
     low, high = boxes[:, :2], boxes[:, 2:]
     points = pixels[..., None, :]  # (D, 2, 2, P, 1, 2)
     holds = np.asarray(((points >= low) & (points <= high)).all(axis=-1))

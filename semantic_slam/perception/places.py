@@ -15,7 +15,7 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.best_scored import best_scored
 from semantic_slam.perception.crops import IN_SHARES, are_in_shares
-from semantic_slam.perception.cut_edges import cut_edges, none_cut
+from semantic_slam.perception.cut_edges import cut_by_border, none_cut
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
@@ -47,7 +47,7 @@ class PlaceReader:
         either of the first two are relative to the body origin, so box-only detections are not used there; in space
         they are rays from the camera.
         """
-        cut = cut_edges(detections.boxes, camera) if self._in_space and camera is not None else None
+        cut = cut_by_border(detections.boxes, camera) if self._in_space and camera is not None else None
         places, sensor = _places(detections, cut, camera, T_base_camera, in_space=self._in_space)
         points = told_points(detections) if self._in_space else SpatialPoints.untold(len(detections))
         if points.are_told.any():

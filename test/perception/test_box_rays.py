@@ -11,7 +11,7 @@ from semantic_slam.inference.inputs.spatial_reader import rays_of
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.crops import IN_SHARES
-from semantic_slam.perception.cut_edges import cut_edges, none_cut
+from semantic_slam.perception.cut_edges import cut_by_border, none_cut
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.places import PlaceReader
 from semantic_slam.perception.range_bearing import range_and_bearing
@@ -67,7 +67,7 @@ def test_a_box_is_the_same_ray_with_a_picture_and_without(mount):
     np.testing.assert_array_equal(rays_of(pictured)[0], rays_of(alone)[0])
     for name in ("place_covariances", "angular_sizes_rad", "sensor_position", "sensor_orientation", "points"):
         np.testing.assert_array_equal(getattr(pictured, name), getattr(alone, name))
-    rays, _ = ray_covariances(boxes, cut_edges(boxes, CAMERA), CAMERA, mount, SETTINGS)
+    rays, _ = ray_covariances(boxes, cut_by_border(boxes, CAMERA), CAMERA, mount, SETTINGS)
     np.testing.assert_allclose(rays_of(alone)[0], rays, atol=1e-12)
 
 

@@ -15,7 +15,6 @@ from semantic_slam.perception import classifier as classifier_module
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.cut_edges import cut_by_border, cut_edges
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
-from semantic_slam.perception.places import PlaceReader
 from semantic_slam.perception.range_bearing import range_and_bearing
 from semantic_slam.shipped import configuration_file
 
@@ -78,23 +77,6 @@ def test_a_surface_of_no_detection_cuts_what_is_behind_it_but_not_what_stands_on
     assert cut_edges(np.array([THING]), CAMERA, upon).tolist() == [NOTHING]
 
 
-@pytest.mark.parametrize(
-    ("boxes", "wanted"),
-    [
-        pytest.param([THING, BESIDE], [RIGHT, NOTHING], id="abutting the taller"),
-        pytest.param([THING, [140.0, 80.0, 200.0, 160.0]], [RIGHT, LEFT], id="either may be before the other"),
-        pytest.param([THING, WIDE], [NOTHING, NOTHING], id="a cup before a monitor"),
-        pytest.param([THING, [99.0, 81.0, 145.0, 158.0]], [NOTHING, NOTHING], id="one thing, two labels"),
-        pytest.param([THING, [160.0, 60.0, 200.0, 170.0]], [NOTHING, NOTHING], id="apart"),
-        pytest.param([THING, [np.nan] * 4], [NOTHING, NOTHING], id="no box"),
-    ],
-)
-def test_without_depth_edges_that_another_box_adjoins_may_be_cut(
-    boxes: list[list[float]], wanted: list[list[list[bool]]]
-) -> None:
-    assert cut_edges(np.array(boxes), CAMERA).tolist() == wanted
-
-
 def detections(boxes: Sequence[Sequence[float]] | np.ndarray) -> Detections:
     names = ("cup", "book", "bottle")[: len(boxes)]
     ones = np.ones(len(boxes))
@@ -103,25 +85,32 @@ def detections(boxes: Sequence[Sequence[float]] | np.ndarray) -> Detections:
     )
 
 
+def in_space(labels: tuple[str, ...] = ()) -> Classifier:
+    """Of boxes with depth, of which only these labels are used, where there are any."""
+    settings = replace(SETTINGS, labels=labels)
+    sensor = partial(range_and_bearing, configuration=settings)
+    return Classifier(None, settings, seed=0, range_bearing_sensor=sensor, in_space=True)
+
+
+def frame_of(boxes: Sequence[Sequence[float]], depths: Sequence[float], camera: CameraModel = CAMERA) -> Frame:
+    surfaces = zip(boxes, depths, strict=True)
+    return Frame(1, np.zeros((240, 320, 3), np.uint8), painted(*surfaces), camera, detections(boxes))
+
+
 def test_what_a_thing_cuts_is_stated_as_what_the_border_cuts() -> None:
-    """The same box at the left border, and as far off the optical axis at the right edge of another box."""
-    reader = PlaceReader(SETTINGS, in_space=True)
-    cut = reader.measure(detections([[0.0, 80.0, 40.0, 160.0]]), 0, CAMERA, AHEAD)
+    """The same box at the left border, and as far off the optical axis at the right edge of a nearer thing."""
+    cut = in_space().measure(frame_of([[0.0, 80.0, 40.0, 160.0]], [2.0]), 0, AHEAD)
     shifted = replace(CAMERA, cx=CAMERA.cx + 100.0)
-    hidden = reader.measure(detections([[100.0, 80.0, 140.0, 160.0], [40.0, 60.0, 100.0, 180.0]]), 0, shifted, AHEAD)
-    for name in ("bearings_rad", "elevations_rad", "place_covariances", "angular_sizes_rad"):
-        np.testing.assert_allclose(getattr(hidden, name)[0], getattr(cut, name)[0], rtol=1e-12, atol=1e-12)
+    boxes = [[100.0, 80.0, 140.0, 160.0], [40.0, 60.0, 100.0, 180.0]]
+    hidden = in_space().measure(frame_of(boxes, [2.0, 1.0], shifted), 0, AHEAD)
+    for name in ("bearings_rad", "elevations_rad", "points", "point_covariances", "angular_sizes_rad"):
+        np.testing.assert_allclose(getattr(hidden, name)[0], getattr(cut, name)[0], rtol=1e-9, atol=1e-9)
     assert np.isnan(cut.angular_sizes_rad[0]).tolist() == [True, False]
 
 
 def test_things_that_are_not_used_hide_others_too() -> None:
-    known = replace(SETTINGS, labels=("cup",))
-    sensor = partial(range_and_bearing, configuration=known)
-    classifier = Classifier(None, known, seed=0, range_bearing_sensor=sensor, in_space=True)
-    frame = Frame(1, np.zeros((240, 320, 3), np.uint8), None, CAMERA, detections([THING, BESIDE]))
-    alone = PlaceReader(known, in_space=True).measure(frame.detections, 0, CAMERA, AHEAD)
-    for found in (classifier.measure(frame, 0, AHEAD), alone):
-        assert found.labels == ("cup",) and np.isnan(found.angular_sizes_rad[0]).tolist() == [True, False]
+    found = in_space(("cup",)).measure(frame_of([THING, BESIDE], [2.0, 1.0]), 0, AHEAD)
+    assert found.labels == ("cup",) and np.isnan(found.angular_sizes_rad[0]).tolist() == [True, False]
 
 
 @dataclass(frozen=True)

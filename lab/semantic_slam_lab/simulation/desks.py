@@ -8,7 +8,6 @@ whenever a thing is seen from that side, names that are sometimes wrong, misses 
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from scipy.special import ndtri
 
@@ -61,7 +60,6 @@ class Office:
     missed: float = 0.4
     confused: float = 0.15
     alarms_per_frame: float = 0.3
-    of_what_shows: bool = False  # whether boxes end where nearer things hide the rest, too
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +171,7 @@ def _detections(things: Things, stamps: Array, poses: Array, office: Office, ran
     for stamp, pose in zip(stamps, poses, strict=True):
         errors = keep_error * errors + np.sqrt(1.0 - keep_error**2) * random.normal(size=errors.shape)
         moods = keep_mood * moods + np.sqrt(1.0 - keep_mood**2) * random.normal(size=count)
-        boxes, are_shown = _boxes(things, pose, office)
+        boxes, are_shown = _boxes(things, pose)
         found = []
         for n in np.flatnonzero(are_shown & (moods > threshold)).tolist():
             if random.random() < 0.1:  # what a thing is called stays for some pictures
@@ -199,7 +197,7 @@ def _seen_from(away: Array) -> Array:
     return np.array([1.0, np.cos(side), np.sin(side)])
 
 
-def _boxes(things: Things, pose: Array, office: Office) -> tuple[Array, Flags]:
+def _boxes(things: Things, pose: Array) -> tuple[Array, Flags]:
     """(N, 4) boxes in the picture's plane, not clipped, and (N,) whether each can be detected."""
     seen = (things.corners - pose[:3]) @ rotation_matrix(pose[3:])
     depth = seen[..., 2]
@@ -212,25 +210,7 @@ def _boxes(things: Things, pose: Array, office: Office) -> tuple[Array, Flags]:
     distances = np.linalg.norm(seen.mean(axis=1), axis=1)
     hidden = np.array([_hidden_share(n, clipped, distances, ahead) for n in range(len(boxes))])
     large = (clipped[:, 2:] - clipped[:, :2]).min(axis=1) >= LEAST_SIDE_PX
-    are_shown = ahead & large & (shown >= LEAST_SHOWN) & (1.0 - hidden >= LEAST_SHOWN)
-    if office.of_what_shows:
-        boxes = _of_what_shows(boxes, np.stack([u, v], axis=2), distances, ahead)
-    return boxes, are_shown
-
-
-def _of_what_shows(boxes: Array, corners: Array, distances: Array, ahead: Flags) -> Array:
-    """(N, 4) boxes without what the outlines of nearer things hide, which are the hulls of (N, 8, 2) pixels."""
-    owner = np.full((CAMERA.height, CAMERA.width), -1, dtype=np.int32)
-    for n in sorted(np.flatnonzero(ahead).tolist(), key=lambda n: -distances[n]):
-        cv2.fillConvexPoly(owner, cv2.convexHull(np.round(corners[n]).astype(np.int32)), n)
-    found = boxes.copy()
-    for n in np.unique(owner[owner >= 0]).tolist():
-        rows, columns = np.nonzero(owner == n)
-        seen = np.array([columns.min(), rows.min(), columns.max() + 1.0, rows.max() + 1.0])
-        inside = np.array([boxes[n, :2] >= 0.0, boxes[n, 2:] <= [CAMERA.width, CAMERA.height]]).ravel()
-        is_moved = np.abs(seen - boxes[n]) > 1.5  # more than by rounding
-        found[n] = np.where(inside & is_moved, seen, boxes[n])
-    return found
+    return boxes, ahead & large & (shown >= LEAST_SHOWN) & (1.0 - hidden >= LEAST_SHOWN)
 
 
 def _hidden_share(n: int, boxes: Array, distances: Array, ahead: Flags) -> float:

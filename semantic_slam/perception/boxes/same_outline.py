@@ -19,22 +19,13 @@ def overlaps(boxes: Array, others: Array) -> Array:
 
     It is 0 where a box is missing or empty.
     """
-    shared = shared_areas(boxes, others)
-    union = areas(boxes)[:, None] + areas(others) - shared
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.nan_to_num(shared / union))
-
-
-def shared_areas(boxes: Array, others: Array) -> Array:
-    """(D, E) areas of the intersections of boxes (D, 4) and (E, 4); NaN where a box is missing."""
     low = np.maximum(boxes[:, None, :2], others[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
-    return _area(high - low)
-
-
-def areas(boxes: Array) -> Array:
-    """(D,) areas of boxes (D, 4); NaN where a box is missing, 0 where it is empty."""
-    return _area(boxes[:, 2:] - boxes[:, :2])
+    shared = _area(high - low)
+    areas, of_others = (_area(own[:, 2:] - own[:, :2]) for own in (boxes, others))
+    union = areas[:, None] + of_others - shared
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.nan_to_num(shared / union))
 
 
 def _area(sides: Array) -> Array:
