@@ -53,6 +53,12 @@ class PerceptionConfiguration:
     sigma_range_per_m: float = parameter(
         0.0, "standard deviation of the range to an object's centre per metre of it, besides sigma_range_m", minimum=0.0
     )
+    sigma_range_per_m2: float = parameter(
+        0.0,
+        "standard deviation of the range per square metre of it, besides both: of stereo that of a disparity [px] over"
+        " focal length [px] times baseline [m]; in the plane boxes with depth have sigma_range_m alone",
+        minimum=0.0,
+    )
     sigma_range_scale: float = parameter(
         0.0,
         "standard deviation of a share by which all ranges are too long; association: open or given, without a map:"

@@ -19,6 +19,8 @@ from semantic_slam.perception.frame import CameraModel
 from semantic_slam.pipeline.input_topics import InputTopics
 from semantic_slam.pipeline.preamble import Preamble
 
+DISPARITIES = "disparities"
+"""Encoding that is noted of a DisparityImage."""
 LARGEST_OVERLAP = 0.7
 """Largest intersection over union of two boxes of one label that non-maximum suppression usually leaves."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.doctor.front_end import FrontEnd
 from semantic_slam.doctor.input_summary import (
+    DISPARITIES,
     LARGEST_OVERLAP,
     DetectionRecord,
     ImuRecord,
@@ -22,6 +23,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.disparity import is_disparity
 from semantic_slam.messages.images import decode_depth, size_of
 from semantic_slam.messages.inertial import imu_reading, shown_acceleration
 from semantic_slam.messages.sensor import plain_frame
@@ -185,7 +187,8 @@ def _look_at_picture(record: PictureRecord, message: Any) -> bool:
     """Note what a picture is like; whether more of them are looked at."""
     if record.encodings.total() >= MOST_PICTURES:
         return False
-    record.encodings[getattr(message, "encoding", "") or getattr(message, "format", "")] += 1
+    encoding = DISPARITIES if is_disparity(message) else getattr(message, "encoding", "")
+    record.encodings[encoding or getattr(message, "format", "")] += 1
     size = size_of(message)
     if size is not None:
         record.sizes[size] += 1

@@ -1,4 +1,4 @@
-"""Pixels of sensor_msgs Image and CompressedImage: colour as RGB, depth in metres."""
+"""Pixels of sensor_msgs Image and CompressedImage: colour as RGB, depth in metres; and depth by a DisparityImage."""
 
 import struct
 from typing import Any
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import MessageError
+from semantic_slam.messages.disparity import ENCODING, depth_of_disparity, is_disparity
 from semantic_slam.messages.image_size import claimed_size
 
 COLOUR_CHANNELS = {"rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1}
@@ -55,7 +56,9 @@ def decode_numbers(message: Any, topic: str) -> NDArray[Any]:
 
 
 def size_of(message: Any) -> tuple[int, int] | None:
-    """(width, height) claimed by an Image or CompressedImage; None where it cannot be read from a compressed one."""
+    """(width, height) claimed by an image of any kind; None where it cannot be read from a compressed one."""
+    if is_disparity(message):
+        return size_of(message.image)
     if not hasattr(message, "format"):
         return int(message.width), int(message.height)
     data = np.asarray(message.data, dtype=np.uint8).tobytes()
@@ -63,7 +66,13 @@ def size_of(message: Any) -> tuple[int, int] | None:
 
 
 def decode_depth(message: Any, topic: str) -> NDArray[np.float32]:
-    """(height, width) metres along the optical axis, NaN where invalid; raises MessageError that names the topic."""
+    """(height, width) metres along the optical axis, NaN where invalid; raises MessageError that names the topic.
+
+    ``message`` is an Image, a CompressedImage or a DisparityImage.
+    """
+    if is_disparity(message):
+        _known(message.image.encoding, {ENCODING: ""}, topic)
+        return _metres(depth_of_disparity(message, decode_depth(message.image, topic), topic))
     if hasattr(message, "format"):
         return _compressed_depth(message, topic)
     kind = np.dtype(_known(message.encoding, DEPTH_TYPES, topic))

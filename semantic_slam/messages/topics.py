@@ -5,6 +5,7 @@ IMAGE = "image"
 IMAGE_COMPRESSED = "image/compressed"
 DEPTH = "depth"
 DEPTH_COMPRESSED = "depth/compressed"
+DISPARITY = "disparity"
 CAMERA_INFO = "camera_info"
 ODOMETRY = "odom"
 IMU = "imu"
@@ -41,6 +42,7 @@ TYPES = {
     IMAGE_COMPRESSED: "sensor_msgs/msg/CompressedImage",
     DEPTH: "sensor_msgs/msg/Image",
     DEPTH_COMPRESSED: "sensor_msgs/msg/CompressedImage",
+    DISPARITY: "stereo_msgs/msg/DisparityImage",
     CAMERA_INFO: "sensor_msgs/msg/CameraInfo",
     ODOMETRY: "nav_msgs/msg/Odometry",
     IMU: "sensor_msgs/msg/Imu",

@@ -19,6 +19,7 @@ from semantic_slam.perception.collaborators import (
     crop_features,
 )
 from semantic_slam.perception.crops import box_fault, square_crop
+from semantic_slam.perception.cut_edges import cut_edges, none_cut
 from semantic_slam.perception.frame import Detections, Frame
 from semantic_slam.perception.free_range_scan import farthest_free_ranges
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -79,7 +80,8 @@ class Classifier:
         boxes = rows.boxes.reshape(-1, 4)
         samples, total_entropy, model_part, recognised = self._dropout_samples(frame, kept)
         features, covariances = self._features(frame, boxes, samples)
-        places, are_told, points = self._places(frame, rows, T_base_camera)
+        cut = self._cut_edges(frame)[kept]
+        places, are_told, points = self._places(frame, rows, cut, T_base_camera)
         measured = SemanticMeasurements(
             stamp_ns=frame.stamp_ns,
             sequence=sequence,
@@ -110,12 +112,21 @@ class Classifier:
         )
         if not self._in_space:
             return measured
-        return with_points(measured, points, T_base_camera, frame.camera, self._settings)
+        return with_points(measured, points, cut, T_base_camera, frame.camera, self._settings)
 
-    def _places(self, frame: Frame, rows: Detections, T_base_camera: Array) -> tuple[Places, Flags, SpatialPoints]:
+    def _cut_edges(self, frame: Frame) -> Flags:
+        """(D, 2, 2) which edges of the boxes of all detections are cut; none in the plane, where it does not matter."""
+        boxes = frame.detections.boxes.reshape(-1, 4)
+        if not self._in_space:
+            return none_cut(len(boxes))
+        return cut_edges(boxes, frame.camera, frame.depth_m, self._settings.max_depth_m)
+
+    def _places(
+        self, frame: Frame, rows: Detections, cut: Flags, T_base_camera: Array
+    ) -> tuple[Places, Flags, SpatialPoints]:
         """Positions reported by the detections (with a range), else from box and depth; and which ones are reported.
 
-        In 3-D runs also the corresponding points, and boxes without depth go on beyond the image border.
+        In 3-D runs also the corresponding points, and boxes go on beyond the edges (D, 2, 2) that are ``cut``.
         """
         boxes = rows.boxes.reshape(-1, 4)
         sensed = [self._range_bearing_sensor(box, frame.depth_m, frame.camera, T_base_camera) for box in boxes]
@@ -133,9 +144,10 @@ class Classifier:
         if not self._in_space:
             return told.where(is_told, shown), is_told, SpatialPoints.untold(len(boxes))
         distances = np.array([item.distance_m for item in sensed], dtype=np.float64)
-        rays = places_of_boxes(boxes, frame.camera, T_base_camera, whole=True)
+        rays = places_of_boxes(boxes, cut, frame.camera, T_base_camera)
         shown = shown.where(np.isfinite(distances), rays)
-        seen, own = points_of_boxes(boxes, distances, frame.camera, T_base_camera, self._settings), told_points(rows)
+        seen = points_of_boxes(boxes, cut, distances, frame.camera, T_base_camera, self._settings)
+        own = told_points(rows)
         is_told |= own.are_told & own.are_covariances_usable()
         return told.where(is_told, shown), is_told, own.where(is_told, seen)
 

@@ -15,6 +15,7 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import rotation_matrix, transform_points
 from semantic_slam.perception.best_scored import best_scored
 from semantic_slam.perception.crops import IN_SHARES, are_in_shares
+from semantic_slam.perception.cut_edges import cut_by_border, none_cut
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
@@ -46,7 +47,8 @@ class PlaceReader:
         either of the first two are relative to the body origin, so box-only detections are not used there; in space
         they are rays from the camera.
         """
-        places, sensor = _places(detections, camera, T_base_camera, in_space=self._in_space)
+        cut = cut_by_border(detections.boxes, camera) if self._in_space and camera is not None else None
+        places, sensor = _places(detections, cut, camera, T_base_camera, in_space=self._in_space)
         points = told_points(detections) if self._in_space else SpatialPoints.untold(len(detections))
         if points.are_told.any():
             places = points.places.where(points.are_told, places)
@@ -82,7 +84,8 @@ class PlaceReader:
         if not self._in_space:
             return measured
         mounted = self._settings.extrinsics if T_base_camera is None else T_base_camera
-        return with_points(measured, points, mounted, camera, self._settings)
+        cut = none_cut(len(kept)) if cut is None else cut[kept]
+        return with_points(measured, points, cut, mounted, camera, self._settings)
 
     def _usable(self, detections: Detections, places: Places, points: SpatialPoints) -> Flags:
         """(D,) whether each detection is usable; the others are counted by their first reason."""
@@ -116,15 +119,20 @@ def in_body_frame(detections: Detections, T_base_frame: Array, base_frame: str) 
 
 
 def _places(
-    detections: Detections, camera: CameraModel | None, T_base_camera: Array | None, *, in_space: bool
+    detections: Detections,
+    cut: Flags | None,
+    camera: CameraModel | None,
+    T_base_camera: Array | None,
+    *,
+    in_space: bool,
 ) -> tuple[Places, Array]:
     """Positions of all detections, and the (3,) origin, in the body frame, of bearings without range.
 
-    ``in_space``: boxes count beside positions, and those cut by the image border are extended beyond it.
+    ``cut``: (D, 2, 2) edges beyond which boxes are extended. ``in_space``: boxes count beside positions.
     """
     places = told_places(detections)
     are_told = np.isfinite(places.bearings_rad)
     if camera is None or T_base_camera is None or (are_told.any() and not in_space):
         return places, np.zeros(3)
-    shown = places_of_boxes(detections.boxes, camera, T_base_camera, whole=in_space)
+    shown = places_of_boxes(detections.boxes, cut, camera, T_base_camera)
     return places.where(are_told, shown), np.asarray(T_base_camera[:3], dtype=np.float64)

@@ -96,15 +96,16 @@ def places_of_positions(detections: Detections) -> Places:
     return Places(ranges, np.arctan2(y, x), np.arctan2(-z, ranges), covariances)
 
 
-def places_of_boxes(boxes: Array, camera: CameraModel, T_base_camera: Array, *, whole: bool) -> Places:
+def places_of_boxes(boxes: Array, cut: Flags | None, camera: CameraModel, T_base_camera: Array) -> Places:
     """Bearings and elevations of the centres of (D, 4) boxes, from the camera; NaN where there is no box.
 
-    ``whole``: boxes cut by the image border are extended beyond it.
+    ``cut``: (D, 2, 2) edges beyond which boxes are extended; None: boxes are taken as they are.
     """
     count = len(boxes)
     are_boxes = np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1) & ~are_in_shares(boxes)
     directions = np.full((count, 3), np.nan)
-    rays = (whole_box_rays if whole else viewing_rays)(boxes[are_boxes], camera)
+    shown = boxes[are_boxes]
+    rays = viewing_rays(shown, camera) if cut is None else whole_box_rays(shown, cut[are_boxes], camera)
     directions[are_boxes] = rotated_by_matrix(rotation_matrix(T_base_camera[3:]), rays)
     x, y, z = directions.T
     elevations = np.arcsin(np.clip(-z, -1.0, 1.0))

@@ -16,6 +16,7 @@ from semantic_slam.perception.camera_sight import edges_of
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places
+from semantic_slam.perception.range_noise import range_variances
 
 
 @dataclass(frozen=True)
@@ -73,15 +74,20 @@ def told_points(detections: Detections) -> SpatialPoints:
 
 
 def points_of_boxes(
-    boxes: Array, distances_m: Array, camera: CameraModel, T_base_camera: Array, settings: PerceptionConfiguration
+    boxes: Array,
+    cut: Flags,
+    distances_m: Array,
+    camera: CameraModel,
+    T_base_camera: Array,
+    settings: PerceptionConfiguration,
 ) -> SpatialPoints:
-    """Points at given distances along the rays through (D, 4) boxes; NaN where there is no distance.
+    """Points at given distances along the rays through (D, 4) boxes with cut edges (D, 2, 2); NaN without a distance.
 
-    The error along the ray is that of sigma_range_m and sigma_range_per_m; across, that of the boxes.
+    The error along the ray is that of ``perception.sigma_range_*``; across, that of the boxes.
     """
-    rays, across = ray_covariances(boxes, camera, T_base_camera, settings)
+    rays, across = ray_covariances(boxes, cut, camera, T_base_camera, settings)
     along = rays[:, :, None] * rays[:, None, :]
-    by_range = settings.sigma_range_m**2 + (settings.sigma_range_per_m * distances_m) ** 2
+    by_range = range_variances(distances_m, settings)
     covariances = by_range[:, None, None] * along + (distances_m**2)[:, None, None] * across
     return SpatialPoints(T_base_camera[:3] + rays * distances_m[:, None], covariances)
 
@@ -89,30 +95,33 @@ def points_of_boxes(
 def with_points(
     measured: SemanticMeasurements,
     points: SpatialPoints,
+    cut: Flags,
     T_base_camera: ArrayLike,
     camera: CameraModel | None,
     settings: PerceptionConfiguration,
 ) -> SemanticMeasurements:
     """Add points and the camera mounting pose, (7,), or empty where unknown, to measurements.
 
-    With a known ``camera``, angular sizes are added, ray covariances for boxes without a range, and the image's edges.
+    ``cut``: (D, 2, 2) edges of their boxes that are cut. With a known ``camera``, angular sizes are added, ray
+    covariances for boxes without a range, and the image's edges.
     """
     told: dict[str, Any] = {"points": points.points, "point_covariances": points.covariances}
     pose = np.asarray(T_base_camera, dtype=np.float64)
     if camera is not None:
-        told["angular_sizes_rad"] = angular_sizes(measured.boxes, camera)
+        told["angular_sizes_rad"] = angular_sizes(measured.boxes, cut, camera)
     if len(pose):
         told |= {"sensor_position": pose[:3], "sensor_orientation": pose[3:] / np.linalg.norm(pose[3:])}
     if len(pose) and camera is not None:
         told["image_edges_rad"] = edges_of(camera)
     if len(pose) and camera is not None:
-        told["place_covariances"] = _with_rays(measured, points, camera, pose, settings)
+        told["place_covariances"] = _with_rays(measured, points, cut, camera, pose, settings)
     return replace(measured, **told)
 
 
 def _with_rays(
     measured: SemanticMeasurements,
     points: SpatialPoints,
+    cut: Flags,
     camera: CameraModel,
     pose: Array,
     settings: PerceptionConfiguration,
@@ -120,5 +129,5 @@ def _with_rays(
     """(D, 3, 3) place covariances, with bearing and elevation filled in for boxes without a range."""
     untold = np.isnan(measured.place_covariances[:, 1, 1])
     alone = np.isnan(measured.ranges_m) & np.isnan(points.points[:, 0]) & untold
-    shown = as_places(*ray_covariances(measured.boxes, camera, pose, settings))
+    shown = as_places(*ray_covariances(measured.boxes, cut, camera, pose, settings))
     return np.where(alone[:, None, None], shown, measured.place_covariances)

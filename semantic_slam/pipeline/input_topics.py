@@ -11,8 +11,10 @@ from semantic_slam.messages.topics import TYPES
 
 COPIED = tuple(absolute(topic) for topic in topics.KEPT_INPUTS)
 """Topics that are copied from the input bag into the belief bag."""
-BY_NAME = {absolute(topic): kind for topic, kind in TYPES.items() if topic != topics.IMU}
-"""Required type by absolute topic name; without topic imu, which is optional and may have another type."""
+OPTIONAL = frozenset({topics.IMU, topics.DISPARITY})
+"""Topics that a run does without, also where a topic of their name has another type."""
+BY_NAME = {absolute(topic): kind for topic, kind in TYPES.items() if topic not in OPTIONAL}
+"""Required type by absolute topic name, without the optional ones."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class InputTopics:
     detections: str
     image: str
     camera_info: str
-    depth: str
+    depth: str  # depth images, or disparities
     identities: str
     transforms: str = ""
     imu: str = ""
@@ -70,7 +72,7 @@ def offered(available: Mapping[str, str]) -> InputTopics:
         detections=names[topics.DETECTIONS],
         image=image,
         camera_info=names[topics.CAMERA_INFO],
-        depth=names[topics.DEPTH_COMPRESSED] or names[topics.DEPTH],
+        depth=names[topics.DEPTH_COMPRESSED] or names[topics.DEPTH] or names[topics.DISPARITY],
         identities=names[topics.GROUND_TRUTH_ASSOCIATIONS],
         transforms=names[topics.TF],
         imu=names[topics.IMU],

@@ -118,7 +118,9 @@ class ClassifierNode(PipelineNode):
             "compressed", (topics.IMAGE_COMPRESSED, topics.IMAGE), lambda m: self._frames.add_image(m), has_images
         )
         wants_depth = has_images and has_depth
-        depths = topics.DEPTH_COMPRESSED, topics.DEPTH
+        depths: tuple[str, ...] = (topics.DEPTH_COMPRESSED, topics.DEPTH)
+        if is_installed(topics.TYPES[topics.DISPARITY]):
+            depths += (topics.DISPARITY,)
         self._look_for("depth_compressed", depths, lambda message: self._frames.add_depth(message), wants_depth)
         self.listen(
             topics.DETECTIONS,
@@ -136,9 +138,10 @@ class ClassifierNode(PipelineNode):
         self.listen(topics.PLAYER_PROGRESS, self._player_progress, qos.latched_by_any())
 
     def _look_for(
-        self, parameter: str, transports: tuple[str, str], add: Callable[[Any], None], is_wanted: bool
+        self, parameter: str, transports: tuple[str, ...], add: Callable[[Any], None], is_wanted: bool
     ) -> None:
-        """Subscribe to the image transport that ``parameter`` selects; if not set, to the one that has a publisher."""
+        """Subscribe to the transport that ``parameter`` selects, the compressed one or the first of the others that has
+        a publisher; if it is not set, to the first of all that has one."""
         given = parameter in self._parameter_overrides  # the value alone does not show whether it was set
         is_compressed = declare_fixed(self, parameter, True)
         if not is_wanted:

@@ -11,6 +11,7 @@ from semantic_slam.inference.inputs.spatial_reader import rays_of
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.classifier import Classifier
 from semantic_slam.perception.crops import IN_SHARES
+from semantic_slam.perception.cut_edges import cut_by_border, none_cut
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.places import PlaceReader
 from semantic_slam.perception.range_bearing import range_and_bearing
@@ -66,7 +67,8 @@ def test_a_box_is_the_same_ray_with_a_picture_and_without(mount):
     np.testing.assert_array_equal(rays_of(pictured)[0], rays_of(alone)[0])
     for name in ("place_covariances", "angular_sizes_rad", "sensor_position", "sensor_orientation", "points"):
         np.testing.assert_array_equal(getattr(pictured, name), getattr(alone, name))
-    np.testing.assert_allclose(rays_of(alone)[0], ray_covariances(boxes, CAMERA, mount, SETTINGS)[0], atol=1e-12)
+    rays, _ = ray_covariances(boxes, cut_by_border(boxes, CAMERA), CAMERA, mount, SETTINGS)
+    np.testing.assert_allclose(rays_of(alone)[0], rays, atol=1e-12)
 
 
 def test_boxes_beside_positions_are_the_rays_that_they_are_alone():
@@ -93,8 +95,8 @@ def test_rays_and_their_covariances_turn_with_the_mount():
     turn = so3.exp(np.array([0.3, -0.2, 0.9]))
     mount = np.append([0.1, 0.0, 0.2], so3.product(turn, AHEAD[3:]))
     boxes = np.array([MIDDLE, [200.0, 30.0, 280.0, 60.0]])
-    rays, spread = ray_covariances(boxes, CAMERA, AHEAD, SETTINGS)
-    turned, spread_turned = ray_covariances(boxes, CAMERA, mount, SETTINGS)
+    rays, spread = ray_covariances(boxes, none_cut(2), CAMERA, AHEAD, SETTINGS)
+    turned, spread_turned = ray_covariances(boxes, none_cut(2), CAMERA, mount, SETTINGS)
     R = so3.matrix(turn)
     np.testing.assert_allclose(turned, rays @ R.T, atol=1e-12)
     np.testing.assert_allclose(spread_turned, R @ spread @ R.T, atol=1e-12)
@@ -104,7 +106,7 @@ def test_rays_and_their_covariances_turn_with_the_mount():
 def test_bearing_and_elevation_err_as_the_rays_do():
     """By samples: rays with errors, looked at as bearing and elevation."""
     mount = se3.compose(np.append(np.zeros(3), so3.exp(np.array([0.0, 0.6, 0.2]))), AHEAD)
-    rays, spread = ray_covariances(np.array([[250.0, 30.0, 310.0, 60.0]]), CAMERA, mount, SETTINGS)
+    rays, spread = ray_covariances(np.array([[250.0, 30.0, 310.0, 60.0]]), none_cut(1), CAMERA, mount, SETTINGS)
     random = np.random.default_rng(0).multivariate_normal(rays[0], spread[0], 40000, method="svd")
     x, y, z = (random / np.linalg.norm(random, axis=1)[:, None]).T
     sampled = np.cov(np.arctan2(y, x), np.arcsin(-z))

@@ -11,6 +11,7 @@ from semantic_slam.geometry.pose import rotated_by_matrix, rotation_matrix, tran
 from semantic_slam.perception import uncertainty
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
+from semantic_slam.perception.cut_edges import cut_by_border
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.places_geometry import places_of_boxes
 from semantic_slam.perception.points_in_space import points_of_boxes
@@ -46,18 +47,20 @@ def moved(values: np.ndarray, offset: int) -> np.ndarray:
 
 
 def of_boxes(boxes: np.ndarray, camera: CameraModel, pose: np.ndarray) -> tuple[np.ndarray, ...]:
-    shown, whole = (places_of_boxes(boxes, camera, pose, whole=whole) for whole in (False, True))
+    cut = cut_by_border(boxes, camera)
+    shown, whole = (places_of_boxes(boxes, edges, camera, pose) for edges in (None, cut))
     angles = shown.bearings_rad, shown.elevations_rad, whole.bearings_rad, whole.elevations_rad
-    return *angles, viewing_rays(boxes, camera), angular_sizes(boxes, camera)
+    return *angles, viewing_rays(boxes, camera), angular_sizes(boxes, cut, camera)
 
 
 def of_rays(boxes: np.ndarray, camera: CameraModel, pose: np.ndarray) -> tuple[np.ndarray, ...]:
-    rays, covariances = ray_covariances(boxes, camera, pose, SETTINGS)
+    rays, covariances = ray_covariances(boxes, cut_by_border(boxes, camera), camera, pose, SETTINGS)
     return rays, covariances, as_places(rays, covariances)
 
 
 def of_points(boxes: np.ndarray, camera: CameraModel, pose: np.ndarray) -> tuple[np.ndarray, ...]:
-    found = points_of_boxes(boxes, 1.0 + boxes[:, 0] / 300.0, camera, pose, SETTINGS)
+    cut = cut_by_border(boxes, camera)
+    found = points_of_boxes(boxes, cut, 1.0 + boxes[:, 0] / 300.0, camera, pose, SETTINGS)
     return found.points, found.covariances, transform_points(pose, boxes[:, :3])
 
 
@@ -85,7 +88,7 @@ def test_boxes_measured_one_by_one_have_the_bearings_of_those_measured_together(
     random = np.random.default_rng(1)
     for _ in range(30):
         boxes, pose = boxes_of(random), pose_of(random)
-        places = places_of_boxes(boxes, camera, pose, whole=False)
+        places = places_of_boxes(boxes, None, camera, pose)
         bearings = [range_and_bearing(box, None, camera, pose, SETTINGS).bearing_rad for box in boxes]
         np.testing.assert_array_equal(bearings, places.bearings_rad)
         np.testing.assert_array_equal([elevation(box, camera, pose) for box in boxes], places.elevations_rad)

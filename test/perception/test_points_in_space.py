@@ -9,6 +9,7 @@ from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry import se3, so3
 from semantic_slam.perception.boxes.box_sizes import angular_sizes
 from semantic_slam.perception.classifier import Classifier
+from semantic_slam.perception.cut_edges import cut_by_border
 from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.perception.image_sight import ImageSight
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -88,7 +89,7 @@ def test_where_the_camera_is_mounted_is_told_where_it_is_known(extrinsics: tuple
 def test_how_large_boxes_look_where_the_image_does_not_cut_them() -> None:
     """By the angles between rays to opposite edges; over a camera that is not known they tell nothing."""
     boxes = np.array([[0.0, 20.0, 70.0, 90.0], [150.0, 60.0, 260.0, 200.0], [100.0, 200.0, 140.0, 240.0]])
-    sizes = angular_sizes(boxes, CAMERA)
+    sizes = angular_sizes(boxes, cut_by_border(boxes, CAMERA), CAMERA)
     assert np.isnan(sizes).tolist() == [[True, False], [False, False], [False, True]]
     middle, rays = np.array([205.0, 130.0]), []
     for pixel in ([150.0, middle[1]], [260.0, middle[1]]):
@@ -96,7 +97,7 @@ def test_how_large_boxes_look_where_the_image_does_not_cut_them() -> None:
         rays.append(ray / np.linalg.norm(ray))
     assert sizes[1, 0] == pytest.approx(np.arccos(rays[0] @ rays[1]), rel=1e-9)
     found = measured(2.0)
-    np.testing.assert_array_equal(found.angular_sizes_rad, angular_sizes(BOXES, CAMERA))
+    np.testing.assert_array_equal(found.angular_sizes_rad, angular_sizes(BOXES, cut_by_border(BOXES, CAMERA), CAMERA))
     assert np.isnan(measured(2.0, in_space=False).angular_sizes_rad).all()
     reader = PlaceReader(SETTINGS, in_space=True)
     np.testing.assert_array_equal(reader.measure(seen(), 0, CAMERA, MOUNTED).sensor_orientation, MOUNTED[3:])

@@ -23,6 +23,7 @@ from worlds.bags.bag_factory import (
     write_configuration,
 )
 from worlds.bags.imported import messages_of
+from worlds.bags.stereo import by_stereo, disparity_message
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
@@ -166,6 +167,21 @@ def test_without_depth_the_run_is_bearing_only(tmp_path, configuration):
     summary = run_bag(bag, tmp_path / "belief", configuration)
     assert (summary.num_keyframes, summary.dropped) == (NUM_FRAMES, {})
     assert np.isnan(messages_of(tmp_path / "belief", topics.MEASUREMENTS)[0].ranges_m).all()
+
+
+def test_disparities_of_a_stereo_pair_are_depth(tmp_path, configuration):
+    """Without any change to the bag; one that is of another size is counted, and its frame has bearings alone."""
+    bags = {"depth": input_entries(NUM_FRAMES), "stereo": by_stereo(input_entries(NUM_FRAMES))}
+    (*_, last) = of_topic(bags["stereo"], topics.DISPARITY)
+    last.message = disparity_message(last.message.header, np.ones((2, 2)))
+    measured = {}
+    for name, entries in bags.items():
+        summary = run_bag(write_bag(tmp_path / name, entries), tmp_path / f"belief_{name}", configuration)
+        measured[name] = messages_of(tmp_path / f"belief_{name}", topics.MEASUREMENTS)
+    assert list(summary.dropped) == [f"{topics.DEPTH}: size 2 x 2 is not the 160 x 120 of {topics.CAMERA_INFO}"]
+    for own, wanted in list(zip(measured["stereo"], measured["depth"], strict=True))[:-1]:
+        np.testing.assert_allclose(own.ranges_m, wanted.ranges_m, atol=1e-5)
+    assert np.isnan(measured["stereo"][-1].ranges_m).all() and np.isfinite(measured["depth"][-1].ranges_m).all()
 
 
 def test_the_initial_pose_of_the_bag_comes_first(tmp_path, configuration):

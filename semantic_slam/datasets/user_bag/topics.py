@@ -8,6 +8,8 @@ from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 
 IMAGE_TYPES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
+DISPARITY_TYPE = topics.TYPES[topics.DISPARITY]
+DEPTH_TYPES = (*IMAGE_TYPES, DISPARITY_TYPE)
 CAMERA_INFO_TYPES = ("sensor_msgs/msg/CameraInfo",)
 OURS = topics.TYPES[topics.DETECTIONS]
 NONE = "none"
@@ -43,7 +45,7 @@ class Selection:
 
     detections: Topic
     image: Topic | None  # None: no pictures, detections tell places
-    depth: Topic | None  # None: bearing only
+    depth: Topic | None  # depth images, or disparities of a stereo pair; None: bearing only
     camera_info: Topic | None  # None: detections are no boxes
     odometry: Topic  # nav_msgs/Odometry, or /tf
     imu: Topic | None = None  # None: none, or none of several is named
@@ -60,10 +62,11 @@ def select_topics(
         finder.refuse(("image", "depth", "camera-info"), wanted, f"{detections} tells positions")
         return Selection(detections, None, None, None, odometry, imu)
     colour, depths = finder.images(is_depth)
+    depths = depths or finder.of_type((DISPARITY_TYPE,))
     image = finder.at_most_one("image", wanted.image, IMAGE_TYPES, colour)
     if image is None:
         finder.refuse(("depth",), wanted, "it needs colour images, which --image names")
-    depth = None if image is None else finder.at_most_one("depth", wanted.depth, IMAGE_TYPES, depths)
+    depth = None if image is None else finder.at_most_one("depth", wanted.depth, DEPTH_TYPES, depths)
     camera_info = _camera_info(finder, wanted.camera_info, image, is_needed=detections.type_name != OURS)
     return Selection(detections, image, depth, camera_info, odometry, imu)
 

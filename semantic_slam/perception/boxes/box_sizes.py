@@ -6,21 +6,13 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.perception.frame import CameraModel
 
-BORDER_PX = 2.0
-"""Distance [px] to the image border below which a box counts as cut by it."""
 EDGES = np.array([[0.0, 0.5], [1.0, 0.5], [0.5, 0.0], [0.5, 1.0]])
 """Midpoints of a box's left, right, upper and lower edge, as fractions of its width and height."""
 
 
-def angular_sizes(boxes: Array, camera: CameraModel) -> Array:
-    """(D, 2) width and height [rad] of (D, 4) boxes; NaN where the image border cuts the box, or there is none."""
-    return np.where(are_cut(boxes, camera).any(axis=2), np.nan, shown_sizes(boxes, camera))
-
-
-def are_cut(boxes: Array, camera: CameraModel) -> Flags:
-    """(D, 2, 2) whether the image border cuts (D, 4) boxes: axis 1 is left/top and right/bottom, axis 2 is x and y."""
-    size = np.array([camera.width, camera.height])
-    return np.stack([boxes[:, :2] < BORDER_PX, boxes[:, 2:] > size - BORDER_PX], axis=2)
+def angular_sizes(boxes: Array, cut: Flags, camera: CameraModel) -> Array:
+    """(D, 2) width and height [rad] of (D, 4) boxes; NaN where ``cut`` (D, 2, 2) has an edge, or there is no box."""
+    return np.where(cut.any(axis=2), np.nan, shown_sizes(boxes, camera))
 
 
 def shown_sizes(boxes: Array, camera: CameraModel) -> Array:

@@ -98,10 +98,8 @@ def wanted(graph: Graph) -> dict[str, str]:
     """Types, by relative name, of inputs that are published and whose packages are installed."""
     kinds = published(graph)
     found = offered(kinds)
-    unread = {found.image and absolute(topics.IMAGE), found.depth and absolute(topics.DEPTH)} - {
-        found.image,
-        found.depth,
-    }
+    depths = {absolute(topic) for topic in (topics.DEPTH, topics.DISPARITY)} if found.depth else set[str]()
+    unread = {found.image and absolute(topics.IMAGE), *depths} - {found.image, found.depth}
     return {RELATIVE[topic]: kind for topic, kind in kinds.items() if topic not in unread and is_installed(kind)}
 
 
@@ -112,7 +110,8 @@ def _unheard(look: Observer, kinds: Mapping[str, str]) -> Iterator[Finding]:
             look.heard[topic] += 1  # so that it is not also reported as silent
             package = kind.partition("/")[0]
             what = f"{topic} is {kind}, and its package is not installed here"
-            yield error("topics", what, f"install ros-jazzy-{package.replace('_', '-')}, or give perception.extrinsics")
+            instead = "publish depth images" if topic == absolute(topics.DISPARITY) else "give perception.extrinsics"
+            yield error("topics", what, f"install ros-jazzy-{package.replace('_', '-')}, or {instead}")
 
 
 def published(graph: Graph) -> dict[str, str]:

@@ -37,8 +37,9 @@ MOST_BYTES = 200_000_000
 PICTURES = frozenset(map(absolute, qos.PICTURES))
 LATCHED = frozenset(map(absolute, topics.LATCHED))
 READ_HERE = (
-    topics.DETECTIONS, topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.CAMERA_INFO,
-    topics.ODOMETRY, topics.IMU, topics.INITIAL_POSE, topics.TF, topics.TF_STATIC, topics.MEASUREMENTS,
+    topics.DETECTIONS, topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.DISPARITY,
+    topics.CAMERA_INFO, topics.ODOMETRY, topics.IMU, topics.INITIAL_POSE, topics.TF, topics.TF_STATIC,
+    topics.MEASUREMENTS,
 )  # fmt: skip
 ALIVE = re.compile(r"/backend_\d+/alive$")
 

@@ -13,6 +13,7 @@ INPUTS = frozenset(
         topics.IMAGE_COMPRESSED,
         topics.DEPTH,
         topics.DEPTH_COMPRESSED,
+        topics.DISPARITY,
         topics.CAMERA_INFO,
         topics.ODOMETRY,
         topics.INITIAL_POSE,

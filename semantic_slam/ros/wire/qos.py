@@ -11,7 +11,7 @@ from semantic_slam.messages import topics
 
 SENSOR_DEPTH = 50
 TRANSFORMS_DEPTH = 100
-PICTURES = frozenset({topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED})
+PICTURES = frozenset({topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.DISPARITY})
 
 
 def everything() -> QoSProfile:

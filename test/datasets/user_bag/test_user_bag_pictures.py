@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 import pytest
 from worlds.bags.imported import import_bag, merge_bags, read_bag, run_import
+from worlds.bags.stereo import BASELINE_M, FOCAL_PX, disparity_message
 from worlds.bags.user_bag_factory import HEIGHT, SECOND, WIDTH, UserBag, picture, write_drive
 
 from semantic_slam.datasets.user_bag.image_formats import to_millimetres
 from semantic_slam.errors import InputError
+from semantic_slam.messages.standard import header_message
 
 
 def decoded(message):
@@ -30,6 +32,22 @@ def test_depth_becomes_millimetres(tmp_path, monkeypatch, kind):
     assert depth.dtype == np.uint16
     assert depth[0, 0] == 0  # was NaN
     np.testing.assert_allclose(depth[1:], 2900, atol=1)
+
+
+def test_disparities_become_depth_where_there_are_no_depth_images(tmp_path, monkeypatch):
+    with UserBag(tmp_path / "stereo") as bag:
+        for k in range(3):
+            stamp = (k + 1) * SECOND
+            disparities = np.full((HEIGHT, WIDTH), FOCAL_PX * BASELINE_M / 2.0)
+            disparities[0, 0] = -1.0
+            bag.write("/stereo/disparity", disparity_message(header_message(stamp, "left"), disparities), stamp)
+    for name, depth in (("alone", ""), ("beside", "16UC1")):
+        merge_bags(tmp_path / name, write_drive(tmp_path / f"{name}_source", depth=depth), tmp_path / "stereo")
+        run_import(monkeypatch, "bag", tmp_path / name, "--out", tmp_path / f"{name}_bag")
+    by_stereo, by_depth = (read_bag(tmp_path / f"{name}_bag")["/depth/compressed"] for name in ("alone", "beside"))
+    found = decoded(by_stereo[0])
+    assert found[0, 0] == 0 and (found[1:] == 2000).all()
+    assert decoded(by_depth[1])[1, 1] == 2900
 
 
 def test_inverse_depth_of_compressed_depth_transport(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import rclpy
 from worlds.bags.bag_factory import T_BASE_CAMERA, input_entries, of_topic, write_configuration
+from worlds.bags.stereo import disparity_of
 from worlds.processes.node_runs import processes
 
 from semantic_slam.messages import topics
@@ -17,7 +18,7 @@ from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import message_class, serialize
 from semantic_slam.ros.launching.node_set import NodeSpec
 from semantic_slam.ros.wire import qos
-from semantic_slam.ros.wire.transport import Outlet, receive
+from semantic_slam.ros.wire.transport import Outlet, is_installed, receive
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -25,10 +26,9 @@ START_S = 120.0
 SENT = {
     topics.CAMERA_INFO: topics.CAMERA_INFO,
     topics.IMAGE_COMPRESSED: topics.IMAGE_COMPRESSED,
-    topics.DEPTH: topics.DEPTH_COMPRESSED,
     topics.DETECTIONS: topics.DETECTIONS,
 }
-"""Topic -> where the small bag has its messages."""
+"""Topic -> where the small bag has its messages; depth comes besides."""
 
 
 def raw(message: Any) -> Any:
@@ -45,8 +45,21 @@ def raw(message: Any) -> Any:
     )
 
 
+def unchanged(message: Any) -> Any:
+    return message
+
+
+RAW = {topics.DEPTH: raw, topics.DISPARITY: disparity_of}
+"""Topic -> what a driver makes of a depth png."""
+
+
 @pytest.mark.long
-def test_compressed_colour_with_raw_depth_gives_ranges_and_garbage_in_between_gives_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("depth", [topics.DEPTH, topics.DISPARITY])
+def test_compressed_colour_with_raw_depth_gives_ranges_and_garbage_in_between_gives_nothing(
+    tmp_path: Path, depth: str
+) -> None:
+    if not is_installed(topics.TYPES[depth]):
+        pytest.skip(f"{topics.TYPES[depth]} is not installed")
     network = json.loads(write_configuration(tmp_path).read_text())["perception"]["network"]
     parameters = {
         "lossless": True,
@@ -63,13 +76,14 @@ def test_compressed_colour_with_raw_depth_gives_ranges_and_garbage_in_between_gi
             profile = qos.result(True)
             name = topics.MEASUREMENTS
             receive(node, name, lambda data: measured.append(decode(data, topics.TYPES[name])), profile)
-            outlets = {topic: Outlet(node, topic, topics.TYPES[topic], qos.replayed(topic)) for topic in SENT}
+            sent = {**SENT, depth: topics.DEPTH_COMPRESSED}
+            outlets = {topic: Outlet(node, topic, topics.TYPES[topic], qos.replayed(topic)) for topic in sent}
             assert all(outlet.wait_for_readers(1, START_S) for outlet in outlets.values())
             entries = input_entries(num_frames=3)
-            for topic, source in SENT.items():
+            for topic, source in sent.items():
                 outlets[topic].send(b"\x00\x01\x00\x00" + b"\xff" * 60)
                 for entry in of_topic(entries, source):
-                    outlets[topic].send(serialize(raw(entry.message) if topic == topics.DEPTH else entry.message))
+                    outlets[topic].send(serialize(RAW.get(topic, unchanged)(entry.message)))
             give_up = time.monotonic() + 60.0
             while len(measured) < 2 and time.monotonic() < give_up:
                 nodes.check()

@@ -9,7 +9,8 @@ from semantic_slam.evaluation.trajectory import Trajectory, interpolate
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
-from semantic_slam.perception.boxes.box_sizes import are_cut, pixel_rays
+from semantic_slam.perception.boxes.box_sizes import pixel_rays
+from semantic_slam.perception.cut_edges import cut_by_border
 from semantic_slam.perception.frame import CameraModel, Detections
 
 
@@ -37,7 +38,7 @@ def meeting_point(
     """(3,) in map that is nearest, by least squares, to the rays of all boxes that the border does not cut."""
     matrix, vector = np.zeros((3, 3)), np.zeros(3)
     for frame, pose in zip(frames, true_poses(drive, frames), strict=True):
-        whole = frame.boxes[~are_cut(frame.boxes, camera).any(axis=(1, 2))]
+        whole = frame.boxes[~cut_by_border(frame.boxes, camera).any(axis=(1, 2))]
         rays = pixel_rays(0.5 * (whole[:, :2] + whole[:, 2:]), camera) @ rotation_matrix(T_body_camera[3:]).T
         for ray in so3.rotated(pose[3:], rays) if np.isfinite(pose).all() else ():
             across = np.eye(3) - np.outer(ray, ray)

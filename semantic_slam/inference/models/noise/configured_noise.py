@@ -9,6 +9,7 @@ from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.noise.odometry_noise import odometry_covariance, odometry_covariance_in_space
+from semantic_slam.perception.range_noise import range_variances
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,8 @@ class ConfiguredNoise:
 
     def of_detection_in_space(self, range_m: float) -> Array:
         """(3, 3) of [range, off the ray], with the bearing's standard deviation in both directions off the ray."""
-        by_range = self.perception.sigma_range_m**2 + (self.perception.sigma_range_per_m * range_m) ** 2
         by_ray = self.perception.sigma_bearing_rad**2
-        return np.diag([by_range, by_ray, by_ray])
+        return np.diag([float(range_variances(range_m, self.perception)), by_ray, by_ray])
 
     def of_detections(self, ranges_m: Array, covariances: Array) -> Array:
         """(D, 2, 2) of [range, bearing]; the range's stays NaN where there is no range."""
@@ -44,7 +44,6 @@ class ConfiguredNoise:
             return covariances
         filled = covariances.copy()
         filled[untold] = np.diag([0.0, self.perception.sigma_bearing_rad**2])
-        by_distance = (self.perception.sigma_range_per_m * ranges_m[untold]) ** 2
-        filled[untold, 0, 0] = self.perception.sigma_range_m**2 + by_distance
+        filled[untold, 0, 0] = range_variances(ranges_m[untold], self.perception)
         filled[untold & np.isnan(ranges_m), 0, 0] = np.nan
         return filled
