@@ -80,7 +80,7 @@ class Classifier:
         boxes = rows.boxes.reshape(-1, 4)
         samples, total_entropy, model_part, recognised = self._dropout_samples(frame, kept)
         features, covariances = self._features(frame, boxes, samples)
-        cut = self._cut_edges(frame)[kept]
+        cut = self._cut_edges(frame, boxes)
         places, are_told, points = self._places(frame, rows, cut, T_base_camera)
         measured = SemanticMeasurements(
             stamp_ns=frame.stamp_ns,
@@ -114,9 +114,8 @@ class Classifier:
             return measured
         return with_points(measured, points, cut, T_base_camera, frame.camera, self._settings)
 
-    def _cut_edges(self, frame: Frame) -> Flags:
-        """(D, 2, 2) which edges of the boxes of all detections are cut; none in the plane, where it does not matter."""
-        boxes = frame.detections.boxes.reshape(-1, 4)
+    def _cut_edges(self, frame: Frame, boxes: Array) -> Flags:
+        """(D, 2, 2) which edges of the boxes are cut; none in the plane, where it does not matter."""
         if not self._in_space:
             return none_cut(len(boxes))
         return cut_edges(boxes, frame.camera, frame.depth_m, self._settings.max_depth_m)

@@ -1,12 +1,10 @@
 """Edges at which a box ends before its object does: at the image border, and where something nearer hides the rest.
 
-An edge is cut by an occluder where nearer surfaces stand just outside most of it. A depth image tells that where it has
-readings: at the edge there is a step from the surface inside to a nearer one outside, which is nearer than the object,
-too. Both surfaces are continued to the edge as planes, so that a floor or a table on which the object stands has no
-step there, however fast it comes nearer below the edge. The inverse depth of a plane is linear in the pixel.
-
-Without a reading about the edge another detection's box tells it, if all of the edge lies in that box or abuts on it,
-and the middle of that box is nearer. Without any depth nothing tells which of two things hides the other.
+An edge is cut by an occluder where nearer surfaces stand just outside most of it. A depth image tells that: at the edge
+there is a step from the surface inside to a nearer one outside, which is nearer than the object, too. Both surfaces are
+continued towards the edge as planes, so that a floor or a table on which the object stands has no step there, however
+fast it comes nearer below. The inverse depth of a plane is linear in the pixel. Without depth nothing tells which of
+two things hides the other.
 
 An edge has to be covered along its length: an object that shows beside its occluder reaches the edge of its box there.
 """
@@ -27,8 +25,9 @@ LEAST_COVERED = 0.75
 OUTSIDE, INSIDE, LEAST_PX = 0.05, 0.1, 3.0
 """Distances of the probes from the edge as shares of the side across it, and the smallest distance [px].
 
-Two readings, at this distance and twice as far away, tell where the plane through them has the edge. Detectors place
-edges to some 5 % of a side; inside, where the object goes on, the readings are taken farther from it.
+Two readings, at this distance and twice as far away, tell the plane through them. Detectors place edges to some 5 % of
+a side: so the plane outside is continued that far beyond the edge, to where the object may end already. Inside, where
+the object goes on, the readings are taken farther from the edge, and the plane is continued to it.
 """
 LEAST_STEP_M, STEP_PER_M = 0.1, 0.05
 """Smallest step in depth from an object to its occluder [m], and per metre of depth, as depth errs by more far away."""
@@ -50,21 +49,19 @@ def none_cut(count: int) -> Flags:
 def cut_edges(
     boxes: Array, camera: CameraModel, depth_m: NDArray[np.float32] | None, max_depth_m: float = np.inf
 ) -> Flags:
-    """(D, 2, 2) which edges of a frame's (D, 4) boxes are cut, by the border or by what is nearer.
+    """(D, 2, 2) which edges of (D, 4) boxes are cut, by the border or by what is nearer; none where there is no box.
 
-    ``boxes`` are all of the frame, as those that are not used hide others, too; NaN where there is no box. ``depth_m``
-    is (height, width) along the optical axis [m]; None: no depth. Axis 1 is x and y, axis 2 the low and high end.
+    ``depth_m`` is (height, width) along the optical axis [m]; None: no depth. Axis 1 is x and y, axis 2 the low and
+    high end.
     """
     at_border = cut_by_border(boxes, camera)
     if depth_m is None:
         return at_border
     depths = np.array([_depth_of(box, depth_m, max_depth_m) for box in boxes], dtype=np.float64)
     outwards = np.array([-1.0, 1.0])
-    there, here = (_at_edge(boxes, away, depth_m) for away in (OUTSIDE * outwards, -INSIDE * outwards))
-    own = np.fmin(depths[:, None, None, None], here)
-    is_beside = _lie_in_nearer_boxes(_probes(boxes, OUTSIDE * outwards), boxes, depths)
-    is_told = np.isfinite(there) & np.isfinite(own)
-    covered = np.where(is_told, _is_nearer(there, own), is_beside[..., None])
+    here = _depths_beside(boxes, -INSIDE * outwards, depth_m, beyond=0.0)
+    there = _depths_beside(boxes, OUTSIDE * outwards, depth_m, beyond=1.0)
+    covered = _is_nearer(there, np.fmin(depths[:, None, None, None], here))
     return np.asarray(at_border | (covered.mean(axis=-1) >= LEAST_COVERED))
 
 
@@ -77,14 +74,18 @@ def _is_nearer(there: Array, own: Array) -> Flags:
     return np.asarray(own - there > np.maximum(LEAST_STEP_M, STEP_PER_M * own))
 
 
-def _at_edge(boxes: Array, away: Array, depth_m: NDArray[np.float32]) -> Array:
-    """(D, 2, 2, P) depth at the edges of the surfaces ``away`` from them; of the reading itself if there is but one."""
+def _depths_beside(boxes: Array, away: Array, depth_m: NDArray[np.float32], *, beyond: float) -> Array:
+    """(D, 2, 2, P) depth of the surfaces ``away`` from the edges; NaN where the nearer of two readings is missing.
+
+    The surfaces are continued as planes to ``beyond`` the edges, in units of ``away``; where the farther reading is
+    missing, their depth is that of the nearer one.
+    """
     near, far = (_readings(_probes(boxes, away, times), depth_m) for times in (1.0, 2.0))
-    inverse = np.where(np.isfinite(far), 2.0 / near - 1.0 / far, 1.0 / near)
+    inverse = np.where(np.isfinite(far), (2.0 + beyond) / near - (1.0 + beyond) / far, 1.0 / near)
     return 1.0 / np.where(inverse <= 0.0, 1.0 / FARTHEST_M, inverse)
 
 
-def _probes(boxes: Array, away: Array, times: float = 1.0) -> Array:
+def _probes(boxes: Array, away: Array, times: float) -> Array:
     """(D, 2, 2, P, 2) pixels beside the edges, ``times`` as far as ``away`` (2,), shares of the side across."""
     sides = boxes[:, 2:] - boxes[:, :2]
     along = boxes[:, None, :2] + PROBES[:, None] * sides[:, None]  # (D, P, 2)
@@ -103,12 +104,3 @@ def _readings(pixels: Array, depth_m: NDArray[np.float32]) -> Array:
     u, v = np.moveaxis(np.where(is_inside[..., None], pixels, 0.0).astype(np.intp), -1, 0)
     found = depth_m[v, u].astype(np.float64)
     return np.where(is_inside & np.isfinite(found) & (found > 0.0), found, np.nan)
-
-
-def _lie_in_nearer_boxes(pixels: Array, boxes: Array, depths: Array) -> Flags:
-    """(D, 2, 2) whether all P pixels (D, 2, 2, P, 2) beside an edge lie in another box that is nearer."""
-    is_before = _is_nearer(depths, depths[:, None])
-    low, high = boxes[:, :2], boxes[:, 2:]
-    points = pixels[..., None, :]  # (D, 2, 2, P, 1, 2)
-    holds = np.asarray(((points >= low) & (points <= high)).all(axis=-1))
-    return np.asarray((holds.all(axis=3) & is_before[:, None, None, :]).any(axis=-1))
