@@ -23,6 +23,7 @@ from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
 from semantic_slam.viewpoint.embeddings.store import (
+    FORMAT,
     FittedEmbeddings,
     LooksByDirection,
     read_embeddings,
@@ -157,6 +158,10 @@ def test_a_run_takes_what_other_bags_tell(tmp_path: Path) -> None:
     save_embeddings(replace(fitted, whole=LooksByDirection(repeat_rad=1.0, counts=(1.0,))), path)
     with pytest.raises(InputError, match="counts must be one for each setting"):
         read_embeddings(path)
+    for wrong in ([1, 2], "looks", 3):
+        FORMAT.write(path, {"none": np.zeros(1)}, {**FORMAT.read(path)[1], "whole": wrong})
+        with pytest.raises(InputError, match="incomplete models of vectors"):
+            read_embeddings(path)
 
 
 def run_with(looks: np.ndarray, folder: Path) -> Run:

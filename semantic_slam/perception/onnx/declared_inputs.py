@@ -57,7 +57,7 @@ def _messages(message: memoryview, wanted: int) -> Iterator[memoryview]:
 
 
 def _text(message: memoryview, number: int) -> str:
-    return next((bytes(text).decode() for text in _messages(message, number)), "")
+    return next((bytes(text).decode(errors="replace") for text in _messages(message, number)), "")
 
 
 def _fields(message: memoryview) -> Iterator[tuple[int, int | memoryview]]:

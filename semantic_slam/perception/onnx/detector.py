@@ -118,8 +118,10 @@ def _input_size(path: Path, given: int | None) -> tuple[int, int]:
     if len(inputs) != 1 or len(inputs[0]) != 4 or inputs[0][1] not in (3, None):
         shapes = ", ".join("x".join(str(size or "?") for size in shape) for shape in inputs) or "none"
         raise InputError(f"{path}: its inputs are {shapes}; export it with one, pictures of 1x3xHxW")
-    open_size = stated_input_size(path) if given is None else (given, given)
-    height, width = (size or own for size, own in zip(inputs[0][2:], open_size, strict=True))
+    height, width = inputs[0][2:]
+    if height is None or width is None:
+        stated = stated_input_size(path) if given is None else (given, given)
+        height, width = height or stated[0], width or stated[1]
     if height is None or width is None:
         raise InputError(f"{path}: leaves its input size open; give it (--input-size, such as 640)")
     if given is not None and given < 1:

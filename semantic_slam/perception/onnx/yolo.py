@@ -127,7 +127,10 @@ class ByCell(YoloTable):
     def _read(self, table: Array) -> tuple[Array, Array]:
         corners, sides = self._cells()
         if len(table) != len(sides):
-            raise ValueError(f"it has {len(table)} boxes, not one for each of the {len(sides)} cells of YOLOX's grids")
+            raise ValueError(
+                f"it has {len(table)} boxes, not one for each of the {len(sides)} cells of YOLOX's grids; give the"
+                " input size of the export, a multiple of 32"
+            )
         centres, sizes = table[:, :2], table[:, 2:4]
         if not _are_in_pixels(centres, self.size):
             centres, sizes = (centres + corners) * sides, np.exp(sizes) * sides

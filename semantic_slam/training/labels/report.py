@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.judgement import Judgement
 from semantic_slam.training.labels.fit import Fitted
 from semantic_slam.viewpoint.labels.runner_up import truth_second
@@ -33,7 +34,7 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
         "repeat_share": float(weights @ settings.repeat_shares),
         "repeat_rad": float(weights @ settings.repeat_rads),
         "scores_count": float(weights @ (settings.score_powers > 0.0)),
-        "score_power": float(settings.score_powers[np.argmax(weights)]),
+        "score_power": _likeliest(settings.score_powers, weights),
         "truth_second": float(whole.model.habits @ truth_second(whole.model.num_words)),
         "outlier_share": confusion.outlier_share,
         "classes": {
@@ -45,6 +46,12 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
             for row, label in enumerate(whole.model.labels)
         },
     }
+
+
+def _likeliest(values: Array, weights: Array) -> float:
+    """The value (R,) with the largest sum of weights (R,)."""
+    each, number = np.unique(values, return_inverse=True)
+    return float(each[np.argmax(np.bincount(number, weights))])
 
 
 def lines_of(report: Mapping[str, Any]) -> list[str]:

@@ -76,7 +76,8 @@ def parsed_embeddings(told: dict[str, Any]) -> FittedEmbeddings:
     return found
 
 
-def _looks(told: dict[str, Any]) -> LooksByDirection:
+def _looks(entry: Any) -> LooksByDirection:
+    told = dict(entry)
     share = told.get("outlier_share")
     return LooksByDirection(
         repeat_rad=float(told["repeat_rad"]),

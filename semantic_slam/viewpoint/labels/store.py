@@ -108,7 +108,7 @@ def read_labels(path: Path) -> FittedLabels:
 
 
 def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabels:
-    """Parse the content of a file. Raises KeyError or TypeError."""
+    """Parse the content of a file. Raises KeyError, TypeError or ValueError."""
     told = {OLDER_NAMES.get(name, name): array for name, array in arrays.items()}
     parts = [arrays[f"confusions.{item.name}"] for item in fields(Confusion)]
     return FittedLabels(

@@ -1,19 +1,27 @@
-"""What options cost: every switch turns on something that is shipped, and the interval is that of a bootstrap."""
+"""What options cost: they are the options that are shipped, and the interval is that of a bootstrap."""
+
+from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 import pytest
 from semantic_slam_lab.benchmarks.option_costs import ALL, OPTIONS, bare_configuration, interval
 
-from semantic_slam.configuration import load_configuration
+from semantic_slam.configuration import MovingConfiguration, load_configuration
 from semantic_slam.shipped import configuration_file
 
+NOT_SHIPPED = ("outliers", "moving_objects")
 
-def test_each_option_changes_what_has_none_and_all_of_them_are_what_is_shipped() -> None:
+
+def test_all_options_one_after_the_other_are_what_is_shipped_but_for_what_goes_by_labels() -> None:
     shipped = load_configuration(configuration_file("uncalibrated"))
     bare = bare_configuration(shipped)
-    switched = {name: switch(bare, shipped) for name, switch in OPTIONS.items()}
-    assert len({repr(own) for own in (bare, *switched.values())}) == 1 + len(OPTIONS)
-    assert switched[ALL].open_world == shipped.open_world and switched[ALL].pruning == bare.pruning
+    alone = {name: own.switch(bare, shipped) for name, own in OPTIONS.items()}
+    assert len({repr(own) for own in (bare, *alone.values())}) == 1 + len(OPTIONS)
+    others = [own for name, own in OPTIONS.items() if name not in (ALL, *NOT_SHIPPED)]
+    together = reduce(lambda base, own: own.switch(base, shipped), others, bare)
+    unlabelled = replace(shipped.open_world, departures_by_label=())
+    assert together == replace(alone[ALL], open_world=unlabelled, moving=MovingConfiguration())
 
 
 def test_the_interval_of_a_ratio_is_narrow_where_the_ratio_is_the_same_everywhere_and_holds_the_mean() -> None:

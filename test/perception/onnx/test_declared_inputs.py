@@ -63,6 +63,14 @@ def test_the_size_that_an_export_states_fills_in_for_an_open_one(
         assert OnnxDetector(path, ("red", "green", "blue"), DetectorSettings(input_size=64)).input_size == (64, 64)
 
 
+def test_names_in_another_encoding_keep_no_network_from_being_read(tmp_path: Path) -> None:
+    path = write_network(tmp_path / "net.onnx", "yolov8", size=(32, 96))
+    author = b"\x0a\x06author\x12\x02\xe9\xe8"  # an entry of metadata in Latin-1
+    path.write_bytes(path.read_bytes() + b"\x72" + bytes([len(author)]) + author)
+    assert OnnxDetector(path, ("red", "green", "blue")).input_size == (32, 96)
+    assert stated_input_size(path) == (None, None)
+
+
 @pytest.mark.parametrize(
     "inputs",
     [(pictures("a", 1, 3, 8, 8), pictures("b", 1, 3, 8, 8)), (pictures("a", 1, 8, 8, 3),), (pictures("a", 5),)],
