@@ -73,14 +73,12 @@ def _inputs(kinds: Mapping[str, str], has_measurements: bool) -> set[str]:
     Colour and depth are read from one topic each, and depth only of images; with recorded measurements there is no
     classifier, which would read both. Pictures of a wrong type count, too, as nobody listens to them: that is told.
     """
-    always = {absolute(topic) for topic in (topics.ODOMETRY, topics.INITIAL_POSE)}
+    of_manager = {absolute(topic) for topic in (topics.ODOMETRY, topics.INITIAL_POSE)}
     if has_measurements:
-        return {*always, topics.MEASUREMENTS}
-    read = {absolute(topic) for topic in (topics.DETECTIONS, topics.CAMERA_INFO)} | {
-        offered(kinds).image,
-        _depth(kinds),
-    }
-    return always | read | (mistyped(kinds).keys() & PICTURES)
+        return {*of_manager, topics.MEASUREMENTS}
+    of_classifier = {absolute(topic) for topic in (topics.DETECTIONS, topics.CAMERA_INFO)}
+    pictures = {offered(kinds).image, _depth(kinds)} | (mistyped(kinds).keys() & PICTURES)
+    return of_manager | of_classifier | pictures
 
 
 def _depth(kinds: Mapping[str, str]) -> str:
