@@ -30,6 +30,7 @@ def start_nodes(context):
         float(rate),
         record,
         has_tf2=is_installed("tf2_msgs/msg/TFMessage"),
+        has_stereo=is_installed("stereo_msgs/msg/DisparityImage"),
         overwrite=overwrite.lower() == "true",
         journal=journal or (f"{record}.journal" if record else ""),
         resume=resume.lower() == "true",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.errors import MessageError
-from semantic_slam.messages.disparity import ENCODING, depth_of_disparity, is_disparity
+from semantic_slam.messages.disparity import ENCODING, UNIT_REMEDY, depth_of_disparity, is_disparity
 from semantic_slam.messages.image_size import claimed_size
 
 COLOUR_CHANNELS = {"rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1}
@@ -100,14 +100,18 @@ def _header_size(message: Any) -> int:
     return COMPRESSED_DEPTH_HEADER.size if "compressedDepth" in message.format else 0
 
 
-def check_unit(depth_m: NDArray[np.float32], topic: str) -> None:
-    """Raise MessageError where depth values are implausible in metres (floats in millimetres, integers in metres)."""
+def check_unit(depth_m: NDArray[np.float32], message: Any, topic: str) -> None:
+    """Raise MessageError where (height, width) depths decoded of a message are implausible in metres.
+
+    So are floats in millimetres, integers in metres, and disparities with a baseline in millimetres.
+    """
     sample = depth_m[::UNIT_STRIDE, ::UNIT_STRIDE]
     known = sample[np.isfinite(sample)]
     if known.size and not NEAREST_MEDIAN_M <= float(np.median(known)) <= FARTHEST_MEDIAN_M:
+        remedy = UNIT_REMEDY if is_disparity(message) else "send 32FC1 in metres or 16UC1 in millimetres"
         raise MessageError(
             f"{topic}: half of it lies beyond {FARTHEST_MEDIAN_M:g} m or before {NEAREST_MEDIAN_M:g} m, so"
-            " bearings alone; send 32FC1 in metres or 16UC1 in millimetres"
+            f" bearings alone; {remedy}"
         )
 
 

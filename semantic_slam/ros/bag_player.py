@@ -88,9 +88,10 @@ class BagPlayer(PipelineNode):
             self._playlist = Playlist(reader.topics, remaps, is_installed)
         for line in self._playlist.notes:
             self.get_logger().info(f"{self._bag}: {line}")
+        # Inputs come first, as the classifier reads colour and depth from the first topic that it sees.
         self._outlets = {
             topic: Outlet(self, item.name, item.type_name, qos.replayed(item.name))
-            for topic, item in self._playlist.items.items()
+            for topic, item in sorted(self._playlist.items.items(), key=lambda entry: not entry[1].is_input)
         }
         self._clock_outlet = Outlet(self, CLOCK, TYPES[CLOCK], qos.newest())
         self._progress = Outlet(self, private_name(PLAYER_PROGRESS), TYPES[PLAYER_PROGRESS], qos.latched())

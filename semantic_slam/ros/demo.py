@@ -88,6 +88,7 @@ def replay(arguments: argparse.Namespace, belief: Path) -> None:
         arguments.rate,
         str(belief),
         has_tf2=is_installed("tf2_msgs/msg/TFMessage"),
+        has_stereo=is_installed("stereo_msgs/msg/DisparityImage"),
         journal=str(arguments.out / JOURNAL),
         resume=arguments.resume,
     )

@@ -8,6 +8,7 @@ from worlds.bags.stereo import BASELINE_M, FOCAL_PX, disparity_message
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.errors import MessageError
+from semantic_slam.messages.disparity import depth_of_disparity
 from semantic_slam.messages.images import decode_depth, size_of
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class
@@ -37,6 +38,16 @@ def test_depth_is_focal_length_times_baseline_over_disparity() -> None:
 def test_a_camera_pair_without_focal_length_or_baseline_tells_no_depth(wrong: dict[str, float]) -> None:
     with pytest.raises(MessageError, match="tell no depth; give f and T above 0"):
         decode_depth(disparity_message(HEADER, np.ones((2, 2)), **wrong), "disparity")
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_depth_beyond_all_numbers_is_none() -> None:
+    tiny = disparity_message(HEADER, np.array([[1e-45, 1e-38, 12.0]]))
+    np.testing.assert_allclose(decode_depth(tiny, "disparity"), [[np.nan, np.nan, 1.0]], rtol=1e-6)
+    huge = disparity_message(HEADER, np.array([[1e-3, 12.0]]), f=1e30, t=1e30)
+    assert np.isnan(decode_depth(huge, "disparity")).all()
+    message = disparity_message(HEADER, np.array([[1e-45]]))
+    assert np.isnan(depth_of_disparity(message, np.array([[1e-45]], np.float32), "disparity")).all()
 
 
 def test_disparities_that_are_no_image_are_refused() -> None:

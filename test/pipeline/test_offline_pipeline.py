@@ -178,7 +178,7 @@ def test_disparities_of_a_stereo_pair_are_depth(tmp_path, configuration):
     for name, entries in bags.items():
         summary = run_bag(write_bag(tmp_path / name, entries), tmp_path / f"belief_{name}", configuration)
         measured[name] = messages_of(tmp_path / f"belief_{name}", topics.MEASUREMENTS)
-    assert list(summary.dropped) == [f"{topics.DEPTH}: size 2 x 2 is not the 160 x 120 of {topics.CAMERA_INFO}"]
+    assert list(summary.dropped) == [f"{topics.DISPARITY}: size 2 x 2 is not the 160 x 120 of {topics.CAMERA_INFO}"]
     for own, wanted in list(zip(measured["stereo"], measured["depth"], strict=True))[:-1]:
         np.testing.assert_allclose(own.ranges_m, wanted.ranges_m, atol=1e-5)
     assert np.isnan(measured["stereo"][-1].ranges_m).all() and np.isfinite(measured["depth"][-1].ranges_m).all()

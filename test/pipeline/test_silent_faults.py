@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from worlds.bags.bag_factory import OPTICAL, camera_info, input_entries, odometry, of_topic, write_bag
 from worlds.bags.places import place_entries
+from worlds.bags.stereo import disparity_message
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.datasets.user_bag.hints import Hints
@@ -27,12 +28,16 @@ from semantic_slam.pipeline.offline import run_bag
 
 @pytest.mark.parametrize("scale", [1000.0, 0.001])
 def test_depth_in_another_unit_is_said_to_be(scale: float) -> None:
+    """With the remedy of what it comes from: of disparities the baseline, which a driver may give in millimetres."""
     depth_m = np.full((48, 64), 2.5, np.float32)
     depth_m[:8] = np.nan
-    check_unit(depth_m, "depth")
-    check_unit(np.full((48, 64), np.nan, np.float32), "depth")
-    with pytest.raises(MessageError, match="send 32FC1 in metres or 16UC1 in millimetres"):
-        check_unit(np.asarray(depth_m * scale, np.float32), "depth")
+    image = of_topic(input_entries(1), topics.DEPTH_COMPRESSED)[0].message
+    disparities = disparity_message(header_message(1, "left"), np.ones((48, 64)))
+    for message, remedy in ((image, "send 32FC1 in metres or 16UC1 in millimetres"), (disparities, "f .* and .* T in")):
+        check_unit(depth_m, message, "depth")
+        check_unit(np.full((48, 64), np.nan, np.float32), message, "depth")
+        with pytest.raises(MessageError, match=remedy):
+            check_unit(np.asarray(depth_m * scale, np.float32), message, "depth")
 
 
 def test_a_frame_whose_depth_is_in_millimetres_as_floats_keeps_its_bearings_and_is_counted() -> None:

@@ -62,6 +62,53 @@ def test_recorded_measurements_are_replayed_where_there_is_nothing_to_measure() 
     assert playlist.items["/classifier/measurements"].is_frame
 
 
+PICTURES = (topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.DISPARITY)
+OTHERS = (topics.DETECTIONS, topics.ODOMETRY, topics.CAMERA_INFO)
+
+
+@pytest.mark.parametrize(
+    ("pictures", "heard"),
+    [
+        (PICTURES, {topics.IMAGE_COMPRESSED, topics.DEPTH_COMPRESSED}),
+        ((topics.IMAGE, topics.DEPTH, topics.DISPARITY), {topics.IMAGE, topics.DEPTH}),
+        ((topics.IMAGE, topics.DISPARITY), {topics.IMAGE, topics.DISPARITY}),
+        ((topics.DEPTH, topics.DISPARITY), set()),
+    ],
+)
+def test_of_the_pictures_the_player_waits_for_those_that_the_classifier_reads(
+    pictures: tuple[str, ...], heard: set[str]
+) -> None:
+    """One topic of colour, and one of its depth; neither without colour, nor with recorded measurements."""
+    types = {f"/{topic}": topics.TYPES[topic] for topic in (*pictures, *OTHERS)}
+    assert inputs_of(Playlist(types, {}, lambda name: True)) == {*heard, *OTHERS}
+    measured = {topics.MEASUREMENTS: topics.TYPES[topics.MEASUREMENTS], **types}
+    del measured["/detections"]
+    assert inputs_of(Playlist(measured, {}, lambda name: True)) == {"classifier/measurements", topics.ODOMETRY}
+
+
+def inputs_of(playlist: Playlist) -> set[str]:
+    return {item.name for item in playlist.items.values() if item.is_input}
+
+
+def test_a_disparity_of_another_type_is_nobodys_input_and_one_under_another_name_is_remapped() -> None:
+    types = {"/image": topics.TYPES[topics.IMAGE], "/stereo/disparity": topics.TYPES[topics.DISPARITY]}
+    remaps = parse_remaps(["/stereo/disparity:=disparity"])
+    assert inputs_of(Playlist(types, remaps, lambda name: True)) == {"image", "disparity"}
+    types["/stereo/disparity"] = topics.TYPES[topics.IMAGE]
+    assert inputs_of(Playlist(types, remaps, lambda name: True)) == {"image"}
+    wrong = {"/image": topics.TYPES[topics.IMAGE], "/depth": topics.TYPES[topics.DISPARITY]}
+    assert inputs_of(Playlist(wrong, {}, lambda name: True)) == {"image", "depth"}  # nobody listens: that is told
+
+
+def test_without_stereo_msgs_a_bag_with_no_other_depth_is_said_to_give_bearings_alone() -> None:
+    types = {f"/{topic}": topics.TYPES[topic] for topic in (topics.IMAGE, topics.DISPARITY)}
+    alone = Playlist(types, {}, lambda name: "stereo" not in name)
+    note = "/disparity is not replayed: package stereo_msgs is not installed"
+    assert (alone.notes, inputs_of(alone)) == ([f"{note}, so bearings alone"], {topics.IMAGE})
+    types["/depth"] = topics.TYPES[topics.DEPTH]
+    assert Playlist(types, {}, lambda name: "stereo" not in name).notes == [note]
+
+
 @pytest.mark.parametrize("entry", ["image", ":=image", "/camera:="])
 def test_remap_that_is_none_is_refused(entry: str) -> None:
     with pytest.raises(InputError, match="FROM:=TO"):

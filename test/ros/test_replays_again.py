@@ -92,7 +92,7 @@ def replays(tmp_path_factory: pytest.TempPathFactory) -> Replays:
     configuration = write_configuration(folder, **settings, perception={"network": "nowhere.safetensors"})
     bag = drive(folder / "bag")
     summary = run_bag(bag, folder / "offline", load_configuration(configuration))
-    specs = node_set(bag, configuration, 1, 0.0, "", has_tf2=False)
+    specs = node_set(bag, configuration, 1, 0.0, "", has_tf2=False, has_stereo=True)
     rclpy.init()
     try:
         node = rclpy.create_node("listener")

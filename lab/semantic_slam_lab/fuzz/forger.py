@@ -28,8 +28,9 @@ HEARD = (
 )  # fmt: skip
 """What forgeries are made of; of inputs it is what the bag has up to the newest belief."""
 INPUTS = (
-    topics.DETECTIONS, topics.IMAGE_COMPRESSED, topics.DEPTH_COMPRESSED, topics.CAMERA_INFO, topics.ODOMETRY,
-    topics.INITIAL_POSE, topics.GROUND_TRUTH_ODOMETRY, topics.GROUND_TRUTH_OBJECTS, topics.GROUND_TRUTH_ASSOCIATIONS,
+    topics.DETECTIONS, topics.IMAGE_COMPRESSED, topics.DEPTH_COMPRESSED, topics.DISPARITY, topics.CAMERA_INFO,
+    topics.ODOMETRY, topics.INITIAL_POSE, topics.GROUND_TRUTH_ODOMETRY, topics.GROUND_TRUTH_OBJECTS,
+    topics.GROUND_TRUTH_ASSOCIATIONS,
 )  # fmt: skip
 REMEMBERED = 50
 NOTHING_TELLS = frozenset(("bag_recorder", topic, "out_of_turn") for topic in (topics.MEASUREMENTS, topics.ODOMETRY))

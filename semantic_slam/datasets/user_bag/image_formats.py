@@ -35,7 +35,7 @@ def compress_colour(message: Any, topic: str) -> Any:
 def compress_depth(message: Any, topic: str) -> Any:
     """sensor_msgs/CompressedImage (16-bit png, mm, 0 invalid) of any depth image; raises InputError."""
     depth_m = decode_depth(message, topic)
-    check_unit(depth_m, topic)
+    check_unit(depth_m, message, topic)
     return encoded_depth(depth_m, message.header)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from semantic_slam.doctor.finding import Finding, error, warning
 from semantic_slam.doctor.input_summary import DISPARITIES, InputSummary
+from semantic_slam.messages.disparity import UNIT_REMEDY
 from semantic_slam.messages.images import FARTHEST_MEDIAN_M, NEAREST_MEDIAN_M
 
 NAME = "depth"
@@ -32,7 +33,7 @@ def check(summary: InputSummary) -> Iterator[Finding]:
 
 def _unit_remedy(encoding: str, median_m: float) -> str:
     if encoding == DISPARITIES:
-        return "correct its focal length f in pixels and its baseline T in metres"
+        return UNIT_REMEDY
     if median_m > FARTHEST_MEDIAN_M:
         return f"it is in millimetres as it seems: divide it by 1000, or send it as 16UC1 ({encoding} is in metres)"
     return f"it is in metres as it seems: multiply it by 1000, or send it as 32FC1 ({encoding} is in millimetres)"

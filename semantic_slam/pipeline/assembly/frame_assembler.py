@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
+from semantic_slam.messages.disparity import is_disparity
 from semantic_slam.messages.images import check_unit, decode_depth, decode_image, size_of
 from semantic_slam.messages.sensor import TransformTree, plain_frame
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns
@@ -54,7 +55,11 @@ class FrameAssembler(DetectionsInput):
         self._images.add(header_stamp_ns(message), message)
 
     def add_depth(self, message: Any) -> None:
-        """Take a depth image, a sensor_msgs/Image or CompressedImage."""
+        """Take a depth image, a sensor_msgs/Image or CompressedImage, or a stereo_msgs/DisparityImage.
+
+        Faults of disparities are counted under topic ``disparity``, those of other depth under ``depth``.
+        """
+        self._depths.topic = topics.DISPARITY if is_disparity(message) else topics.DEPTH
         self._depths.add(header_stamp_ns(message), message)
 
     def add_transforms(self, message: Any) -> None:
@@ -144,9 +149,9 @@ class FrameAssembler(DetectionsInput):
             return None
         message = self._depths.nearest(stamp_ns, self._tolerance_ns)
         if message is None:
-            self.dropped[f"{topics.DEPTH}: none of the detections' stamp, bearing only"] += 1
+            self.dropped[f"{self._depths.topic}: none of the detections' stamp, bearing only"] += 1
             return None
-        return self._pixels(_depth_in_metres, message, topics.DEPTH, camera)
+        return self._pixels(_depth_in_metres, message, self._depths.topic, camera)
 
     def _pixels(
         self, decode: Callable[[Any, str], NDArray[Any]], message: Any, topic: str, camera: CameraModel
@@ -170,7 +175,7 @@ class FrameAssembler(DetectionsInput):
 
 def _depth_in_metres(message: Any, topic: str) -> NDArray[np.float32]:
     depth_m = decode_depth(message, topic)
-    check_unit(depth_m, topic)
+    check_unit(depth_m, message, topic)
     return depth_m
 
 

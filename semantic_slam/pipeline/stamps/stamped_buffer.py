@@ -26,7 +26,6 @@ class StampedBuffer(Generic[T]):
 
         ``made_of`` converts an added item to the stored one; it is called in stamp order, for accepted items only.
         """
-        self.topic = topic
         self.last_stamp_ns: int | None = None
         self._clock: TopicClock[Any] = TopicClock(topic, dropped, capacity or MOST_EARLIER)
         self._dropped = dropped
@@ -34,6 +33,15 @@ class StampedBuffer(Generic[T]):
         self._made_of = made_of
         self._stamps: list[int] = []
         self._items: list[T] = []
+
+    @property
+    def topic(self) -> str:
+        """Name under which refused and removed items are counted."""
+        return self._clock.topic
+
+    @topic.setter
+    def topic(self, name: str) -> None:
+        self._clock.topic = name
 
     def __len__(self) -> int:
         return len(self._stamps)
@@ -67,6 +75,7 @@ class StampedBuffer(Generic[T]):
 
     def go_on_from(self, former: "StampedBuffer[T]") -> None:
         """Add the items of this session that the buffer of the previous one has refused."""
+        self.topic = former.topic
         for stamp_ns, item in former._clock.earlier:
             self.add(stamp_ns, item)
 

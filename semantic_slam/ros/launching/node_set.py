@@ -53,6 +53,7 @@ def node_set(
     record: str,
     *,
     has_tf2: bool,
+    has_stereo: bool,
     overwrite: bool = False,
     journal: str = "",
     resume: bool = False,
@@ -64,7 +65,8 @@ def node_set(
     manager's journal folder, "" for none: then the manager's death ends the run. ``resume``: continue journal and
     belief bag of an interrupted run. ``autostart`` False: the nodes wait for lifecycle transitions. ``has_tf2`` False:
     without tf2_msgs /tf_static cannot be published here, so the classifier gets the extrinsics from the bag's
-    transforms as a parameter.
+    transforms as a parameter. ``has_stereo`` False: without stereo_msgs disparities cannot be published here, so a bag
+    without other depth is one without depth.
     """
     if rate < LOSSLESS:
         raise InputError(f"rate {rate:g}: give a rate of 0 or more")
@@ -73,7 +75,7 @@ def node_set(
     configuration = load_configuration(configuration_file)
     if configuration.open_world.time_budget_ms > 0:  # results depend on timing, so a run cannot be repeated
         journal, resume = "", False
-    source = _Source.of(bag, configuration, has_tf2=has_tf2)
+    source = _Source.of(bag, configuration, has_tf2=has_tf2, has_stereo=has_stereo)
     waiting: dict[str, Any] = {} if autostart else {"autostart": False}
     common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | waiting
     configured = common | changed_parameters(configuration)
@@ -167,10 +169,12 @@ class _Source:
     classifier: dict[str, Any]  # parameters
 
     @classmethod
-    def of(cls, bag: Path, configuration: Configuration, *, has_tf2: bool) -> "_Source":
+    def of(cls, bag: Path, configuration: Configuration, *, has_tf2: bool, has_stereo: bool) -> "_Source":
         """Raises InputError."""
         with BagReader(bag) as reader:
             found = find_topics(bag, reader.topics)
+            if found.depth == absolute(topics.DISPARITY) and not has_stereo:
+                found = replace(found, depth="")
             extrinsics = [] if has_tf2 else _extrinsics(reader, found, configuration)
             imu = _imu_parameters(reader, found, configuration, has_tf2=has_tf2)
             labels = _labels(reader, found, configuration, map_prior_path(bag))

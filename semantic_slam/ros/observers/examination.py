@@ -1,6 +1,7 @@
 """Examination of a running system for ``doctor``: the bag checks on live messages, and checks of the ROS graph."""
 
 from array import array
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -65,7 +66,7 @@ def examine_running_system(
     )
     faults = [
         *unread,
-        *_unheard(look, kinds),
+        *unheard(graph, look.heard),
         *_read_preamble(look, summary.preamble),
         *unread_imu(summary, parameters),
     ]
@@ -96,18 +97,23 @@ def _left_out(look: Observer, summary: InputSummary) -> Iterator[Finding]:
 
 def wanted(graph: Graph) -> dict[str, str]:
     """Types, by relative name, of inputs that are published and whose packages are installed."""
-    kinds = published(graph)
+    read = _without_unread(published(graph))
+    return {RELATIVE[topic]: kind for topic, kind in read.items() if is_installed(kind)}
+
+
+def _without_unread(kinds: Mapping[str, str]) -> dict[str, str]:
+    """Types without those of pictures that come on another topic, too, from which they are read."""
     found = offered(kinds)
     depths = {absolute(topic) for topic in (topics.DEPTH, topics.DISPARITY)} if found.depth else set[str]()
     unread = {found.image and absolute(topics.IMAGE), *depths} - {found.image, found.depth}
-    return {RELATIVE[topic]: kind for topic, kind in kinds.items() if topic not in unread and is_installed(kind)}
+    return {topic: kind for topic, kind in kinds.items() if topic not in unread}
 
 
-def _unheard(look: Observer, kinds: Mapping[str, str]) -> Iterator[Finding]:
-    """Findings on inputs whose packages are not installed."""
-    for topic, kind in kinds.items():
+def unheard(graph: Graph, heard: Counter[str]) -> Iterator[Finding]:
+    """Findings on inputs to be read whose packages are not installed; they are added to the messages ``heard``."""
+    for topic, kind in _without_unread(published(graph)).items():
         if not is_installed(kind):
-            look.heard[topic] += 1  # so that it is not also reported as silent
+            heard[topic] += 1  # so that it is not also reported as silent
             package = kind.partition("/")[0]
             what = f"{topic} is {kind}, and its package is not installed here"
             instead = "publish depth images" if topic == absolute(topics.DISPARITY) else "give perception.extrinsics"

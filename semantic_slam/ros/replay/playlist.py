@@ -3,22 +3,13 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+from semantic_slam.bag.names import absolute
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
+from semantic_slam.pipeline.input_topics import mistyped, offered
+from semantic_slam.ros.wire import qos
 
-INPUTS = frozenset(
-    {
-        topics.DETECTIONS,
-        topics.IMAGE,
-        topics.IMAGE_COMPRESSED,
-        topics.DEPTH,
-        topics.DEPTH_COMPRESSED,
-        topics.DISPARITY,
-        topics.CAMERA_INFO,
-        topics.ODOMETRY,
-        topics.INITIAL_POSE,
-    }
-)
+PICTURES = frozenset(map(absolute, qos.PICTURES))
 NEVER = (topics.CLOCK, topics.DIAGNOSTICS, "/classifier/", "/hypothesis_manager/", "/bag_player/")
 """Topics, or their prefixes, that running nodes publish themselves; recorded ones would mix with those."""
 RECORDED_MEASUREMENTS = topics.MEASUREMENTS.lstrip("/")
@@ -30,11 +21,7 @@ class PlayItem:
 
     name: str  # under which it is published, relative but for tf
     type_name: str
-
-    @property
-    def is_input(self) -> bool:
-        """Whether one of our nodes must subscribe to the topic."""
-        return self.name in INPUTS or self.is_frame
+    is_input: bool  # whether one of our nodes must subscribe to it
 
     @property
     def is_frame(self) -> bool:
@@ -62,16 +49,42 @@ class Playlist:
             raise InputError(f"parameter remap: no topic {absent[0]} in the bag; it has {', '.join(sorted(types))}")
         self.items: dict[str, PlayItem] = {}
         self.notes: list[str] = []
-        names = {remaps.get(topic, topic.lstrip("/")) for topic in types}
-        self.has_measurements = topics.MEASUREMENTS in types and topics.DETECTIONS not in names
-        for topic, type_name in sorted(types.items()):
+        names = {
+            topic: remaps.get(topic, topic if topic in topics.GLOBAL else topic.lstrip("/")) for topic in sorted(types)
+        }
+        self.has_measurements = topics.MEASUREMENTS in types and topics.DETECTIONS not in names.values()
+        kinds = {absolute(name): types[topic] for topic, name in names.items()}
+        inputs = _inputs({name: kind for name, kind in kinds.items() if is_installed(kind)}, self.has_measurements)
+        depth = "" if self.has_measurements else _depth(kinds)
+        for topic, name in names.items():
             if topic.startswith(NEVER) and not (self.has_measurements and topic == topics.MEASUREMENTS):
                 continue
-            if is_installed(type_name):
-                name = remaps.get(topic, topic if topic in topics.GLOBAL else topic.lstrip("/"))
-                self.items[topic] = PlayItem(name, type_name)
+            if is_installed(types[topic]):
+                self.items[topic] = PlayItem(name, types[topic], is_input=absolute(name) in inputs)
             else:
-                self.notes.append(f"{topic} is not replayed: package {type_name.split('/')[0]} is not installed")
+                effect = ", so bearings alone" if absolute(name) == depth else ""
+                package = types[topic].split("/")[0]
+                self.notes.append(f"{topic} is not replayed: package {package} is not installed{effect}")
+
+
+def _inputs(kinds: Mapping[str, str], has_measurements: bool) -> set[str]:
+    """Topics, of those replayed with these types, that our nodes subscribe to, all by absolute name.
+
+    Colour and depth are read from one topic each, and depth only of images; with recorded measurements there is no
+    classifier, which would read both. Pictures of a wrong type count, too, as nobody listens to them: that is told.
+    """
+    of_manager = {absolute(topic) for topic in (topics.ODOMETRY, topics.INITIAL_POSE)}
+    if has_measurements:
+        return {*of_manager, topics.MEASUREMENTS}
+    of_classifier = {absolute(topic) for topic in (topics.DETECTIONS, topics.CAMERA_INFO)}
+    pictures = {offered(kinds).image, _depth(kinds)} | (mistyped(kinds).keys() & PICTURES)
+    return of_manager | of_classifier | pictures
+
+
+def _depth(kinds: Mapping[str, str]) -> str:
+    """Topic from which the depth of images is read, "" for none."""
+    found = offered(kinds)
+    return found.depth if found.has_images else ""
 
 
 def parse_remaps(entries: Iterable[str]) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Frames depend on the stamps of messages, never on the order in which topics arrive."""
 
 import random
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from worlds.bags.bag_factory import (
     stamps,
     without,
 )
+from worlds.bags.stereo import by_stereo
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.errors import InputError
@@ -35,6 +37,7 @@ def feed_frames(assembler, entries, flush=True):
     handlers = {
         topics.IMAGE_COMPRESSED: assembler.add_image,
         topics.DEPTH_COMPRESSED: assembler.add_depth,
+        topics.DISPARITY: assembler.add_depth,
         topics.CAMERA_INFO: assembler.add_camera_info,
         topics.DETECTIONS: assembler.add_detections,
     }
@@ -201,3 +204,22 @@ def test_a_depth_image_of_another_kind_is_named():
     frames, dropped = drops(entries)
     assert frames[0].depth_m is None
     assert list(dropped) == ["depth: a depth image of format 'jpeg' does not decode; send a 16UC1 png in millimetres"]
+
+
+def test_faults_of_disparities_are_counted_under_their_topic_with_the_remedy_of_a_stereo_pair():
+    entries = by_stereo(input_entries(4))
+    handlers = of_topic(entries, topics.DISPARITY)
+    handlers[0].message.t *= 1000.0  # millimetres
+    handlers[1].message.t = 0.0
+    entries.remove(handlers[2])
+    entries.append(handlers[0])
+    frames, dropped = drops(entries)
+    assert [frame.depth_m is None for frame in frames] == [True, True, True, False]
+    assert set(dropped.values()) == {1}
+    kinds = (
+        "half of it lies.*correct its focal length f in pixels and its baseline T in metres",
+        "focal length.*above 0",
+    )
+    kinds += ("none of the detections' stamp, bearing only", "time goes backwards")
+    assert len(dropped) == len(kinds)
+    assert all(any(re.match(f"disparity: {kind}", reason) for reason in dropped) for kind in kinds)

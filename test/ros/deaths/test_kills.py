@@ -46,6 +46,7 @@ def specs_of(bag: Path, configuration: Path, out: Path, *, resume: bool) -> list
         0.0,
         str(out / "belief"),
         has_tf2=False,
+        has_stereo=True,
         journal=str(out / "journal"),
         resume=resume,
     )

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from worlds.bags.bag_factory import T_BASE_CAMERA, input_entries, write_bag, write_configuration
+from worlds.bags.stereo import by_stereo
 
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader
@@ -30,7 +31,7 @@ def configuration(tmp_path: Path) -> Path:
 
 
 def specs_of(bag: Path, configuration: Path, **changes: Any) -> dict[str, NodeSpec]:
-    values = {"backends": 2, "rate": 0.0, "record": "out/belief", "has_tf2": False} | changes
+    values = {"backends": 2, "rate": 0.0, "record": "out/belief", "has_tf2": False, "has_stereo": True} | changes
     return {spec.name: spec for spec in node_set(bag, configuration, **values)}
 
 
@@ -93,6 +94,16 @@ def test_without_tf2_the_classifier_is_given_the_extrinsics(bag: Path, configura
 def test_bag_without_depth_is_bearing_only(tmp_path: Path, configuration: Path) -> None:
     bag = write_bag(tmp_path / "flat", input_entries(2, with_depth=False))
     assert specs_of(bag, configuration)["classifier"].parameters["has_depth"] is False
+
+
+def test_disparities_are_depth_only_where_they_can_be_published(tmp_path: Path, configuration: Path) -> None:
+    """Where stereo_msgs is not installed, the classifier waits for depth only if the bag has other depth."""
+    stereo = by_stereo(input_entries(2))
+    for name, entries, without in (("stereo", stereo, False), ("both", [*stereo, *input_entries(2)], True)):
+        bag = write_bag(tmp_path / name, entries)
+        for has_stereo, wanted in ((True, True), (False, without)):
+            classifier = specs_of(bag, configuration, has_stereo=has_stereo)["classifier"]
+            assert classifier.parameters["has_depth"] is wanted
 
 
 def test_no_backend_is_refused(bag: Path, configuration: Path) -> None:

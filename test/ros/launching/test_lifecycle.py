@@ -47,7 +47,9 @@ def test_nodes_wait_for_their_transitions_replay_as_offline_and_end_well_when_sh
     run_bag(bag, tmp_path / "offline", load_configuration(configuration))
     reference = beliefs(tmp_path / "offline")
     assert len(reference) == NUM_FRAMES
-    specs = node_set(bag, configuration, 1, 0.0, str(tmp_path / "belief"), has_tf2=False, autostart=False)
+    specs = node_set(
+        bag, configuration, 1, 0.0, str(tmp_path / "belief"), has_tf2=False, has_stereo=True, autostart=False
+    )
     rclpy.init()
     try:
         with processes(tmp_path) as nodes:

@@ -50,7 +50,9 @@ def test_the_launch_file_declares_its_arguments_and_only_two_must_be_given(launc
 
 def test_a_robot_has_the_nodes_of_a_replay_without_the_player(tmp_path: Path, configuration: Path) -> None:
     bag = write_bag(tmp_path / "bag", input_entries(2))
-    replay = by_name(node_set(bag, configuration, 2, 1.0, "out/belief", has_tf2=True, journal="out/journal"))
+    replay = by_name(
+        node_set(bag, configuration, 2, 1.0, "out/belief", has_tf2=True, has_stereo=True, journal="out/journal")
+    )
     robot = by_name(robot_set(configuration, 2, "out/journal", record="out/belief"))
     assert set(robot) == set(replay) - {"bag_player"}
     for name, spec in robot.items():

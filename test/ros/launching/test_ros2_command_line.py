@@ -44,7 +44,7 @@ def ros2(*words: str) -> str:
 
 
 def test_executables_and_messages_are_found(bag: Path, configuration: Path) -> None:
-    needed = {spec.executable for spec in node_set(bag, configuration, 1, 0.0, "out", has_tf2=True)}
+    needed = {spec.executable for spec in node_set(bag, configuration, 1, 0.0, "out", has_tf2=True, has_stereo=True)}
     assert needed <= set(ros2("pkg", "executables", "semantic_slam").replace("semantic_slam ", "").splitlines())
     assert "float64[] log_weights" in ros2("interface", "show", topics.TYPES[topics.BELIEF])
 

@@ -12,15 +12,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
 from semantic_slam_lab.fuzz.asker import Asker
 from semantic_slam_lab.fuzz.forger import Forger, forger
 from semantic_slam_lab.fuzz.live import disturb, uncounted
-from worlds.bags.bag_factory import write_bag, write_configuration
+from worlds.bags.bag_factory import input_entries, write_bag, write_configuration
 from worlds.bags.places import place_entries
+from worlds.bags.stereo import by_stereo
 from worlds.processes.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, processes
 
 from semantic_slam.configuration import load_configuration
+from semantic_slam.errors import MessageError
+from semantic_slam.messages import topics
+from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import is_installed, receive
 
 NUM_FRAMES, NUM_ATTACKED, NUM_FORGED = 20, 8, 300
 SLOW_BACKEND = [sys.executable, str(Path(__file__).parents[1] / "faulty_backends.py"), "slow"]
@@ -66,3 +73,26 @@ def test_forged_messages_and_requests_change_nothing_and_are_counted_or_refused(
     assert_same(beliefs(replay.belief_bag), beliefs(tmp_path / "offline"))
     assert not missing
     assert len(asking.refused()) > 5 and not list(asking.findings())
+
+
+@pytest.mark.ros
+def test_whoever_listens_to_disparities_is_sent_forged_ones(tmp_path: Path) -> None:
+    if not is_installed(topics.TYPES[topics.DISPARITY]):
+        pytest.skip("stereo_msgs is not installed")
+    domain_id, chance = int(os.environ["ROS_DOMAIN_ID"]), np.random.default_rng(0)
+    received: list[bytes] = []
+    rclpy.init(domain_id=domain_id)
+    try:
+        node = rclpy.create_node("listener")
+        receive(node, topics.DISPARITY, received.append, qos.everything())
+        with forger(write_bag(tmp_path / "bag", by_stereo(input_entries(1))), domain_id) as forging:
+            assert forging._outlets[topics.DISPARITY].wait_for_readers(1, TIMEOUT_S)
+            give_up = time.monotonic() + TIMEOUT_S
+            while not received and time.monotonic() < give_up:
+                forging.send(chance)
+                rclpy.spin_once(node, timeout_sec=0.02)
+        node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+    with pytest.raises(MessageError, match="do not decode"):
+        deserialize(received[0], topics.TYPES[topics.DISPARITY])

@@ -9,13 +9,23 @@ import cv2
 import numpy as np
 import pytest
 import rclpy
-from worlds.bags.bag_factory import T_BASE_CAMERA, input_entries, of_topic, write_configuration
+from worlds.bags.bag_factory import (
+    T_BASE_CAMERA,
+    Entry,
+    input_entries,
+    of_topic,
+    without,
+    write_bag,
+    write_configuration,
+)
 from worlds.bags.stereo import disparity_of
-from worlds.processes.node_runs import processes
+from worlds.processes.node_runs import Replay, assert_same, beliefs, processes, run
 
+from semantic_slam.configuration import load_configuration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.launching.node_set import NodeSpec
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, is_installed, receive
@@ -95,3 +105,17 @@ def test_compressed_colour_with_raw_depth_gives_ranges_and_garbage_in_between_gi
     assert len(measured) >= 2
     assert all(np.isfinite(item.ranges_m).all() and len(item) == 2 for item in measured)
     assert "ready" in said and "do not decode" in said and "Traceback" not in said
+
+
+@pytest.mark.long
+def test_a_bag_with_depth_images_and_disparities_is_replayed_with_the_depth_images(tmp_path: Path) -> None:
+    """Losslessly, and as offline: the player does not wait for a listener to the disparities, which nobody reads."""
+    entries = input_entries(num_frames=3)
+    depths = of_topic(entries, topics.DEPTH_COMPRESSED)
+    besides = [Entry(topic, make(entry.message), entry.stamp_ns) for entry in depths for topic, make in RAW.items()]
+    bag = write_bag(tmp_path / "bag", [*without(entries, topics.DEPTH_COMPRESSED), *besides])
+    configuration = write_configuration(tmp_path / "configuration")
+    run_bag(bag, tmp_path / "offline", load_configuration(configuration))
+    replayed = run(Replay(bag, configuration, tmp_path, 1))
+    assert len(replayed) == 3
+    assert_same(replayed, beliefs(tmp_path / "offline"))

@@ -4,6 +4,7 @@ import json
 import os
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -225,6 +226,19 @@ def test_a_manager_that_was_not_told_of_the_inertial_sensor_is_named() -> None:
     assert "-p has_imu:=true" in found.remedy
     assert list(examination.unread_imu(summary, {"has_imu": True})) == []
     assert list(examination.unread_imu(replace(summary, configuration=from_dict({})), {"has_imu": False})) == []
+
+
+def test_a_type_that_is_not_installed_is_an_error_only_where_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(examination, "is_installed", lambda name: not name.startswith("stereo_msgs"))
+    heard = Counter[str]()
+    for other, number in ((topics.DEPTH_COMPRESSED, 0), (topics.DEPTH, 0), (topics.DETECTIONS, 1)):
+        kinds = {f"/{topic}": topics.TYPES[topic] for topic in (topics.IMAGE, topics.DISPARITY, other)}
+        publishers = {topic: [Endpoint("camera", kind)] for topic, kind in kinds.items()}
+        graph = Graph(publishers=publishers, readers={}, nodes=frozenset())
+        found = lines(list(examination.unheard(graph, heard)))
+        assert len(found) == number == heard["/disparity"], other
+        assert topics.DISPARITY not in examination.wanted(graph)
+    assert "install ros-jazzy-stereo-msgs, or publish depth images" in found[0]
 
 
 def test_types_that_differ_and_nodes_that_lack_are_found_before_the_start() -> None:

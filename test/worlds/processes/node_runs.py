@@ -40,7 +40,9 @@ class Replay:
         return self.out / "belief"
 
     def specs(self) -> list[NodeSpec]:
-        usual = node_set(self.bag, self.configuration, self.backends, 0.0, str(self.belief_bag), has_tf2=False)
+        usual = node_set(
+            self.bag, self.configuration, self.backends, 0.0, str(self.belief_bag), has_tf2=False, has_stereo=True
+        )
         specs = [replace(spec, parameters={**spec.parameters, **self.parameters.get(spec.name, {})}) for spec in usual]
         return [*(NodeSpec(name, name) for name in self.companions), *specs]
 
