@@ -60,6 +60,10 @@ def test_recorded_measurements_are_replayed_where_there_is_nothing_to_measure() 
     playlist = Playlist(types, {}, lambda name: True)
     assert playlist.has_measurements
     assert playlist.items["/classifier/measurements"].is_frame
+    types["/detections"] = topics.TYPES[topics.DETECTIONS]  # without pictures, as an offline run and the launch file
+    playlist = Playlist(types, {}, lambda name: True)
+    assert playlist.has_measurements and list(playlist.items) == ["/classifier/measurements"]
+    assert playlist.notes == ["/detections is not replayed: the recorded measurements of its detections are"]
 
 
 PICTURES = (topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.DISPARITY)

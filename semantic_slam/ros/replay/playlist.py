@@ -36,8 +36,8 @@ class PlayItem:
 class Playlist:
     """Topics to replay: ``items`` by absolute topic name in the bag; ``notes`` on topics left out.
 
-    ``has_measurements``: the bag has recorded measurements and no detections, so that the player takes the
-    classifier's place.
+    ``has_measurements``: recorded measurements are replayed, as there are no pictures or no detections to make them
+    from; the player takes the classifier's place.
     """
 
     def __init__(
@@ -52,14 +52,17 @@ class Playlist:
         names = {
             topic: remaps.get(topic, topic if topic in topics.GLOBAL else topic.lstrip("/")) for topic in sorted(types)
         }
-        self.has_measurements = topics.MEASUREMENTS in types and topics.DETECTIONS not in names.values()
         kinds = {absolute(name): types[topic] for topic, name in names.items()}
+        is_measurable = topics.DETECTIONS in names.values() and bool(offered(kinds).image)
+        self.has_measurements = topics.MEASUREMENTS in types and not is_measurable
         inputs = _inputs({name: kind for name, kind in kinds.items() if is_installed(kind)}, self.has_measurements)
         depth = "" if self.has_measurements else _depth(kinds)
         for topic, name in names.items():
             if topic.startswith(NEVER) and not (self.has_measurements and topic == topics.MEASUREMENTS):
                 continue
-            if is_installed(types[topic]):
+            if self.has_measurements and name == topics.DETECTIONS:
+                self.notes.append(f"{topic} is not replayed: the recorded measurements of its detections are")
+            elif is_installed(types[topic]):
                 self.items[topic] = PlayItem(name, types[topic], is_input=absolute(name) in inputs)
             else:
                 effect = ", so bearings alone" if absolute(name) == depth else ""
