@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from worlds.bags.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, of_topic, without
 from worlds.bags.mistakes import Entries
+from worlds.bags.raw_image import raw_image
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
@@ -13,7 +14,7 @@ from semantic_slam.doctor.finding import Finding, Severity
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.doctor.summarise import Summariser
 from semantic_slam.messages import topics
-from semantic_slam.messages.typestore import deserialize, message_class, serialize
+from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.input_topics import offered
 from semantic_slam.pipeline.preamble import Preamble
 
@@ -25,15 +26,7 @@ def raw(entries: Entries, times: int) -> Entries:
     """Colour as a driver publishes it, so many times as large as the small bag has it."""
     for entry in of_topic(entries, topics.IMAGE_COMPRESSED):
         entry.topic = topics.IMAGE
-        entry.message = message_class("sensor_msgs/msg/Image")(
-            header=entry.message.header,
-            height=times * HEIGHT,
-            width=times * WIDTH,
-            encoding="rgb8",
-            is_bigendian=0,
-            step=3 * times * WIDTH,
-            data=np.zeros(3 * times * times * HEIGHT * WIDTH, np.uint8),
-        )
+        entry.message = raw_image(entry.message.header, np.zeros((times * HEIGHT, times * WIDTH, 3), np.uint8), "rgb8")
     return entries
 
 

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from worlds.bags.bag_factory import (
-    HEIGHT,
     OBJECTS,
     SPEED_M,
-    WIDTH,
     Entry,
     frame_stamp,
     input_entries,
@@ -23,6 +21,7 @@ from worlds.bags.bag_factory import (
     write_configuration,
 )
 from worlds.bags.imported import messages_of
+from worlds.bags.raw_image import raw_image
 from worlds.bags.stereo import by_stereo, disparity_message
 
 from semantic_slam.bag.reader import BagReader
@@ -38,7 +37,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.images import decode_image
 from semantic_slam.messages.standard import PoseEstimate
-from semantic_slam.messages.typestore import message_class, serialize, typestore
+from semantic_slam.messages.typestore import serialize, typestore
 from semantic_slam.pipeline import recorded_views
 from semantic_slam.pipeline.offline import run_bag
 
@@ -222,15 +221,7 @@ def as_raw(entry):
     """The entry itself, or a compressed colour image as sensor_msgs/Image on topic image."""
     if entry.topic != topics.IMAGE_COMPRESSED:
         return Entry(entry.topic.lstrip("/"), entry.message, entry.stamp_ns)
-    message = message_class("sensor_msgs/msg/Image")(
-        header=entry.message.header,
-        height=HEIGHT,
-        width=WIDTH,
-        encoding="rgb8",
-        is_bigendian=0,
-        step=3 * WIDTH,
-        data=decode_image(entry.message, "image").ravel(),
-    )
+    message = raw_image(entry.message.header, decode_image(entry.message, "image"), "rgb8")
     return Entry(topics.IMAGE, message, entry.stamp_ns)
 
 

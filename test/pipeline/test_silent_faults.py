@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from worlds.bags.bag_factory import OPTICAL, camera_info, input_entries, odometry, of_topic, write_bag
 from worlds.bags.places import place_entries
+from worlds.bags.raw_image import raw_image
 from worlds.bags.stereo import disparity_message
 
 from semantic_slam.configuration import from_dict
@@ -17,7 +18,6 @@ from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.images import check_unit
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import header_message
-from semantic_slam.messages.typestore import message_class
 from semantic_slam.perception.crops import IN_SHARES, box_fault
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.places import PlaceReader
@@ -50,17 +50,7 @@ def test_a_frame_whose_depth_is_in_millimetres_as_floats_keeps_its_bearings_and_
     camera = assembler.camera
     assert camera is not None
     values = np.full((camera.height, camera.width), 2500.0, np.float32)
-    assembler.add_depth(
-        message_class("sensor_msgs/msg/Image")(
-            header=header_message(stamp_ns, OPTICAL),
-            height=camera.height,
-            width=camera.width,
-            encoding="32FC1",
-            is_bigendian=0,
-            step=4 * camera.width,
-            data=np.frombuffer(values.tobytes(), np.uint8),
-        )
-    )
+    assembler.add_depth(raw_image(header_message(stamp_ns, OPTICAL), values, "32FC1"))
     (frame,) = assembler.flush()
     assert frame.depth_m is None
     (reason,) = assembler.dropped

@@ -18,13 +18,14 @@ from worlds.bags.bag_factory import (
     write_bag,
     write_configuration,
 )
+from worlds.bags.raw_image import raw_image
 from worlds.bags.stereo import disparity_of
 from worlds.processes.node_runs import Replay, assert_same, beliefs, processes, run
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
-from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.launching.node_set import NodeSpec
 from semantic_slam.ros.wire import qos
@@ -44,15 +45,7 @@ SENT = {
 def raw(message: Any) -> Any:
     """A depth png as the raw image of a driver."""
     pixels = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_UNCHANGED)
-    return message_class("sensor_msgs/msg/Image")(
-        header=message.header,
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding="16UC1",
-        is_bigendian=0,
-        step=2 * pixels.shape[1],
-        data=np.frombuffer(pixels.tobytes(), np.uint8),
-    )
+    return raw_image(message.header, pixels, "16UC1")
 
 
 def unchanged(message: Any) -> Any:

@@ -6,7 +6,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from worlds.bags.bag_factory import HEIGHT, WIDTH, Entry, map_prior, of_topic
+from worlds.bags.bag_factory import Entry, map_prior, of_topic
+from worlds.bags.raw_image import raw_image
 
 from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 from semantic_slam.messages import topics
@@ -52,15 +53,7 @@ def raw_depth(scale: float, encoding: str) -> Callable[[Entries], Entries]:
             millimetres = cv2.imdecode(np.asarray(entry.message.data), cv2.IMREAD_UNCHANGED)
             pixels = (millimetres * (scale / 1000.0)).astype(np.float32 if encoding == "32FC1" else np.uint16)
             entry.topic = topics.DEPTH
-            entry.message = message_class("sensor_msgs/msg/Image")(
-                header=entry.message.header,
-                height=HEIGHT,
-                width=WIDTH,
-                encoding=encoding,
-                is_bigendian=0,
-                step=WIDTH * pixels.itemsize,
-                data=np.frombuffer(pixels.tobytes(), np.uint8),
-            )
+            entry.message = raw_image(entry.message.header, pixels, encoding)
         return entries
 
     return plant

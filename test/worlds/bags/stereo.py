@@ -5,6 +5,7 @@ from typing import Any
 import cv2
 import numpy as np
 from worlds.bags.bag_factory import Entry
+from worlds.bags.raw_image import raw_image
 
 from semantic_slam.messages import topics
 from semantic_slam.messages.typestore import message_class
@@ -14,16 +15,7 @@ FOCAL_PX, BASELINE_M = 100.0, 0.12
 
 def disparity_message(header: Any, disparities: np.ndarray, **changes: Any) -> Any:
     """stereo_msgs/DisparityImage of (height, width) disparities [px]; ``changes`` to its fields."""
-    pixels = disparities.astype(np.float32)
-    image = message_class("sensor_msgs/msg/Image")(
-        header=header,
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding="32FC1",
-        is_bigendian=0,
-        step=4 * pixels.shape[1],
-        data=np.frombuffer(pixels.tobytes(), np.uint8),
-    )
+    image = raw_image(header, disparities.astype(np.float32), "32FC1")
     whole = message_class("sensor_msgs/msg/RegionOfInterest")(
         x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
     )
