@@ -49,7 +49,14 @@ EXTRAS = {
     ),
 }
 
-NODES = ("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node")
+NODES = (
+    "bag_player",
+    "bag_recorder",
+    "classifier_node",
+    "hypothesis_manager_node",
+    "backend_node",
+    "tf_odometry_node",
+)
 COMMANDS = (
     "import_dataset",
     "bag_to_report",

@@ -32,6 +32,7 @@ def start_nodes(context):
             has_depth=is_true("has_depth"),
             has_imu=is_true("has_imu"),
             detections_type=text("detections_type"),
+            odom_frame=text("odom_frame"),
         ),
         map_prior=text("map_prior"),
         record=text("record"),
@@ -60,6 +61,11 @@ def generate_launch_description():
             DeclareLaunchArgument("has_imu", default_value="false", description="true: topic imu measures gravity"),
             DeclareLaunchArgument(
                 "detections_type", default_value="", description="type of topic detections; empty: DetectionArray"
+            ),
+            DeclareLaunchArgument(
+                "odom_frame",
+                default_value="",
+                description="frame of odometry that comes by /tf alone; empty: topic odom",
             ),
             DeclareLaunchArgument(
                 "autostart", default_value="true", description="false: nodes wait to be configured and activated"

@@ -29,6 +29,10 @@ def backend_node() -> None:
     start("backend_node")
 
 
+def tf_odometry_node() -> None:
+    start("tf_odometry_node")
+
+
 def start(name: str) -> None:
     """Run the node of the module ``name``, whose own ``main`` exits with its exit code."""
     # An interrupt before the node is constructed ends the process at once and successfully: there is nothing to clean

@@ -15,6 +15,7 @@ from worlds.bags.mistakes import (
     emptied,
     jumped,
     of_another_model,
+    on_tf,
     one_ahead,
     other_labels,
     raw_depth,
@@ -65,6 +66,7 @@ PARAMETRIC = {"semantic_model": {"kind": "parametric", "class_names": ["crate", 
 MISTAKES = [
     Mistake("a topic that is missing", "topics", ("no topic odom", "record it"), lambda e: without(e, topics.ODOMETRY)),
     Mistake("a topic under another name", "topics", ("no topic odom", "/wheel_odometry", "import bag"), renamed),
+    Mistake("odometry on /tf alone", "topics", ("no topic odom", "with --odom /tf"), on_tf),
     Mistake("a topic of another type", "topics", ("/odom is geometry_msgs", "import bag converts"), retyped),
     Mistake(
         "odometry that stops",

@@ -12,7 +12,8 @@ import semantic_slam
 pytestmark = pytest.mark.slow
 
 ALIASES = {
-    *("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node", "demo"),
+    *("bag_player", "bag_recorder", "classifier_node", "hypothesis_manager_node", "backend_node"),
+    *("tf_odometry_node", "demo"),
     *("import_dataset", "bag_to_report", "find_lookalike"),
     *("train_classifier", "fit_viewpoint_models", "train_latent_model"),
     *("run_study", "bench", "make_scene"),

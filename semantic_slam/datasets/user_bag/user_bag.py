@@ -16,12 +16,12 @@ from semantic_slam.datasets.user_bag.hints import Hints
 from semantic_slam.datasets.user_bag.image_formats import compress_colour, compress_depth
 from semantic_slam.datasets.user_bag.label_map import LabelMap
 from semantic_slam.datasets.user_bag.sensor_frames import SensorFrames
-from semantic_slam.datasets.user_bag.tf_odometry import TfOdometry
 from semantic_slam.datasets.user_bag.topics import Selection, Topic
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import CODECS, to_message
 from semantic_slam.messages.sensor import TransformTree
+from semantic_slam.messages.tf_odometry import TfOdometry
 
 Handler = Callable[[RawMessage], None]
 RAW_IMAGE = "sensor_msgs/msg/Image"
@@ -94,9 +94,7 @@ class Converter:
     def _remedy(self, topic: Topic) -> str:
         if topic.type_name != topics.TYPES[topics.TF]:
             return "see the reasons above, or choose another topic"
-        pairs = ", ".join(f"{parent} -> {child}" for parent, child in sorted(self._tf.seen))
-        wanted = f"{self._tf.odom_frame} -> {self._tf.base_frame}"
-        return f"it lacks {wanted} but has {pairs}; name the frames with --odom-frame and --base-frame"
+        return f"it lacks {self._tf.lack}; name the frames with --odom-frame and --base-frame"
 
     def _fixed_transforms(self) -> TransformTree:
         """All static transforms, wherever in the bag they are."""

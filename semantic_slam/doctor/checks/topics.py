@@ -69,9 +69,12 @@ def _of_type(summary: InputSummary, kind: str) -> list[str]:
 
 
 def _renamed(summary: InputSummary, topic: str) -> str:
+    by_tf = topic == topics.ODOMETRY and topics.TF in summary.types
     if summary.is_live:
-        return f"start its publisher, or remap it: -r {topic}:=/your/topic"
-    return "record it, or have semantic_slam import bag take it under the name that it has"
+        remedy = f"start its publisher, or remap it: -r {topic}:=/your/topic"
+        return f"{remedy}; where it comes by /tf alone, run tf_odometry_node" if by_tf else remedy
+    remedy = "record it, or have semantic_slam import bag take it under the name that it has"
+    return f"{remedy}; where it is on /tf alone, with --odom /tf" if by_tf else remedy
 
 
 def _retyped(summary: InputSummary, topic: str) -> str:

@@ -96,12 +96,17 @@ def node_set(
 
 @dataclass(frozen=True, kw_only=True)
 class Sensors:
-    """What a live robot has; ``detections_type``: message type of topic detections, "" for DetectionArray."""
+    """What a live robot has.
+
+    ``detections_type``: message type of topic detections, "" for DetectionArray. ``odom_frame``: frame of an odometry
+    that comes by /tf alone, "" where topic odom has it.
+    """
 
     has_images: bool = True
     has_depth: bool = True
     has_imu: bool = False
     detections_type: str = ""
+    odom_frame: str = ""
 
 
 def robot_set(
@@ -136,6 +141,9 @@ def robot_set(
     classifier = configured | {"has_images": sensors.has_images, "has_depth": sensors.has_depth}
     classifier |= {"detections_type": sensors.detections_type} if sensors.detections_type else {}
     nodes = [*_manager_and_backends(manager, backends, common), NodeSpec("classifier_node", "classifier", classifier)]
+    if sensors.odom_frame:
+        frames = {"odom_frame": sensors.odom_frame, "base_frame": configuration.perception.base_frame}
+        nodes.append(NodeSpec("tf_odometry_node", "tf_odometry", common | frames))
     if record:
         recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
         nodes.append(_recorder(recorder, has_imu=sensors.has_imu))

@@ -72,6 +72,13 @@ def dropped_status(dropped: Counter[str]) -> Status:
     return Status("dropped", Level.WARN, text, {f"dropped: {reason}": str(n) for reason, n in sorted(dropped.items())})
 
 
+def transforms_status(lack: str) -> Status:
+    """Status of odometry from /tf; ``lack``: what that lacks and has instead, "" once it was there."""
+    if not lack:
+        return Status("odometry", Level.OK, "comes by /tf")
+    return Status("odometry", Level.WARN, f"/tf lacks {lack}; name the frames with odom_frame and base_frame")
+
+
 def waiting_status(num_waiting: int) -> Status:
     """Status of messages of detections whose boxes are rays only once camera_info is known."""
     if not num_waiting:

@@ -32,7 +32,8 @@ def ros_type(type_name: str) -> Any:
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError):
-        raise InputError(f"{type_name}: package {package} is not installed; install ros-jazzy-{package}") from None
+        debian = f"ros-jazzy-{package.replace('_', '-')}"
+        raise InputError(f"{type_name}: package {package} is not installed; install {debian}") from None
 
 
 def is_installed(type_name: str) -> bool:

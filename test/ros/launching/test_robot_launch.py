@@ -14,7 +14,7 @@ from semantic_slam.ros.launching.node_set import NodeSpec, Sensors, node_set, ro
 REQUIRED = {"config", "journal"}
 OPTIONAL = {"map_prior": "", "backends": "2", "record": "", "overwrite": "false", "resume": "false", "remap": ""}
 OPTIONAL |= {"has_images": "true", "has_depth": "true", "has_imu": "false", "detections_type": ""}
-OPTIONAL |= {"autostart": "true", "namespace": ""}
+OPTIONAL |= {"odom_frame": "", "autostart": "true", "namespace": ""}
 
 
 @pytest.fixture
@@ -76,8 +76,16 @@ def test_what_the_robot_has_reaches_the_nodes_that_use_it(configuration: Path) -
         "hypothesis_manager",
     }
     assert all(spec.parameters["autostart"] is False for spec in specs.values())
+    assert "tf_odometry" not in specs
     plain = by_name(robot_set(configuration, 1, "journal"))
     assert "detections_type" not in plain["classifier"].parameters and "bag_recorder" not in plain
+
+
+def test_odometry_that_comes_by_tf_has_a_node_that_passes_it_on(tmp_path: Path) -> None:
+    configuration = write_configuration(tmp_path, perception={"base_frame": "trunk"})
+    specs = by_name(robot_set(configuration, 1, "journal", sensors=Sensors(odom_frame="vio"), autostart=False))
+    expected = {"odom_frame": "vio", "base_frame": "trunk", "autostart": False}
+    assert (specs["tf_odometry"].executable, specs["tf_odometry"].parameters) == ("tf_odometry_node", expected)
 
 
 def test_a_robot_needs_a_journal_and_a_backend(configuration: Path) -> None:

@@ -138,6 +138,14 @@ def renamed(entries: Entries) -> Entries:
     return entries
 
 
+def on_tf(entries: Entries) -> Entries:
+    """Odometry is a transform of /tf, which is as the fixed ones are."""
+    (fixed, *_) = of_topic(entries, topics.TF_STATIC)
+    for entry in of_topic(entries, topics.ODOMETRY):
+        entry.topic, entry.message = topics.TF, fixed.message
+    return entries
+
+
 def silent(entries: Entries) -> Entries:
     """Odometry stops after a third of the drive."""
     stopped = of_topic(entries, topics.ODOMETRY)[8:]

@@ -10,6 +10,8 @@ from semantic_slam.geometry.transform import compose
 from semantic_slam.messages.sensor import TransformTree, plain_frame, transform_vector
 from semantic_slam.messages.standard import OdometryEstimate, stamp_ns
 
+MOST_NAMED = 20
+
 
 class TfOdometry:
     """Picks T_odom_base out of TF messages."""
@@ -18,20 +20,31 @@ class TfOdometry:
         """``fixed`` holds the static transforms."""
         self.odom_frame = plain_frame(odom_frame)
         self.base_frame = plain_frame(base_frame)
-        self.seen: set[tuple[str, str]] = set()  # (parent, child) of the moving transforms
         self._fixed = fixed
+        self._is_found = False
+        self._others: set[tuple[str, str]] = set()  # (parent, child) of moving transforms that are not it
+
+    @property
+    def lack(self) -> str:
+        """What the messages lack, and have instead: "odom -> base_link but has map -> odom"; "" once it was found."""
+        if self._is_found:
+            return ""
+        others = ", ".join(f"{parent} -> {child}" for parent, child in sorted(self._others))
+        return f"{self.odom_frame} -> {self.base_frame} but has {others or 'nothing'}"
 
     def read(self, message: Any) -> list[OdometryEstimate]:
         """The odometry in one /tf message; empty when it is about other frames."""
         estimates = []
         for row in message.transforms:
             parent, child = plain_frame(row.header.frame_id), plain_frame(row.child_frame_id)
-            self.seen.add((parent, child))
             T_child_base = self._from_base(child) if parent == self.odom_frame else None
             if T_child_base is not None:
                 T_odom_base = compose(transform_vector(row.transform), T_child_base)
                 stamp = stamp_ns(row.header.stamp)
                 estimates.append(OdometryEstimate(stamp, parent, self.base_frame, T_odom_base, np.zeros((6, 6))))
+            elif len(self._others) < MOST_NAMED:
+                self._others.add((parent, child))
+        self._is_found = self._is_found or bool(estimates)
         return estimates
 
     def _from_base(self, frame: str) -> Array | None:
