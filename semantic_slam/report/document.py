@@ -14,6 +14,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.maps.from_belief import mapped_rows
+from semantic_slam.report.plain_json import plain
 
 SCHEMA_VERSION = 1
 
@@ -121,6 +122,7 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
             "velocity": last.object_velocities[row, :3],
             "pose": last.object_poses[row],
             "covariance": last.object_covariances[row],
+            "places": _places(last, row),
             "mutual_information": last.mutual_information[row],
             "in_coverage": bool(last.in_coverage[row]),
             "forgotten_views": int(last.forgotten_views[row]),
@@ -130,6 +132,12 @@ def object_rows(analysis: Analysis) -> list[dict[str, Any]]:
         }
         for row, number in enumerate(last.object_ids)
     ]
+
+
+def _places(belief: HybridBelief, row: int) -> list[dict[str, Any]]:
+    """Where an object may be, likeliest first, if the hypotheses disagree on it; [] if they agree."""
+    places = belief.places_of(row)
+    return [plain(vars(place)) for place in places] if len(places) > 1 else []
 
 
 def noise_row(belief: HybridBelief) -> dict[str, dict[str, float]]:
@@ -162,6 +170,16 @@ def map_prior(record: Record) -> MapPrior:
         str(settings.get("space", "")),
         state_space=last.state_space,
     )
+
+
+def objects_document(record: Record) -> dict[str, Any]:
+    """``objects.json``: :func:`map_prior`, with the places of objects that may be in several."""
+    document, last = map_prior(record).document(), record.beliefs[-1]
+    by_id = {int(number): row for row, number in enumerate(last.object_ids)}
+    for item in document["objects"]:
+        if places := _places(last, by_id[item["id"]]):
+            item["places"] = places
+    return document
 
 
 def _descriptor(belief: HybridBelief, row: int) -> dict[str, Array]:

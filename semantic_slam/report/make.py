@@ -1,5 +1,6 @@
 """From a recorded belief bag to the files of a report."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import json_object
 from semantic_slam.outputs import write_whole
 from semantic_slam.report.comparison import Run, comparison_rows
-from semantic_slam.report.document import Analysis, analyse, map_prior, report_document, tum_lines
+from semantic_slam.report.document import Analysis, analyse, objects_document, report_document, tum_lines
 from semantic_slam.report.page import render_page
 from semantic_slam.report.plain_json import to_text
 from semantic_slam.report.shown.evidence import evidence_of
@@ -37,7 +38,7 @@ def make_report(
     explained = evidence_of(analysis, belief_bag) if with_evidence else []
     texts = {
         "report.json": to_text(document),
-        "objects.json": map_prior(record).to_json() + "\n",
+        "objects.json": json.dumps(objects_document(record), indent=1) + "\n",
         "trajectory.tum": tum_lines(analysis),
         "report.html": render_page(runs, source_bag or _named_source(record.run.source), explained),
     }

@@ -10,6 +10,7 @@ from worlds.belief_factory import CLASSES, START, measurements_at, run_configura
 
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.world.map_prior import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.report.make import make_report
 from semantic_slam.report.shown.keyframe import keyframe_scene
@@ -52,6 +53,18 @@ def test_the_page_shows_the_places_and_says_what_they_are(tmp_path: Path) -> Non
     text = page(tmp_path, on_either_side())
     scene = json.loads(re.search(r'<script type="application/json" id="scene">(.*?)</script>', text, re.S)[1])
     assert len(scene["frames"][0]["p"]) == 2 and "in one of these places" in text
+
+
+def test_the_files_of_numbers_have_every_place_of_an_object_and_a_later_run_takes_its_mean(tmp_path: Path) -> None:
+    page(tmp_path, on_either_side())
+    for name in ("objects.json", "report.json"):
+        either, settled = json.loads((tmp_path / "report" / name).read_text())["objects"]
+        assert [place["probability"] for place in either["places"]] == [0.7, 0.3]
+        assert [place["position"] for place in either["places"]] == [[2.0, 1.2, 0.0], [2.0, -1.2, 0.0]]
+        np.testing.assert_allclose(either["places"][1]["covariance"], 0.04 * np.eye(3))
+        assert not settled.get("places")
+    prior = read_map_prior(tmp_path / "report" / "objects.json").objects[0]
+    np.testing.assert_allclose(prior.pose[:3], [2.0, 0.48, 0.0])
 
 
 def test_a_page_of_a_run_whose_hypotheses_agree_says_nothing_of_places(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -108,17 +109,21 @@ class MapPrior:
     state_space: str = PLANAR  # of the run that mapped them: planar or spatial
 
     def to_json(self) -> str:
-        """The text of an ``objects.json``; a joint covariance is base64-encoded, as in a FILE.map."""
+        """The text of an ``objects.json``."""
+        return json.dumps(self.document(), indent=1)
+
+    def document(self) -> dict[str, Any]:
+        """What an ``objects.json`` holds; a joint covariance is base64-encoded, as in a FILE.map."""
         space = {"descriptor_space": self.descriptor_space} if self.descriptor_space else {}
         joint = {} if self.joint_covariance is None else {"joint_covariance": _packed(self.joint_covariance)}
         known = {"map_id": self.map_id} if self.map_id else {}
         told = {"state_space": self.state_space} if self.state_space != PLANAR else {}
         rows = [_row(prior) for prior in self.objects]
         head = {"schema_version": 1, "frame": "map", **told, **known, **space, **joint}
-        return json.dumps({**head, "objects": rows}, indent=1)
+        return {**head, "objects": rows}
 
 
-def _row(prior: ObjectPrior) -> dict[str, object]:
+def _row(prior: ObjectPrior) -> dict[str, Any]:
     learned = {"descriptor": prior.descriptor.tolist(), "descriptor_variance": prior.descriptor_variance.tolist()}
     return {
         "id": prior.object_id,
