@@ -9,8 +9,10 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.images import size_of
 from semantic_slam.messages.sensor import TransformTree, camera_model, plain_frame
 
-FIRST = (topics.ODOMETRY, topics.CAMERA_INFO, topics.DETECTIONS, topics.IMAGE_COMPRESSED)
+FIRST = (topics.ODOMETRY, topics.CAMERA_INFO, topics.DETECTIONS, topics.IMAGE_COMPRESSED, topics.DISPARITY)
 """Topics of which the first message tells."""
+SIGMA_PX = 0.25
+"""Standard deviation of a good matcher's disparities."""
 BODY = PerceptionConfiguration().base_frame
 """The body's frame in a run whose configuration names no other."""
 
@@ -32,10 +34,10 @@ class Hints:
         self._first[topic] = message
 
     def lines(self, *, has_images: bool) -> list[str]:
-        """One line for each thing that a run would not accept."""
+        """One line for each thing that a run would not accept, or would have to be told."""
         found = [self._body()]
         if has_images:
-            found += [self._camera(), self._detections(), self._size()]
+            found += [self._camera(), self._detections(), self._size(), self._stereo()]
         return [line for line in found if line]
 
     def _body(self) -> str:
@@ -91,3 +93,13 @@ class Hints:
         if camera is None or size in (None, (camera.width, camera.height)):
             return ""
         return f"images are {size[0]} x {size[1]} and camera_info says {camera.width} x {camera.height}: choose its own"
+
+    def _stereo(self) -> str:
+        pair = self._first.get(topics.DISPARITY)
+        if pair is None:
+            return ""
+        scale = float(pair.f) * float(pair.t)  # px m, above 0: its depth was converted
+        return (
+            f"depth is by a stereo pair ({pair.f:g} px, {pair.t:g} m): set perception.sigma_range_per_m2:"
+            f" {SIGMA_PX / scale:.2g}, for disparities known to {SIGMA_PX:g} px"
+        )

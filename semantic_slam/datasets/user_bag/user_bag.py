@@ -20,6 +20,7 @@ from semantic_slam.datasets.user_bag.topics import Selection, Topic
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import CODECS, to_message
+from semantic_slam.messages.disparity import is_disparity
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.tf_odometry import TfOdometry
 
@@ -143,8 +144,19 @@ class Converter:
         if selection.image is not None:
             handlers[selection.image.name] = self._images(selection.image)
         if selection.depth is not None:
-            handlers[selection.depth.name] = self._convert_to(topics.DEPTH_COMPRESSED, compress_depth)
+            handlers[selection.depth.name] = self._depths()
         return handlers
+
+    def _depths(self) -> Handler:
+        """Depth images and disparities become depth images; the stereo pair of the latter is worth a hint."""
+
+        def convert(message: RawMessage) -> None:
+            decoded = self._decode(message)
+            self._write(topics.DEPTH_COMPRESSED, compress_depth(decoded, message.topic), message.stamp_ns)
+            if is_disparity(decoded) and self._hints.wants(topics.DISPARITY):
+                self._hints.see(topics.DISPARITY, decoded)
+
+        return convert
 
     def _images(self, topic: Topic) -> Handler:
         """Raw colour images are compressed, others copied."""

@@ -34,7 +34,7 @@ def test_depth_becomes_millimetres(tmp_path, monkeypatch, kind):
     np.testing.assert_allclose(depth[1:], 2900, atol=1)
 
 
-def test_disparities_become_depth_where_there_are_no_depth_images(tmp_path, monkeypatch):
+def test_disparities_become_depth_where_there_are_no_depth_images(tmp_path, monkeypatch, capsys):
     with UserBag(tmp_path / "stereo") as bag:
         for k in range(3):
             stamp = (k + 1) * SECOND
@@ -44,6 +44,8 @@ def test_disparities_become_depth_where_there_are_no_depth_images(tmp_path, monk
     for name, depth in (("alone", ""), ("beside", "16UC1")):
         merge_bags(tmp_path / name, write_drive(tmp_path / f"{name}_source", depth=depth), tmp_path / "stereo")
         run_import(monkeypatch, "bag", tmp_path / name, "--out", tmp_path / f"{name}_bag")
+        hint = "by a stereo pair (100 px, 0.12 m): set perception.sigma_range_per_m2: 0.021" in capsys.readouterr().out
+        assert hint == (name == "alone")
     by_stereo, by_depth = (read_bag(tmp_path / f"{name}_bag")["/depth/compressed"] for name in ("alone", "beside"))
     found = decoded(by_stereo[0])
     assert found[0, 0] == 0 and (found[1:] == 2000).all()
