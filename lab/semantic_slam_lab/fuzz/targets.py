@@ -1,8 +1,6 @@
-"""What is fed, and to which readers: bags, configurations, maps, messages, models and pictures."""
+"""What is fed, and to which readers: bags, configurations, maps, messages and models."""
 
 import json
-import struct
-import zlib
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import replace
@@ -11,7 +9,6 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-import cv2
 import numpy as np
 import yaml
 from numpy.random import Generator
@@ -37,9 +34,7 @@ from semantic_slam.maps.differences import difference
 from semantic_slam.maps.map_file import FORMAT as MAP_FORMAT
 from semantic_slam.maps.map_file import packed, read_map, with_id, write_map
 from semantic_slam.messages.codec import BY_TYPE_NAME, decode, from_message
-from semantic_slam.messages.images import decode_depth, decode_image
-from semantic_slam.messages.standard import header_message
-from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.offline import run_bag
 from semantic_slam.ros.rounds.work_order import WorkOrder
 from semantic_slam.shipped import CONFIGURATIONS
@@ -48,7 +43,13 @@ from semantic_slam_lab.fuzz import small_drive
 from semantic_slam_lab.fuzz.answers import answers
 from semantic_slam_lab.fuzz.crowds import crowds
 from semantic_slam_lab.fuzz.harness import Case, Target
-from semantic_slam_lab.fuzz.mutation import change_message, damaged, with_extreme_numbers, with_strange_values
+from semantic_slam_lab.fuzz.mutation import (
+    change_message,
+    damaged,
+    with_extreme_numbers,
+    with_strange_values,
+)
+from semantic_slam_lab.fuzz.pictures import pictures
 from semantic_slam_lab.fuzz.protocol import spoken
 
 OPEN = {**small_drive.PLAIN, "association": "open"}
@@ -264,32 +265,6 @@ def models(folder: Path) -> Case:
     return case
 
 
-def pictures(folder: Path) -> Case:
-    """Pictures of every encoding, damaged, or with sizes that are not theirs."""
-    chance = np.random.default_rng(0)
-    colour = chance.integers(0, 256, (24, 32, 3), dtype=np.uint8)
-    depth = chance.integers(0, 9000, (24, 32), dtype=np.uint16)
-    jpeg, png, deep = (
-        cv2.imencode(*made)[1].tobytes() for made in ((".jpg", colour), (".png", colour), (".png", depth))
-    )
-
-    def case(chance: Generator) -> None:
-        readers: list[tuple[Any, Any]] = [
-            (decode_image, _compressed("jpeg", damaged(jpeg, chance))),
-            (decode_image, _compressed("png", damaged(png, chance))),
-            (decode_image, _compressed("png", _with_size(png, chance))),
-            (decode_depth, _compressed("16UC1; compressedDepth png", bytes(12) + damaged(deep, chance))),
-            (decode_depth, _compressed("32FC1; compressedDepth png", damaged(bytes(12) + deep, chance))),
-            (decode_depth, _compressed("16UC1; png", _with_size(deep, chance))),
-            (decode_image, _raw("rgb8", colour.tobytes(), chance)),
-            (decode_depth, _raw("32FC1", depth.tobytes(), chance)),
-        ]
-        read, message = readers[chance.integers(len(readers))]
-        read(message, "image")
-
-    return case
-
-
 TARGETS: dict[str, Target] = {
     target.__name__: target
     for target in (
@@ -332,30 +307,3 @@ def _name_anew(run: Any) -> None:
     value = from_message(run)
     told = (value.configuration, value.map_prior, value.initial_pose, value.initial_covariance, value.class_names)
     run.run_id = run_id_of(*told)
-
-
-def _compressed(text: str, data: bytes) -> Any:
-    kind = message_class("sensor_msgs/msg/CompressedImage")
-    return kind(header=header_message(0, "camera"), format=text, data=np.frombuffer(data, np.uint8))
-
-
-def _with_size(png: bytes, chance: Generator) -> bytes:
-    """A png that claims another size, with the checksum of that."""
-    sizes = (0, 1, 25, 40_000, 60_000, 2**31 - 1)
-    width, height = (sizes[n] for n in chance.integers(len(sizes), size=2))
-    header = b"IHDR" + struct.pack(">II", width, height) + png[24:29]
-    return png[:12] + header + struct.pack(">I", zlib.crc32(header)) + png[33:]
-
-
-def _raw(encoding: str, data: bytes, chance: Generator) -> Any:
-    numbers = (0, 1, 24, 32, 64, 96, 128, 2**31, 2**32 - 1)
-    height, width, step = (int(numbers[n]) for n in chance.integers(len(numbers), size=3))
-    return message_class("sensor_msgs/msg/Image")(
-        header=header_message(0, "camera"),
-        height=height,
-        width=width,
-        encoding=encoding,
-        is_bigendian=0,
-        step=step,
-        data=np.frombuffer(data, np.uint8),
-    )
