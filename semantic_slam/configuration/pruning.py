@@ -23,6 +23,12 @@ class PruningConfiguration:
         " which half of max_hypotheses goes in turn: variants of one do not crowd out another; 0: all are of one kind",
         minimum=0.0,
     )
+    max_pairs: int = parameter(
+        0,
+        "place_m: hypotheses of a kind kept times detections of the keyframe, at most: where much is in sight those of"
+        " a kind differ by single associations, and a few have nearly all the weight; 0: as many as ever",
+        minimum=0,
+    )
     kind_ratio: float = parameter(
         1e6,
         "place_m: a kind is kept from max weight / kind_ratio on, and of it what weighs its heaviest / ratio;"

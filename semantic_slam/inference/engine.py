@@ -33,7 +33,7 @@ from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
 from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
-from semantic_slam.inference.pruning import Kinds, Pruned, affordable, prune, widened
+from semantic_slam.inference.pruning import Kinds, Pruned, affordable, most_of_a_kind, prune, widened
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.revision.looking_back import Present
@@ -181,7 +181,7 @@ class Engine:
             self.revision.go_on()  # while backends in other processes weigh
         weighed = self.propagate_weights(keyframe, step)  # of all continuations of every component with w > 0
         candidates = self.copies.merged(weighed)
-        kept = self.prune_and_normalise(candidates)
+        kept = self.prune_and_normalise(step, candidates)
         components, reported = self.add_observation_factors(step, candidates, kept)  # only for survivors, w > 0
         self.alternatives.follow(weighed, self.live, components)
         components, reported = self.revise(step, components, reported)
@@ -223,14 +223,18 @@ class Engine:
         """
         return self.rounds.expand(keyframe, step.index)
 
-    def prune_and_normalise(self, candidates: CandidateTable) -> Pruned:
+    def prune_and_normalise(self, step: Step, candidates: CandidateTable) -> Pruned:
         """PruneAndNormalize over the candidates of all parents at once; the discarded mass is accounted for.
 
         Pruning is relaxed while the data are poorly explained (``unexplained``, see ``widened``).
         """
         limits = affordable(self.budget.limits(), self.hypotheses.num_keyframes + 1)
         limits = widened(limits, self.explanation.unexplained)
-        kinds = Kinds(positions=candidates.poses[:, :3], beginnings=self.hypotheses.beginnings(candidates))
+        kinds = Kinds(
+            positions=candidates.poses[:, :3],
+            beginnings=self.hypotheses.beginnings(candidates),
+            most=most_of_a_kind(limits, len(step.detections)),
+        )
         ordinary = self.recovery.not_carried(self.live, candidates.parent_ids)
         kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits, kinds, ordinary)
         self.log_evidence += kept.log_mass

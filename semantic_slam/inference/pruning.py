@@ -44,12 +44,20 @@ def affordable(limits: PruningConfiguration, num_keyframes: int) -> PruningConfi
     return replace(limits, max_hypotheses=min(most, limits.max_hypotheses))
 
 
+def most_of_a_kind(limits: PruningConfiguration, num_detections: int) -> int | None:
+    """Hypotheses of a kind kept in a keyframe, so that together they have ``max_pairs`` at most; None: any number."""
+    if limits.max_pairs == 0:
+        return None
+    return max(1, limits.max_pairs // max(1, num_detections))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Kinds:
     """Coarse attributes of K candidates, by which they are clustered into kinds to keep the survivors diverse."""
 
     positions: Array  # (K, 3) of the robot, metres
     beginnings: NDArray[np.int_]  # (K,) root of each history: the index of its noise setting and start
+    most: int | None = None  # kept of a kind; None: any number
 
     def of(self, order: NDArray[np.int_], place_m: float) -> NDArray[np.int_]:
         """(K,) cluster number of each candidate, taken in ``order``.
@@ -78,10 +86,10 @@ def prune(
 
     ``log_weights`` (K,) are w psi over all parents, not normalised; ``log_missing`` is the mass that was never
     enumerated, in the same units. With ``kinds`` and a positive ``place_m``, a candidate is compared to the heaviest of
-    its kind by ``ratio``, and the heaviest of the kinds to each other by ``kind_ratio``. The heaviest of the
-    ``ordinary`` (K,) candidates stays up to ``kind_ratio`` even if no other of them does: what they do without is rare,
-    and a model that is a little wrong may favour it for a while. Raises SemanticSlamError when no candidate has a
-    finite weight.
+    its kind by ``ratio``, and the heaviest of the kinds to each other by ``kind_ratio``; ``kinds.most`` of a kind are
+    kept at most. The heaviest of the ``ordinary`` (K,) candidates stays up to ``kind_ratio`` even if no other of them
+    does: what they do without is rare, and a model that is a little wrong may favour it for a while. Raises
+    SemanticSlamError when no candidate has a finite weight.
     """
     if len(log_weights) == 0 or not np.isfinite(log_weights.max()):
         raise SemanticSlamError("no candidate explains the measurements; check priors, noise and visibility parameters")
@@ -90,7 +98,7 @@ def prune(
         admitted = np.flatnonzero(log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio))
         rows = admitted[: limits.max_hypotheses]
     else:
-        rows = _chosen(log_weights[order], kinds.of(order, limits.place_m), limits)
+        rows = _chosen(log_weights[order], kinds.of(order, limits.place_m), kinds.most, limits)
     if ordinary is not None:
         rows = _with_ordinary(log_weights[order], rows, ordinary[order], limits)
     kept = order[rows]
@@ -101,12 +109,16 @@ def prune(
     return Pruned(kept=kept, log_weights=log_weights[kept] - log_kept, log_mass=log_kept, discarded=discarded)
 
 
-def _chosen(log_weights: Array, kinds: NDArray[np.int_], limits: PruningConfiguration) -> NDArray[np.int_]:
-    """(S,) rows that are kept, from weights and kinds (K,) in descending order of weight."""
+def _chosen(
+    log_weights: Array, kinds: NDArray[np.int_], most: int | None, limits: PruningConfiguration
+) -> NDArray[np.int_]:
+    """(S,) rows that are kept, ``most`` of a kind, from weights and kinds (K,) in descending order of weight."""
     heaviest = log_weights[np.unique(kinds, return_index=True)[1]]
     admitted = heaviest[kinds] >= log_weights[0] - _log_kind_ratio(limits)
     admitted &= log_weights >= heaviest[kinds] - np.log(limits.ratio)
     rows = np.flatnonzero(admitted)
+    if most is not None:
+        rows = rows[ranks(kinds[rows]) < most]
     return np.asarray(rows[shared_out(kinds[rows], limits.max_hypotheses)])
 
 
@@ -135,7 +147,15 @@ def shared_out(kinds: NDArray[np.int_], limit: int) -> NDArray[np.int_]:
     rows = np.arange(len(kinds))
     if len(rows) <= limit:
         return rows
-    turns = np.array([(kinds[:row] == kinds[row]).sum() for row in rows])
-    in_turn = rows[np.argsort(turns, kind="stable")[: limit // 2]]
+    in_turn = rows[np.argsort(ranks(kinds), kind="stable")[: limit // 2]]
     others = np.setdiff1d(rows, in_turn)
     return np.sort(np.concatenate([in_turn, others[: limit - len(in_turn)]]))
+
+
+def ranks(kinds: NDArray[np.int_]) -> NDArray[np.int_]:
+    """(K,) number of rows of the same kind before each one."""
+    found = np.zeros(len(kinds), dtype=int)
+    for kind in np.unique(kinds):
+        own = kinds == kind
+        found[own] = np.arange(own.sum())
+    return found

@@ -1,10 +1,12 @@
 """Hypotheses of other kinds, elsewhere or of other noises, are not crowded out by variants of the best one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from semantic_slam.configuration import PruningConfiguration
-from semantic_slam.inference.pruning import Kinds, Pruned, affordable, prune, shared_out
+from semantic_slam.inference.pruning import Kinds, Pruned, affordable, most_of_a_kind, prune, shared_out
 
 WEIGHTS = np.log([8.0, 4.0, 2.0, 1.0, 0.5, 1e-5])
 POSITIONS = np.array([[0.0, 0.0], [0.1, 0.0], [5.0, 0.0], [0.2, 0.0], [5.0, 0.1], [9.0, 9.0]])
@@ -38,6 +40,19 @@ def test_what_is_of_a_kind_is_held_against_the_heaviest_of_that_kind() -> None:
     assert pruned(kinds(), max_hypotheses=6).kept.tolist() == [0, 1, 2, 3, 4]
     assert pruned(max_hypotheses=6).kept.tolist() == [0, 1, 2, 3]
     assert pruned(kinds(), max_hypotheses=6, kind_ratio=1e7).kept.tolist() == [0, 1, 2, 3, 4, 5]
+
+
+def test_so_many_of_a_kind_are_kept_and_the_others_count_as_discarded() -> None:
+    """Of three at one place and two at another, with room for all."""
+    assert pruned(replace(kinds(), most=2), max_hypotheses=6).kept.tolist() == [0, 1, 2, 4]
+    found = pruned(replace(kinds(), most=1), max_hypotheses=6)
+    assert found.kept.tolist() == [0, 2]
+    assert found.discarded == pytest.approx((4.0 + 1.0 + 0.5 + 1e-5) / np.exp(WEIGHTS).sum())
+
+
+@pytest.mark.parametrize(("pairs", "detections", "most"), [(0, 20, None), (60, 0, 60), (60, 20, 3), (60, 100, 1)])
+def test_the_more_is_in_sight_the_fewer_of_a_kind_are_kept(pairs: int, detections: int, most: int | None) -> None:
+    assert most_of_a_kind(PruningConfiguration(max_pairs=pairs), detections) == most
 
 
 @pytest.mark.parametrize("limits", [{"place_m": 0.0}, {"max_hypotheses": 1}])
