@@ -93,9 +93,10 @@ def _anchors_after(before: TrackedStates, update: ComponentUpdate) -> Array | No
 
 def _local_at(local: LocalMap, ids: Index, robot: Array, objects: Array) -> LocalMap:
     """A local map restricted to objects still among ``ids`` (O,), at the estimates (s,) and (O, s)."""
-    kept = np.isin(local.ids, ids)
+    rows = np.searchsorted(ids, local.ids)
+    kept = np.append(ids, -1)[rows] == local.ids
     left = local if kept.all() else local.without(~kept)
-    return left.at(robot, objects[np.searchsorted(ids, left.ids)])
+    return left.at(robot, objects[rows[kept]])
 
 
 def _errors_after(
