@@ -12,7 +12,7 @@ from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.smoothing.linear.charts import Charts
-from semantic_slam.inference.smoothing.linear.located import Located, Variables
+from semantic_slam.inference.smoothing.linear.located import Located, Stepped
 from semantic_slam.inference.smoothing.linear.measured import Measured, Motions, Sightings, Slopes
 
 _jacobian_factor: Any = gtsam.JacobianFactor  # of two or three keys, which its type does not say
@@ -141,7 +141,7 @@ def in_charts(factor: Any, charts: Charts, at: Located) -> Any:
     return gtsam.LinearContainerFactor(_jacobian_factor(*terms, right, unit_noise(len(right))), charts.points(keys))
 
 
-def _blocks(jacobian: Array, variables: Sequence[Variables]) -> list[Array]:
+def _blocks(jacobian: Array, variables: Sequence[Stepped]) -> list[Array]:
     ends = np.cumsum([own.steps.shape[1] for own in variables])[:-1]
     return np.split(jacobian, ends, axis=1)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.smoothing.linear.located import Located, Variables
+from semantic_slam.inference.smoothing.linear.located import Located, Stepped
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -17,8 +17,8 @@ from semantic_slam.inference.states.spaces import Spaces
 class Slopes:
     """B whitened residuals of m components at the states of two variables each, and their Jacobians there."""
 
-    first: Variables  # B
-    second: Variables  # B
+    first: Stepped  # B
+    second: Stepped  # B
     residual: Array  # (B, m)
     by_first: Array  # (B, m, d) by the first variable's tangent space
     by_second: Array  # (B, m, d)
