@@ -6,6 +6,7 @@ the prior is Gaussian.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -186,7 +187,7 @@ class PairProblem(PairSearch):
             part, jacobian_robot=part.jacobian_robot @ chart, jacobian_object=by_place @ slopes @ self._slopes
         )
 
-    @property
+    @cached_property
     def _slopes(self) -> Array:
         """(B, 3, l) Jacobians of the objects' positions, as attitudes stay."""
         return self.spaces.landmark.position_slopes(self.objects)
