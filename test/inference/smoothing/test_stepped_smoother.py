@@ -12,6 +12,7 @@ from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearMeasurements
 from semantic_slam.inference.smoothing.linear.measured import Measured, Motions, Sightings
+from semantic_slam.inference.smoothing.linear.new_measurements import linearised_at_once
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.keys import error_keys, error_place, object_key, robot_key
@@ -81,7 +82,8 @@ def driven_on(
             start = gtsam.Pose2(*robot.transformFrom(point), 0.0)
             graph.add(gtsam.PriorFactorPose2(object_key(number), start, LOOSE))
             values.insert(object_key(number), start)
-    return smoother.stepped(graph, values, [], {}, again=k >= KEYFRAMES, measured=measured)
+    (new,) = linearised_at_once([smoother.with_charts(values, measured)])
+    return smoother.stepped(graph, values, [], {}, again=k >= KEYFRAMES, new=new)
 
 
 def detection(place: Array) -> PlanarDetection:
@@ -100,7 +102,7 @@ def sightings(k: int, seen: list[PlanarDetection], ids: list[int]) -> Sightings:
     """Of posts in a keyframe, each with an error of its own."""
     places = [error_place(k, len(seen), number) for number in range(len(seen))]
     return Sightings(
-        scale=SCALE,
+        scale=np.full(len(seen), SCALE),
         seen=MODEL.collect(seen),
         rows=np.full(len(seen), k + 1),
         ids=np.array(ids),
@@ -173,7 +175,8 @@ def test_a_robot_that_sees_nothing_is_linearised_anew_as_well() -> None:
     values = gtsam.Values()
     values.insert(robot_key(0), gtsam.Pose2(1.0, 1.0, 1.0))
     motion = Motions.one(0, STEP, np.diag([0.05, 0.05, TURN_SIGMA]) ** 2, None)
-    smoother = smoother.stepped(gtsam.NonlinearFactorGraph(), values, [], {}, again=True, measured=[motion])
+    (new,) = linearised_at_once([smoother.with_charts(values, [motion])])
+    smoother = smoother.stepped(gtsam.NonlinearFactorGraph(), values, [], {}, again=True, new=new)
     np.testing.assert_allclose(smoother.states([robot_key(0)])[0], STEP, atol=1e-6)
 
 
@@ -181,11 +184,11 @@ def test_a_map_that_moves_as_a_whole_bends_nothing() -> None:
     linear = on_a_ring(0.05).in_charts
     assert linear is not None
     for own in linear.joined:
-        begun = own.of.measured(SPACES, MODEL, linear.charts.begun())
+        begun = own.of.measured(SPACES, MODEL, *own.of.sides(linear.charts.begun()))
         own = LinearMeasurements.made(own.of, begun, begun)
         steps = np.concatenate([shift_of(points) for points in (linear.charts.objects, linear.charts.robots)])
         moved = linear.charts.located(steps.ravel())
-        np.testing.assert_allclose(own.off(own.of.measured(SPACES, MODEL, moved)), 0.0, atol=1e-9)
+        np.testing.assert_allclose(own.off(own.of.measured(SPACES, MODEL, *own.of.sides(moved))), 0.0, atol=1e-9)
 
 
 def shift_of(points: Array) -> Array:

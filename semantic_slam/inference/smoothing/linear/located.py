@@ -21,6 +21,17 @@ class Stepped:
     points: Array  # (n, s)
     steps: Array  # (n, d)
 
+    @classmethod
+    def joined(cls, parts: Sequence["Stepped"]) -> "Stepped":
+        """The variables of several parts, all of one kind."""
+        steps = np.concatenate([part.steps for part in parts])
+        return cls(parts[0].space, np.concatenate([part.points for part in parts]), steps)
+
+    @property
+    def begun(self) -> "Stepped":
+        """The variables at their base points."""
+        return Stepped(self.space, self.points, np.zeros(self.steps.shape))
+
     def take(self, rows: Index) -> "Stepped":
         """The variables in some rows, which may repeat."""
         return Stepped(self.space, self.points[rows], self.steps[rows])
