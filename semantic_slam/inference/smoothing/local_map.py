@@ -132,6 +132,13 @@ class LocalMap:
             covariance = np.ascontiguousarray(covariance.T)
         return replace(self, robot=robot, objects=objects, covariance=covariance)
 
+    def at_estimates(self, ids: Index, robot: Array, objects: Array) -> "LocalMap":
+        """The map of those objects that are among ``ids`` (O,), ascending, at all estimates (s,) and (O, s)."""
+        rows = np.searchsorted(ids, self.ids)
+        kept = np.append(ids, -1)[rows] == self.ids
+        left = self if kept.all() else self.without(~kept)
+        return left.at(robot, objects[rows[kept]])
+
     def without(self, gone: Flags) -> "LocalMap":
         """The map of the objects that are not ``gone`` (M,)."""
         rows = np.concatenate([np.zeros(self.carried.stop, dtype=bool), np.repeat(gone, self.layout.landmark)])
@@ -162,11 +169,11 @@ class LocalMap:
         (count, size), width = by_robot.shape[:2], len(self.covariance)
         each, components = np.arange(count)[:, None, None], np.arange(size)[:, None]
         landmarks = self.rows(np.array([item.object_id for item in detections]))[self.layout.robot :]
-        jacobian = np.zeros((count, size, width))
-        jacobian[..., : self.layout.robot] = by_robot
-        jacobian[..., self.errors] = [item.by_errors for item in detections]
-        jacobian[each, components, landmarks.reshape(count, 1, -1)] = [item.by_object for item in detections]
-        jacobian = jacobian.reshape(-1, width)
+        slopes = np.zeros((count, size, width))
+        slopes[..., : self.layout.robot] = by_robot
+        slopes[..., self.errors] = [item.by_errors for item in detections]
+        slopes[each, components, landmarks.reshape(count, 1, -1)] = [item.by_object for item in detections]
+        jacobian = slopes.reshape(-1, width)
         cross = jacobian @ self.covariance
         innovation = cross @ jacobian.T + np.eye(count * size)
         return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))

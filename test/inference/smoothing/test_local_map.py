@@ -75,6 +75,17 @@ def test_objects_that_are_given_up_leave() -> None:
     np.testing.assert_array_equal(local.objects, OBJECTS[1:])
 
 
+def test_only_objects_that_are_still_known_are_moved_to_their_estimates() -> None:
+    local = _with_two_errors()
+    ids, estimates = np.array([2, 5, 7]), np.array([[9.0, 9.0, 0.0], [8.0, 8.0, 0.0], MOVED_OBJECTS[1]])
+    left = local.at_estimates(ids, MOVED_ROBOT, estimates)
+    expected = local.without(np.array([True, False])).at(MOVED_ROBOT, MOVED_OBJECTS[1:])
+    assert left.ids.tolist() == [7]
+    np.testing.assert_array_equal(left.objects, MOVED_OBJECTS[1:])
+    np.testing.assert_array_equal(left.covariance, expected.covariance)
+    assert local.at_estimates(np.array([], dtype=int), MOVED_ROBOT, np.zeros((0, 3))).ids.tolist() == []
+
+
 def test_detections_of_several_objects_and_their_errors_update_as_one_measurement() -> None:
     local, random = _with_two_errors(), np.random.default_rng(1)
     seen = [

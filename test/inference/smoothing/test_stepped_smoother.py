@@ -68,6 +68,15 @@ def driven_on(
     smoother: Smoother, k: int, told: Array, turn_sigma: float, seen: list[PlanarDetection], ids: list[int]
 ) -> Smoother:
     """One keyframe more, with detections of posts by their ``ids``."""
+    graph, values, measured = next_keyframe(smoother, k, told, turn_sigma, seen, ids)
+    (new,) = linearised_at_once([smoother.with_charts(values, measured)])
+    return smoother.stepped(graph, values, [], {}, again=k >= KEYFRAMES, new=new)
+
+
+def next_keyframe(
+    smoother: Smoother, k: int, told: Array, turn_sigma: float, seen: list[PlanarDetection], ids: list[int]
+) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values, list[Measured]]:
+    """Factors, new variables and measurements of :func:`driven_on`."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     robot = gtsam.Pose2(*smoother.states([robot_key(k - 1)])[0]).compose(gtsam.Pose2(*told))
     values.insert(robot_key(k), robot)
@@ -82,8 +91,7 @@ def driven_on(
             start = gtsam.Pose2(*robot.transformFrom(point), 0.0)
             graph.add(gtsam.PriorFactorPose2(object_key(number), start, LOOSE))
             values.insert(object_key(number), start)
-    (new,) = linearised_at_once([smoother.with_charts(values, measured)])
-    return smoother.stepped(graph, values, [], {}, again=k >= KEYFRAMES, new=new)
+    return graph, values, measured
 
 
 def detection(place: Array) -> PlanarDetection:
@@ -178,6 +186,22 @@ def test_a_robot_that_sees_nothing_is_linearised_anew_as_well() -> None:
     (new,) = linearised_at_once([smoother.with_charts(values, [motion])])
     smoother = smoother.stepped(gtsam.NonlinearFactorGraph(), values, [], {}, again=True, new=new)
     np.testing.assert_allclose(smoother.states([robot_key(0)])[0], STEP, atol=1e-6)
+
+
+def test_measurements_of_several_smoothers_are_linearised_as_those_of_each_alone() -> None:
+    """To the bit: hypotheses are shared out among processes."""
+    new, k = [], KEYFRAMES + 3
+    for drift_rad, count in ((0.05, 2), (0.5, 1), (1.5, 2)):
+        ring, seen = on_a_ring(drift_rad), [detection(np.array([*post, 0.0])) for post in POSTS[:count]]
+        _, values, measured = next_keyframe(ring, k, STEP, TURN_SIGMA, seen, list(range(count)))
+        new.append(ring.with_charts(values, measured))
+    for own, together in zip(new, linearised_at_once(new), strict=True):
+        (alone,) = linearised_at_once([own])
+        assert len(alone.made) == len(together.made) == 2
+        for one, other in zip(alone.made, together.made, strict=True):
+            assert one.of is other.of
+            for name in ("by_first", "by_second", "constant", "slots"):
+                np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
 def test_a_map_that_moves_as_a_whole_bends_nothing() -> None:
