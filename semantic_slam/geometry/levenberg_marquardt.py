@@ -74,6 +74,13 @@ class LevenbergMarquardt:
         part.hessian, part.damping, part._growth = self.hessian[rows], self.damping[rows], self._growth[rows]
         return part
 
+    def take_lower(self, other: "LevenbergMarquardt") -> None:
+        """Continue from where another minimisation of the problems stands, for those whose energy is lower there."""
+        rows = np.flatnonzero(other.energy < self.energy)
+        self.y[rows], self.energy[rows] = other.y[rows], other.energy[rows]
+        self._gradient[rows], self.hessian[rows] = other._gradient[rows], other.hessian[rows]
+        self.damping[rows], self._growth[rows] = other.damping[rows], other._growth[rows]
+
     def reached(self) -> Minimum:
         """Lowest energies so far, and the points where they are reached."""
         return Minimum(self.y.copy(), self.energy.copy(), self.hessian.copy())

@@ -66,11 +66,16 @@ def between(a: Array, b: Array) -> Array:
 
 def exp(tangent: Array) -> Array:
     """Exponential map: group element of a tangent vector."""
+    turn = tangent[..., ROTATION]
+    return _exp(turn, tangent[..., TRANSLATION], so3.turn_terms(squared_norms(turn)))
+
+
+def exp_and_jacobian(tangent: Array) -> tuple[Array, Array]:
+    """:func:`exp`, and the (..., 6, 6) right Jacobian; faster than one after the other."""
     turn, shift = tangent[..., ROTATION], tangent[..., TRANSLATION]
-    first, second = so3.turn_terms(squared_norms(turn))
-    aside = so3.cross(turn, shift)
-    moved = shift + first[..., None] * aside + second[..., None] * so3.cross(turn, aside)
-    return _joined(moved, so3.exp(turn))
+    square = squared_norms(turn)
+    terms = so3.turn_terms(square)
+    return _exp(turn, shift, terms), _left_jacobian(-turn, -shift, square, terms)
 
 
 def log(pose: Array) -> Array:
@@ -102,8 +107,9 @@ def inverse_adjoint(pose: Array) -> Array:
 
 def left_jacobian(tangent: Array) -> Array:
     """(..., 6, 6) left Jacobian J with Exp(t + e) = Exp(J e) Exp(t) to first order in e."""
-    turn, shift = tangent[..., ROTATION], tangent[..., TRANSLATION]
-    return _blocks(so3.left_jacobian(turn), _shift_by_turn(turn, shift))
+    turn = tangent[..., ROTATION]
+    square = squared_norms(turn)
+    return _left_jacobian(turn, tangent[..., TRANSLATION], square, so3.turn_terms(square))
 
 
 def right_jacobian(tangent: Array) -> Array:
@@ -137,18 +143,28 @@ def is_pose(vector: Array) -> bool:
     return bool(np.isfinite(vector).all() and abs(squared_norms(vector[3:]) - 1.0) <= NEARLY)
 
 
-def _shift_by_turn(turn: Array, shift: Array) -> Array:
-    """(..., 3, 3) lower left block of the left Jacobian: Barfoot's Q, simplified by a^ b^ a^ = -(a b) a^."""
-    square, inner = squared_norms(turn), np.asarray(np.vecdot(turn, shift))
-    _, second = so3.turn_terms(square)
+def _exp(turn: Array, shift: Array, terms: tuple[Array, Array]) -> Array:
+    """(..., 7) :func:`exp` of both parts of a tangent vector, given :func:`so3.turn_terms`."""
+    aside = so3.cross(turn, shift)
+    moved = shift + terms[0][..., None] * aside + terms[1][..., None] * so3.cross(turn, aside)
+    return _joined(moved, so3.exp(turn))
+
+
+def _left_jacobian(turn: Array, shift: Array, square: Array, terms: tuple[Array, Array]) -> Array:
+    """(..., 6, 6) :func:`left_jacobian`, given the square of the turn and :func:`so3.turn_terms`.
+
+    Its lower left block is Barfoot's Q, simplified by a^ b^ a^ = -(a b) a^.
+    """
+    turning, squared, inner = so3.hat(turn), so3.squared_hat(turn, square), np.asarray(np.vecdot(turn, shift))
+    _, second = terms
     third, fourth = _shift_terms(square)
     outer = turn[..., :, None] * shift[..., None, :]
-    found = _scale(0.5 - square * third) * so3.hat(shift)
-    found += _scale((2.0 * third - second) * inner) * so3.hat(turn)
-    found += _scale(second) * (outer + np.swapaxes(outer, -1, -2))
-    found -= _scale(2.0 * inner * fourth) * so3.squared_hat(turn, square)
-    found[..., [0, 1, 2], [0, 1, 2]] -= (2.0 * second * inner)[..., None]
-    return np.asarray(found)
+    lower = _scale(0.5 - square * third) * so3.hat(shift)
+    lower += _scale((2.0 * third - second) * inner) * turning
+    lower += _scale(second) * (outer + np.swapaxes(outer, -1, -2))
+    lower -= _scale(2.0 * inner * fourth) * squared
+    lower[..., [0, 1, 2], [0, 1, 2]] -= (2.0 * second * inner)[..., None]
+    return _blocks(so3.series(terms, turning, squared), lower)
 
 
 def _shift_terms(square: Array) -> tuple[Array, Array]:

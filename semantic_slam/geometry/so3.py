@@ -127,12 +127,16 @@ def turn_terms(square: Array) -> tuple[Array, Array]:
 def left_jacobian(vector: Array) -> Array:
     """(..., 3, 3) left Jacobian J with Exp(w + e) = Exp(J e) Exp(w) to first order in e."""
     square = squared_norms(vector)
-    first, second = turn_terms(square)
-    found = first[..., None, None] * hat(vector) + second[..., None, None] * squared_hat(vector, square)
+    return series(turn_terms(square), hat(vector), squared_hat(vector, square))
+
+
+def series(factors: tuple[Array, Array], turning: Array, squared: Array) -> Array:
+    """(..., 3, 3) the sum I + a W + b W W, by ``factors`` a and b (...,), W = ``turning``, and W W = ``squared``."""
+    found = factors[0][..., None, None] * turning + factors[1][..., None, None] * squared
     found[..., 0, 0] += 1.0
     found[..., 1, 1] += 1.0
     found[..., 2, 2] += 1.0
-    return found
+    return np.asarray(found)
 
 
 def right_jacobian(vector: Array) -> Array:

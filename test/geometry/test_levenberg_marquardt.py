@@ -59,3 +59,14 @@ def test_of_two_ends_the_lower_counts_problem_by_problem() -> None:
     best = first.or_lower(second)
     assert best.y.tolist() == [[0.0], [1.0]] and best.energy.tolist() == [1.0, 1.0]
     assert best.hessian.ravel().tolist() == [1.0, 3.0]
+
+
+def test_a_search_goes_on_from_the_lower_of_two_points_as_if_begun_there() -> None:
+    search, other = (LevenbergMarquardt(Rosenbrock(A), starts) for starts in (STARTS, STARTS[::-1]))
+    lower = other.energy < search.energy
+    assert lower.any() and not lower.all()
+    search.take_lower(other)
+    begun = LevenbergMarquardt(Rosenbrock(A), np.where(lower[:, None], STARTS[::-1], STARTS))
+    np.testing.assert_array_equal(search.y, begun.y)
+    np.testing.assert_array_equal(search.next_step()[0], begun.next_step()[0])
+    assert search.energy.tolist() == begun.energy.tolist()

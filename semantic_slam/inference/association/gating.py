@@ -216,11 +216,11 @@ def _cheapest(cost: Array, limit: int, within: float) -> tuple[Index, Array]:
 
     Murty's algorithm returns none that costs more than ``within`` beyond the cheapest.
     """
-    options = [np.flatnonzero(np.isfinite(row)) for row in cost]
-    if np.prod([float(len(columns)) for columns in options]) > limit:
+    possible = np.isfinite(cost)
+    if np.prod(possible.sum(axis=1), dtype=np.float64) > limit:
         cheapest = k_best(cost, limit, within)
         return cheapest.columns, cheapest.costs
-    listed = list(product(*options))
+    listed = list(product(*(np.flatnonzero(row) for row in possible)))
     every = np.array(listed, dtype=int).reshape(len(listed), len(cost))
     ordered = np.sort(every, axis=1)
     distinct = every[(ordered[:, 1:] != ordered[:, :-1]).all(axis=1)]

@@ -54,7 +54,7 @@ def _up_to(cost: Array, k: int, within: float) -> KBest:
         return KBest(np.zeros((0, len(cost)), dtype=int), np.zeros(0))
     columns, totals = np.full((1, len(cost)), -1), np.zeros(1)
     for rows, of_rows in clusters(np.isfinite(possible)):
-        own = _of_cluster(possible[np.ix_(rows, of_rows)], k, within)
+        own = _of_cluster(possible[rows[:, None], of_rows], k, within)
         first, second, totals = _cheapest_sums(totals, own.costs, k, within)
         columns = columns[first]
         columns[:, rows] = of_rows[own.columns[second]]
@@ -69,9 +69,9 @@ def _cheapest_sums(first: Array, second: Array, k: int, within: float) -> tuple[
 
     A pair is behind all pairs of places before its own, so that (i, j) is among the k least only if i j < k.
     """
-    i, j = (own.ravel() for own in np.indices((len(first), len(second))))
-    may_be = (i + 1) * (j + 1) <= k
-    i, j = i[may_be], j[may_be]
+    counts = np.minimum(k // np.arange(1, 1 + len(first)), len(second))  # of second places beside each first one
+    i = np.repeat(np.arange(len(first)), counts)
+    j = np.arange(len(i)) - np.repeat(np.cumsum(counts) - counts, counts)
     sums = first[i] + second[j]
     order = np.argsort(sums, kind="stable")[:k]
     order = order[sums[order] <= sums[order[0]] + within]
@@ -80,9 +80,18 @@ def _cheapest_sums(first: Array, second: Array, k: int, within: float) -> tuple[
 
 def _of_cluster(cost: Array, k: int, within: float) -> KBest:
     """The ``k`` cheapest assignments of one cluster."""
+    if len(cost) == 1:
+        return _of_row(cost[0], k, within)
     ranked = [item for item, _ in zip(_in_order(cost, within), range(k), strict=False)]
     columns = np.array([columns for _, columns in ranked], dtype=int).reshape(len(ranked), len(cost))
     return KBest(columns, np.array([total for total, _ in ranked], dtype=np.float64))
+
+
+def _of_row(cost: Array, k: int, within: float) -> KBest:
+    """The ``k`` cheapest columns of a single row (m,)."""
+    columns = np.argsort(cost, kind="stable")[:k]
+    columns = columns[cost[columns] <= cost[columns[0]] + within]
+    return KBest(columns[:, None], cost[columns])
 
 
 def _in_order(cost: Array, within: float) -> Iterator[tuple[float, tuple[int, ...]]]:
@@ -123,8 +132,6 @@ def _push(queue: list[_Best], cost: Array, branch: Array, fixed: tuple[int, ...]
 
     ``fixed`` are the columns of its first rows, and ``branch`` the costs of the other rows, inf in these columns.
     """
-    if len(branch) and not np.isfinite(branch[0]).any():
-        return
     try:
         _, matched = linear_sum_assignment(branch)
     except ValueError:  # infeasible

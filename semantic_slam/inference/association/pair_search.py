@@ -41,9 +41,9 @@ class PairSearch(ABC):
     def select(self, selection: Index) -> Self:
         """The chosen pairs."""
 
-    def start(self) -> Array:
-        """(B, n) where the searches begin: the prediction."""
-        return np.zeros((len(self.root), self.root.shape[-1]))
+    def begun(self) -> LevenbergMarquardt:
+        """The searches where they begin: at the prediction."""
+        return LevenbergMarquardt(self, np.zeros((len(self.root), self.root.shape[-1])))
 
     def jacobian(self, part: Linearisation) -> Array:
         """(B, m, n) Jacobian of the residuals."""
@@ -51,7 +51,7 @@ class PairSearch(ABC):
 
     def mode(self, most_steps: int = MOST_STEPS) -> Array:
         """(B, n) mode of each pair; where dropped, the point at which the search stopped."""
-        search = LevenbergMarquardt(self, self.start())
+        search = self.begun()
         search.advance(FIRST_STEPS, np.full(len(self.root), TOLERANCE))
         y = search.y
         left = np.flatnonzero(search.energy + self.detections.log_normaliser < HOPELESS)

@@ -24,29 +24,29 @@ def log_sum_of_all(log_known: Array, log_new: Array) -> float:
     more than :data:`LARGEST_SET` detections.
     """
     known, new, scale = _scaled(log_known, log_new)
-    return float(scale.sum() + sum(np.log(_sum(known[np.ix_(*own)], new[own[0]])) for own in clusters(known)))
+    each = (_sum(known[rows[:, None], columns], new[rows]) for rows, columns in clusters(known))
+    return float(scale.sum() + sum(np.log(own) for own in each))
 
 
 def clusters(known: Array) -> Iterator[tuple[Index, Index]]:
     """Yield rows (detections) and columns (objects) of each cluster of weights ``known`` (D, M), ordered by row."""
-    may_be = known > NEGLIGIBLE
-    linked = may_be.astype(float) @ may_be.T > 0.0  # (D, D) detections that may be of one object
-    left = np.ones(len(known), dtype=bool)
-    for row in range(len(known)):
-        if left[row]:
-            members = _reached(linked, row)
-            left &= ~members
-            yield np.flatnonzero(members), np.flatnonzero(may_be[members].any(axis=0))
+    if not len(known):
+        return
+    may_be, rows = known > NEGLIGIBLE, np.arange(len(known))
+    together = _connected(may_be.astype(float) @ may_be.T > 0.0)
+    for members in together[together.argmax(axis=1) == rows]:  # those of each cluster's first row
+        yield rows[members], np.flatnonzero(may_be[members].any(axis=0))
 
 
-def _reached(linked: Flags, row: int) -> Flags:
-    """(D,) rows in the connected component of a row of the adjacency matrix ``linked`` (D, D), itself included."""
-    members = np.asarray(np.arange(len(linked)) == row)
+def _connected(linked: Flags) -> Flags:
+    """(D, D) which rows are in one connected component of the symmetric adjacency matrix ``linked`` (D, D)."""
+    reached = linked | np.eye(len(linked), dtype=bool)
     while True:
-        more = np.asarray(members | linked[members].any(axis=0))
-        if np.array_equal(more, members):
-            return members
-        members = more
+        steps = reached.astype(float)
+        further = steps @ steps > 0.0  # along paths twice as long
+        if (further == reached).all():
+            return reached
+        reached = further
 
 
 def _scaled(log_known: Array, log_new: Array) -> tuple[Array, Array, Array]:
@@ -68,9 +68,10 @@ def _sum(known: Array, new: Array) -> float:
     taken[0] = 1.0
     for weights in known.T:
         before = taken.copy()
-        for number in np.flatnonzero(weights > NEGLIGIBLE):
-            halves = (-1, 2, 2**number)  # the middle axis says whether that detection is taken
-            taken.reshape(halves)[:, 1] += weights[number] * before.reshape(halves)[:, 0]
+        for number, weight in enumerate(weights.tolist()):
+            if weight > NEGLIGIBLE:
+                halves = (-1, 2, 2**number)  # the middle axis says whether that detection is taken
+                taken.reshape(halves)[:, 1] += weight * before.reshape(halves)[:, 0]
     for weight in new:  # detections that are not taken are of no known object
         taken = taken[0::2] * weight + taken[1::2]
     return float(taken[0])

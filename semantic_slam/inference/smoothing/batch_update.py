@@ -236,7 +236,7 @@ def _renewed(forks: Sequence[_Fork], rows: Sequence[list[int]]) -> list[_Fork | 
     semantics = forks[0].smoother.semantics
     measurements = [fork.smoother.factor_table.linear(chosen) for fork, chosen in zip(forks, rows, strict=True)]
     points = [
-        _halfway(fork.smoother.points(chosen), fork, what)
+        _halfway(fork.smoother.points(chosen), fork, what) if chosen else NO_POINTS
         for fork, chosen, what in zip(forks, rows, measurements, strict=True)
     ]
     made = semantics.make(measurements, points)

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 
+import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Flags
@@ -19,6 +20,7 @@ from semantic_slam.inference.smoothing.extension import (
     new_factors,
 )
 from semantic_slam.inference.smoothing.keyframe_factors import KeyframeFactors
+from semantic_slam.inference.smoothing.linear.new_measurements import NewMeasurements, linearised_at_once
 from semantic_slam.inference.smoothing.solver.isam import AT_ONCE
 
 Outcome = Component | LostComponentError
@@ -81,17 +83,37 @@ def _stepped(
     """
     last = {id(parent.smoother): place for place, parent in enumerate(parents)} if in_place else {}
     moved = _moved(parents, updates)
+    added = [
+        new_factors(parent, shared[_noise(parent)], update) for parent, update in zip(parents, updates, strict=True)
+    ]
+    new = _new_measurements(parents, shared, updates, [values for _, values in added])
 
     def child(place: int, parent: Component, update: ComponentUpdate) -> Component:
-        graph, values = new_factors(parent, shared[_noise(parent)], update)
         classed, start = classed_measurements(parent, update), linearisation_start(parent, update)
         mine = parent.smoother if last.get(id(parent.smoother)) == place else parent.smoother.fork()
         far = bool(moved[place])
-        measured = [] if mine.in_charts is None else shared[_noise(parent)].measured(parent, update)
-        smoother = mine.stepped(graph, values, classed, start, again=far, measured=measured)
+        smoother = mine.stepped(*added[place], classed, start, again=far, new=new[place])
         return parent.child(update, smoother, max_fresh, far=far)
 
     return [_attempt(child, place, *pair) for place, pair in enumerate(zip(parents, updates, strict=True))]
+
+
+def _new_measurements(
+    parents: Sequence[Component],
+    shared: dict[Noise, KeyframeFactors],
+    updates: Sequence[ComponentUpdate],
+    values: Sequence[gtsam.Values],
+) -> Sequence[NewMeasurements | None]:
+    """The keyframe's measurements, linearised in each child's charts; None where smoothers hold none."""
+    if parents[0].smoother.in_charts is None:
+        return [None for _ in parents]
+    rows = zip(parents, updates, values, strict=True)
+    return linearised_at_once(
+        [
+            parent.smoother.with_charts(own, shared[_noise(parent)].measured(parent, update))
+            for parent, update, own in rows
+        ]
+    )
 
 
 def only_children(parents: Sequence[object]) -> list[int]:

@@ -75,7 +75,7 @@ class KeyframeFactors:
         keys, firsts, sizes = (np.array(column) for column in zip(*places, strict=True))
         ranged = np.array([item.detection.has_range for item in observed], dtype=bool)
         return Sightings(
-            scale=errors.white.scale,
+            scale=np.full(len(observed), errors.white.scale),
             seen=self._model.collect([item.detection for item in observed]),
             rows=np.full(len(observed), self._keyframe + 1),
             ids=np.array([item.object_id for item in observed]),

@@ -132,6 +132,13 @@ class LocalMap:
             covariance = np.ascontiguousarray(covariance.T)
         return replace(self, robot=robot, objects=objects, covariance=covariance)
 
+    def at_estimates(self, ids: Index, robot: Array, objects: Array) -> "LocalMap":
+        """The map of those objects that are among ``ids`` (O,), ascending, at all estimates (s,) and (O, s)."""
+        rows = np.searchsorted(ids, self.ids)
+        kept = np.append(ids, -1)[rows] == self.ids
+        left = self if kept.all() else self.without(~kept)
+        return left.at(robot, objects[rows[kept]])
+
     def without(self, gone: Flags) -> "LocalMap":
         """The map of the objects that are not ``gone`` (M,)."""
         rows = np.concatenate([np.zeros(self.carried.stop, dtype=bool), np.repeat(gone, self.layout.landmark)])
@@ -144,35 +151,31 @@ class LocalMap:
 
     def with_errors(self, matrix: Array, noise: Array) -> "LocalMap":
         """The map with correlated errors f' = A f + v, ``matrix`` A and ``noise`` the covariance of v."""
-        rows = slice(self.errors.start, self.errors.start + len(matrix))
-        kept = np.delete(self.covariance, self.errors, axis=0)
-        cross = np.delete(matrix @ self.covariance[self.errors], self.errors, axis=1)
-        kept = np.delete(kept, self.errors, axis=1)
-        split, size = self.errors.start, len(kept) + len(matrix)
-        covariance = np.empty((size, size))
-        here = np.r_[:split, rows.stop : size]
-        covariance[np.ix_(here, here)] = kept
-        covariance[rows, here] = cross
-        covariance[here, rows] = cross.T
-        covariance[rows, rows] = matrix @ self.covariance[self.errors, self.errors] @ matrix.T + noise
+        before, split, end = self.covariance, self.errors.start, self.errors.stop
+        rows, size = slice(split, split + len(matrix)), len(before) + len(matrix) - self.num_errors
+        parts = (slice(split), slice(split)), (slice(end, None), slice(rows.stop, None))
+        cross, covariance = matrix @ before[self.errors], np.empty((size, size))
+        for old, new in parts:
+            covariance[new, :split], covariance[new, rows.stop :] = before[old, :split], before[old, end:]
+            covariance[rows, new], covariance[new, rows] = cross[:, old], cross[:, old].T
+        covariance[rows, rows] = matrix @ before[self.errors, self.errors] @ matrix.T + noise
         return replace(self, covariance=covariance, num_errors=len(matrix))
 
     def updated(self, detections: list[LocalDetection]) -> "LocalMap":
         """The map after detections of objects in it (a Kalman update of the covariance)."""
         if not detections:
             return self
-        size = detections[0].by_robot.shape[1]
-        jacobian = np.zeros((sum(len(item.by_robot) for item in detections), len(self.covariance)))
-        at = 0
-        for item in detections:
-            rows = slice(at, at + len(item.by_robot))
-            jacobian[rows, :size] = item.by_robot
-            jacobian[rows, self.errors] = item.by_errors
-            landmark = self.rows(np.array([item.object_id]))[size:]
-            jacobian[rows, landmark] = item.by_object
-            at = rows.stop
+        by_robot = np.array([item.by_robot for item in detections])  # (n, m, r)
+        (count, size), width = by_robot.shape[:2], len(self.covariance)
+        each, components = np.arange(count)[:, None, None], np.arange(size)[:, None]
+        landmarks = self.rows(np.array([item.object_id for item in detections]))[self.layout.robot :]
+        slopes = np.zeros((count, size, width))
+        slopes[..., : self.layout.robot] = by_robot
+        slopes[..., self.errors] = [item.by_errors for item in detections]
+        slopes[each, components, landmarks.reshape(count, 1, -1)] = [item.by_object for item in detections]
+        jacobian = slopes.reshape(-1, width)
         cross = jacobian @ self.covariance
-        innovation = cross @ jacobian.T + np.eye(at)
+        innovation = cross @ jacobian.T + np.eye(count * size)
         return replace(self, covariance=self.covariance - cross.T @ np.linalg.solve(innovation, cross))
 
     def with_new(self, started: Sequence[LocalStart]) -> "LocalMap":

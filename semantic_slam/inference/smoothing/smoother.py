@@ -31,9 +31,10 @@ from semantic_slam.inference.smoothing.factor_table import (
     RelinearisedFactors,
 )
 from semantic_slam.inference.smoothing.linear.charts import Charts
-from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, in_charts, new_measurements
+from semantic_slam.inference.smoothing.linear.linear_measurements import LinearFactors, in_charts
 from semantic_slam.inference.smoothing.linear.located import Located
 from semantic_slam.inference.smoothing.linear.measured import Measured
+from semantic_slam.inference.smoothing.linear.new_measurements import NewMeasurements
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.smoothing.solver.elimination import groups, last_eliminated
 from semantic_slam.inference.smoothing.solver.estimate import Estimate
@@ -174,48 +175,44 @@ class Smoother:
         start: dict[int, Array],
         *,
         again: bool,
-        measured: Sequence[Measured] = (),
+        new: NewMeasurements | None = None,
     ) -> "Smoother":
         """The smoother after one update, or two where ``again``, not iterated to convergence. It consumes this one.
 
-        ``measured`` holds the keyframe's odometry and detections where the smoother keeps its measurements linear in
-        charts. Semantic factors keep the linearisation point that they are made at. Raises LostComponentError when the
-        system is indeterminate.
+        ``new`` holds the keyframe's odometry and detections, linearised, where the smoother keeps its measurements
+        linear in charts. Semantic factors keep the linearisation point that they are made at. Raises LostComponentError
+        when the system is indeterminate.
         """
+        assert (new is None) == (self.in_charts is None)
         with lost_where_indeterminate("an update"):
             points = LinearisationPoints.of(measurements, start)
             added = AddedFactors(measurements, self.semantics.make([measurements], [points])[0], points)
-            if self.in_charts is not None:
-                return self._stepped_in_charts(self.in_charts, graph, values, added, measured, again=again)
+            if new is not None:
+                return self._stepped_in_charts(graph, added, new, again=again)
             child = self.updated(graph, values, added)
             if again:
                 child.isam.update(force_relinearize=True)
         return child
 
+    def with_charts(self, values: gtsam.Values, measured: Sequence[Measured]) -> NewMeasurements:
+        """New measurements, not linearised yet, with charts of new variables, which are estimated at ``values``."""
+        assert self.in_charts is not None
+        return NewMeasurements.of(self.in_charts, self._located, values, measured)
+
     def _stepped_in_charts(
-        self,
-        before: LinearFactors,
-        graph: gtsam.NonlinearFactorGraph,
-        values: gtsam.Values,
-        added: AddedFactors,
-        measured: Sequence[Measured],
-        *,
-        again: bool,
+        self, graph: gtsam.NonlinearFactorGraph, added: AddedFactors, new: NewMeasurements, *, again: bool
     ) -> "Smoother":
         """One update with measurements linearised at the current estimate; all are relinearised where that is due.
 
         That is every ``STEPPED_SKIP`` updates, and at once where ``again``.
         """
-        charts, at, values = before.charts.extended(values, self._located)
-        factors, now = replace(before, charts=charts), new_measurements(measured, values, charts.vectors)
-        made = factors.made(now, at)
-        together = linearised(graph, self._vectors(values, graph.keyVector()))
+        together = linearised(graph, self._vectors(new.values, graph.keyVector()))
         others = together.size()
-        for own in made:
+        for own in new.made:
             together.push_back(own.factors())
-        semantic = [in_charts(factor, charts, at) for factor in added.factors]
-        child = self.updated(together, values, replace(added, factors=semantic))
-        factors = factors.with_new(made, others, len(semantic))
+        semantic = [in_charts(factor, new.factors.charts, new.at) for factor in added.factors]
+        child = self.updated(together, new.values, replace(added, factors=semantic))
+        factors = new.factors.with_new(new.made, others, len(semantic))
         child = replace(child, in_charts=factors, steps=self.steps + 1)
         if not again and child.steps % STEPPED_SKIP:
             return child

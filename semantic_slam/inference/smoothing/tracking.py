@@ -53,7 +53,7 @@ def tracked_after(
         fresh = np.unique(np.searchsorted(ids, update.object_ids)).astype(int)
     errors = _errors_after(smoother, keyframe, before, update)
     robot, objects = states[-1, : storage.robot], states[:-1, : storage.landmark]
-    local = None if update.local is None else _local_at(update.local, ids, robot, objects)
+    local = None if update.local is None else update.local.at_estimates(ids, robot, objects)
     together, covariances[fresh] = _joint(smoother, keyframe, len(before.bias), errors, local, ids[fresh])
     sigmas[fresh] = _position_sigmas(smoother.spaces, covariances[fresh])
     tracked = TrackedStates(
@@ -89,13 +89,6 @@ def _anchors_after(before: TrackedStates, update: ComponentUpdate) -> Array | No
     known = np.full((len(kept), 3), np.nan) if before.anchors is None else before.anchors
     rows = [np.full(3, np.nan) if anchor is None else anchor for anchor in new]
     return np.concatenate([known[kept], np.array(rows, dtype=np.float64).reshape(-1, 3)])
-
-
-def _local_at(local: LocalMap, ids: Index, robot: Array, objects: Array) -> LocalMap:
-    """A local map restricted to objects still among ``ids`` (O,), at the estimates (s,) and (O, s)."""
-    kept = np.isin(local.ids, ids)
-    left = local if kept.all() else local.without(~kept)
-    return left.at(robot, objects[np.searchsorted(ids, left.ids)])
 
 
 def _errors_after(

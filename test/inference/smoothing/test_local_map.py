@@ -75,6 +75,50 @@ def test_objects_that_are_given_up_leave() -> None:
     np.testing.assert_array_equal(local.objects, OBJECTS[1:])
 
 
+def test_only_objects_that_are_still_known_are_moved_to_their_estimates() -> None:
+    local = _with_two_errors()
+    ids, estimates = np.array([2, 5, 7]), np.array([[9.0, 9.0, 0.0], [8.0, 8.0, 0.0], MOVED_OBJECTS[1]])
+    left = local.at_estimates(ids, MOVED_ROBOT, estimates)
+    expected = local.without(np.array([True, False])).at(MOVED_ROBOT, MOVED_OBJECTS[1:])
+    assert left.ids.tolist() == [7]
+    np.testing.assert_array_equal(left.objects, MOVED_OBJECTS[1:])
+    np.testing.assert_array_equal(left.covariance, expected.covariance)
+    assert local.at_estimates(np.array([], dtype=int), MOVED_ROBOT, np.zeros((0, 3))).ids.tolist() == []
+
+
+def test_detections_of_several_objects_and_their_errors_update_as_one_measurement() -> None:
+    local, random = _with_two_errors(), np.random.default_rng(1)
+    seen = [
+        LocalDetection(number, *(random.normal(size=(2, width)) for width in (3, 3, 2)))
+        for number in (7, 4)  # not in the order of the map
+    ]
+    slopes = np.zeros((4, 11))
+    for rows, own, landmark in zip((slice(0, 2), slice(2, 4)), seen, (slice(8, 11), slice(5, 8)), strict=True):
+        slopes[rows, :3], slopes[rows, 3:5], slopes[rows, landmark] = own.by_robot, own.by_errors, own.by_object
+    information = np.linalg.inv(local.covariance) + slopes.T @ slopes
+    np.testing.assert_allclose(local.updated(seen).covariance, np.linalg.inv(information), atol=1e-9)
+
+
+def test_errors_of_the_next_frame_are_correlated_with_all_that_the_last_ones_were() -> None:
+    local, random = _with_two_errors(), np.random.default_rng(2)
+    matrix = random.normal(size=(4, 2))
+    change = np.zeros((13, 11))
+    change[:3, :3], change[3:7, 3:5], change[7:, 5:] = np.eye(3), matrix, np.eye(6)
+    expected = change @ local.covariance @ change.T
+    expected[3:7, 3:7] += 0.1 * np.eye(4)
+    after = local.with_errors(matrix, 0.1 * np.eye(4))
+    np.testing.assert_allclose(after.covariance, expected, atol=1e-12)
+    assert after.num_errors == 4
+
+
+def _with_two_errors() -> LocalMap:
+    """A map of two poses, with the correlated errors of one detection."""
+    root = np.random.default_rng(0).normal(size=(11, 11))
+    return LocalMap(
+        layout=Layout(3, 3), ids=np.array([4, 7]), robot=ROBOT, objects=OBJECTS, covariance=root @ root.T, num_errors=2
+    )
+
+
 def _seen(local: LocalMap, number: int) -> LocalDetection:
     """A position in the body frame, to a decimetre."""
     seen = se2.between(local.robot, local.objects[number])

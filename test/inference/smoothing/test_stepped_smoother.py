@@ -12,6 +12,7 @@ from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.linear.linear_measurements import LinearMeasurements
 from semantic_slam.inference.smoothing.linear.measured import Measured, Motions, Sightings
+from semantic_slam.inference.smoothing.linear.new_measurements import linearised_at_once
 from semantic_slam.inference.smoothing.semantic_factors import SemanticFactorMaker
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.states.keys import error_keys, error_place, object_key, robot_key
@@ -67,6 +68,15 @@ def driven_on(
     smoother: Smoother, k: int, told: Array, turn_sigma: float, seen: list[PlanarDetection], ids: list[int]
 ) -> Smoother:
     """One keyframe more, with detections of posts by their ``ids``."""
+    graph, values, measured = next_keyframe(smoother, k, told, turn_sigma, seen, ids)
+    (new,) = linearised_at_once([smoother.with_charts(values, measured)])
+    return smoother.stepped(graph, values, [], {}, again=k >= KEYFRAMES, new=new)
+
+
+def next_keyframe(
+    smoother: Smoother, k: int, told: Array, turn_sigma: float, seen: list[PlanarDetection], ids: list[int]
+) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values, list[Measured]]:
+    """Factors, new variables and measurements of :func:`driven_on`."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     robot = gtsam.Pose2(*smoother.states([robot_key(k - 1)])[0]).compose(gtsam.Pose2(*told))
     values.insert(robot_key(k), robot)
@@ -81,7 +91,7 @@ def driven_on(
             start = gtsam.Pose2(*robot.transformFrom(point), 0.0)
             graph.add(gtsam.PriorFactorPose2(object_key(number), start, LOOSE))
             values.insert(object_key(number), start)
-    return smoother.stepped(graph, values, [], {}, again=k >= KEYFRAMES, measured=measured)
+    return graph, values, measured
 
 
 def detection(place: Array) -> PlanarDetection:
@@ -100,7 +110,7 @@ def sightings(k: int, seen: list[PlanarDetection], ids: list[int]) -> Sightings:
     """Of posts in a keyframe, each with an error of its own."""
     places = [error_place(k, len(seen), number) for number in range(len(seen))]
     return Sightings(
-        scale=SCALE,
+        scale=np.full(len(seen), SCALE),
         seen=MODEL.collect(seen),
         rows=np.full(len(seen), k + 1),
         ids=np.array(ids),
@@ -173,19 +183,36 @@ def test_a_robot_that_sees_nothing_is_linearised_anew_as_well() -> None:
     values = gtsam.Values()
     values.insert(robot_key(0), gtsam.Pose2(1.0, 1.0, 1.0))
     motion = Motions.one(0, STEP, np.diag([0.05, 0.05, TURN_SIGMA]) ** 2, None)
-    smoother = smoother.stepped(gtsam.NonlinearFactorGraph(), values, [], {}, again=True, measured=[motion])
+    (new,) = linearised_at_once([smoother.with_charts(values, [motion])])
+    smoother = smoother.stepped(gtsam.NonlinearFactorGraph(), values, [], {}, again=True, new=new)
     np.testing.assert_allclose(smoother.states([robot_key(0)])[0], STEP, atol=1e-6)
+
+
+def test_measurements_of_several_smoothers_are_linearised_as_those_of_each_alone() -> None:
+    """To the bit: hypotheses are shared out among processes."""
+    new, k = [], KEYFRAMES + 3
+    for drift_rad, count in ((0.05, 2), (0.5, 1), (1.5, 2)):
+        ring, seen = on_a_ring(drift_rad), [detection(np.array([*post, 0.0])) for post in POSTS[:count]]
+        _, values, measured = next_keyframe(ring, k, STEP, TURN_SIGMA, seen, list(range(count)))
+        new.append(ring.with_charts(values, measured))
+    for own, together in zip(new, linearised_at_once(new), strict=True):
+        (alone,) = linearised_at_once([own])
+        assert len(alone.made) == len(together.made) == 2
+        for one, other in zip(alone.made, together.made, strict=True):
+            assert one.of is other.of
+            for name in ("by_first", "by_second", "constant", "slots"):
+                np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
 def test_a_map_that_moves_as_a_whole_bends_nothing() -> None:
     linear = on_a_ring(0.05).in_charts
     assert linear is not None
     for own in linear.joined:
-        begun = own.of.measured(SPACES, MODEL, linear.charts.begun())
+        begun = own.of.measured(SPACES, MODEL, *own.of.sides(linear.charts.begun()))
         own = LinearMeasurements.made(own.of, begun, begun)
         steps = np.concatenate([shift_of(points) for points in (linear.charts.objects, linear.charts.robots)])
         moved = linear.charts.located(steps.ravel())
-        np.testing.assert_allclose(own.off(own.of.measured(SPACES, MODEL, moved)), 0.0, atol=1e-9)
+        np.testing.assert_allclose(own.off(own.of.measured(SPACES, MODEL, *own.of.sides(moved))), 0.0, atol=1e-9)
 
 
 def shift_of(points: Array) -> Array:

@@ -61,8 +61,8 @@ def _sighting(own: Sightings, row: int, terms: Terms) -> Any:
 
     def error(this: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         if jacobians is not None:
-            jacobian = own.scale * plain.linearize(values).jacobian()[0]
+            jacobian = own.scale[row] * plain.linearize(values).jacobian()[0]
             jacobians[0], jacobians[1], jacobians[2] = jacobian[:, :3], jacobian[:, 3:], turned
-        return np.asarray(own.scale * plain.whitenedError(values) + turned @ values.atVector(key))
+        return np.asarray(own.scale[row] * plain.whitenedError(values) + turned @ values.atVector(key))
 
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(2), [robot, landmark, key], error)

@@ -154,14 +154,20 @@ class JointCosts:
 
     def _joint(self, pairs: Index) -> tuple[Array, Array]:
         """(K, n c) residuals and their covariances for ``pairs`` (K, n); identity in place of -1."""
-        used, size = pairs >= 0, self.residual.shape[1]
-        residual = np.where(used[..., None], self.residual[pairs], 0.0)
-        both = (used[:, :, None] & used[:, None, :])[..., None, None]
-        covariance = np.where(both, self.covariance[pairs[:, :, None], pairs[:, None, :]], 0.0)
-        alone = np.arange(pairs.shape[1])
-        covariance[:, alone, alone] += np.where(used[..., None, None], 0.0, np.eye(size))
-        width = pairs.shape[1] * size
-        return residual.reshape(-1, width), np.swapaxes(covariance, 2, 3).reshape(-1, width, width)
+        count, size = self.residual.shape
+        own = np.where(pairs >= 0, pairs, count + np.arange(pairs.shape[1]))
+        rows = (size * own[..., None] + np.arange(size)).reshape(len(pairs), -1)
+        residual, covariance = self._with_none
+        return residual[rows], covariance[rows[:, :, None], rows[:, None, :]]
+
+    @cached_property
+    def _with_none(self) -> tuple[Array, Array]:
+        """Residuals and covariance of all pairs, then of each detection without a pair: 0, and the identity."""
+        (count, size), without = self.residual.shape, self.log_alone.shape[0] * self.residual.shape[1]
+        width = count * size
+        covariance = np.eye(width + without)
+        covariance[:width, :width] = np.swapaxes(self.covariance, 1, 2).reshape(width, width)
+        return np.concatenate([self.residual.ravel(), np.zeros(without)]), covariance
 
     def _pairs(self, assignments: Index) -> Index:
         """(K, D) the pairs that joint assignments contain; -1: of none of these objects."""

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index, row_products
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.outlier_choices import OutlierChoices
@@ -126,21 +126,26 @@ class LinearisedEvidence:
         elsewhere.
         """
         results = _Results.empty(columns.shape, self.spaces, self._sensor)
+        shift = np.empty((len(columns), self.layout.robot))
         is_known = (columns >= 0) & (columns < self.known)
         counts = is_known.sum(axis=1)
         for count in np.unique(counts).tolist():
             rows = np.flatnonzero(counts == count)
             seen = np.nonzero(is_known[rows])[1].reshape(len(rows), count)
-            self._alike(rows, columns[rows], seen, results)
+            shift[rows] = self._alike(rows, columns[rows], seen, results)
+        self._fill_births(results, columns, shift)
         return assignments.gaining(**vars(results))
 
-    def _alike(self, rows: Index, columns: Index, seen: Index, result: _Results) -> None:
-        """Evaluate the assignments ``rows`` (G,), of ``columns`` (G, D), whose ``seen`` (G, n) are of known objects."""
+    def _alike(self, rows: Index, columns: Index, seen: Index, result: _Results) -> Array:
+        """Evaluate the assignments ``rows`` (G,), of ``columns`` (G, D), whose ``seen`` (G, n) are of known objects.
+
+        Returns the shifts (G, r) of the robot; objects that detections start are not filled in.
+        """
         objects = np.take_along_axis(columns, seen, axis=1)
-        places = self._places(objects)
-        shift, after = np.zeros(places.shape), self.covariance[places[:, :, None], places[:, None, :]]
+        places, after = self._prior(objects)
+        shift = np.zeros(places.shape)
         if seen.shape[1]:
-            joint = self._innovation(seen, objects)
+            joint = self._together(seen, places, after, *self._system(seen, objects))
             choices = self._choices(joint)
             covariance = joint.covariance if choices is None else choices.covariance
             inverse, (_, log_determinant) = np.asarray(np.linalg.inv(covariance)), np.linalg.slogdet(covariance)
@@ -162,7 +167,8 @@ class LinearisedEvidence:
             variances = np.diagonal(joint.covariance, axis1=1, axis2=2) - 1.0
             result.bend[rows] = self._bend(seen, *self._from_where_linear(seen, objects, change, variances))
         own = np.concatenate([np.zeros((len(rows), 1), dtype=int), 1 + objects], axis=1)
-        self._fill(result, rows, columns, seen, own, self.layout.blocks(shift), after)
+        self._fill(result, rows, seen, own, self.layout.blocks(shift), after)
+        return shift[:, self.layout.block(0)]
 
     @staticmethod
     def _with_sensor(errors: PredictedErrors, joint: JointInnovation, seen: Index, places: Index) -> Array:
@@ -187,7 +193,8 @@ class LinearisedEvidence:
     def innovation(self, columns: Index, seen: list[int]) -> JointInnovation:
         """Joint innovation of the detections ``seen``; ``columns`` (D,): the object of each detection."""
         numbers = np.array(seen, dtype=int)
-        return _first(self._innovation(numbers[None], columns[numbers][None]))
+        objects = columns[numbers][None]
+        return _first(self._together(numbers[None], *self._prior(objects), *self._system(numbers[None], objects)))
 
     def innovation_of_pairs(self, numbers: Index, objects: Index) -> JointInnovation:
         """Joint innovation of detections ``numbers`` (P,), each as one of ``objects`` (P,).
@@ -205,17 +212,13 @@ class LinearisedEvidence:
             jacobian[pairs, :, layout.block(1 + number)] = part.jacobian_object[numbers[pairs], objects[pairs]]
         stacked = jacobian.reshape(1, -1, layout.size(len(every)))
         system = residual.reshape(1, -1), stacked, part.log_normaliser[seen, objects]
-        return _first(self._together(seen, self._places(every[None]), *system))
-
-    def _innovation(self, seen: Index, objects: Index) -> JointInnovation:
-        """Joint innovation of detections ``seen`` (G, n) of ``objects`` (G, n)."""
-        return self._together(seen, self._places(objects), *self._system(seen, objects))
+        return _first(self._together(seen, *self._prior(every[None]), *system))
 
     def _together(
-        self, seen: Index, places: Index, residual: Array, jacobian: Array, log_normalisers: Array
+        self, seen: Index, places: Index, prior: Array, residual: Array, jacobian: Array, log_normalisers: Array
     ) -> JointInnovation:
-        """Detections ``seen`` (G, n) with Jacobians (G, m, k) by the states at ``places`` (G, k)."""
-        cross = jacobian @ self.covariance[places[:, :, None], places[:, None, :]]
+        """Detections ``seen`` (G, n) with Jacobians (G, m, k) by the states at ``places`` (G, k), of ``prior``."""
+        cross = jacobian @ prior
         covariance = cross @ _transposed(jacobian)
         if self.errors is not None:
             repeated = self._repeated(self.errors, seen, places)
@@ -226,9 +229,12 @@ class LinearisedEvidence:
         covariance[:, diagonal, diagonal] += 1.0
         return JointInnovation(residual, jacobian, cross, covariance, log_normalisers)
 
-    def _places(self, objects: Index) -> Index:
-        """(G, k) rows of the robot and of objects (G, n)."""
-        return self.layout.rows_of_slots(np.concatenate([np.zeros((len(objects), 1), dtype=int), 1 + objects], axis=1))
+    def _prior(self, objects: Index) -> tuple[Index, Array]:
+        """(G, k) rows of the robot and of objects (G, n), and their (G, k, k) predicted covariances."""
+        places = self.layout.rows_of_slots(
+            np.concatenate([np.zeros((len(objects), 1), dtype=int), 1 + objects], axis=1)
+        )
+        return places, self.covariance[places[:, :, None], places[:, None, :]]
 
     @staticmethod
     def _repeated(errors: PredictedErrors, seen: Index, places: Index) -> Array:
@@ -278,29 +284,28 @@ class LinearisedEvidence:
         squared = np.maximum(change**2, variances).reshape(*seen.shape, -1).sum(axis=2)
         return np.asarray((0.5 * self.turns[seen] * squared).max(axis=1))
 
-    def _fill(
-        self, result: _Results, rows: Index, columns: Index, seen: Index, own: Index, shift: Array, after: Array
-    ) -> None:
+    def _fill(self, result: _Results, rows: Index, seen: Index, own: Index, shift: Array, after: Array) -> None:
         """Fill in states and covariances at the modes, in the tangent spaces of the prediction, as shifts are small."""
-        robot, storage = self.layout.block(0), self.spaces.storage
+        robot, storage, at = self.layout.block(0), self.spaces.storage, (rows[:, None], seen)
         states = self._retracted(own, shift)
         result.robot[rows], result.robot_covariance[rows] = states[:, 0, : storage.robot], after[:, robot, robot]
-        is_new = columns >= self.known
-        for place in range(seen.shape[1]):
-            block, numbers = self.layout.block(1 + place), seen[:, place]
-            result.object_states[rows, numbers] = states[:, 1 + place, : storage.landmark]
-            result.object_covariances[rows, numbers] = after[:, block, block]
-            result.object_crosses[rows, numbers] = after[:, robot, block]
-        for number in np.flatnonzero(is_new.any(axis=0)).tolist():
-            born, chosen = self.births[number], is_new[:, number]
-            displaced = row_products(shift[chosen, 0, robot], born.gain.T)
-            mean = np.broadcast_to(born.prior.mean, (len(displaced), storage.landmark))
-            result.object_states[rows[chosen], number] = self.spaces.landmark.retract(mean, displaced)
-            around = after[chosen, robot, robot]
-            spread = born.gain @ around @ born.gain.T + born.noise
-            result.object_covariances[rows[chosen], number] = spread
-            result.object_crosses[rows[chosen], number] = around @ born.gain.T
-            result.log_evidence[rows[chosen]] += born.log_stand_in
+        result.object_states[at] = states[:, 1:, : storage.landmark]
+        blocks = self.layout.size(0) + np.arange(seen.shape[1] * self.layout.landmark).reshape(-1, self.layout.landmark)
+        result.object_covariances[at] = after[:, blocks[:, :, None], blocks[:, None, :]]
+        result.object_crosses[at] = np.swapaxes(after[:, robot, blocks], 1, 2)
+
+    def _fill_births(self, result: _Results, columns: Index, shift: Array) -> None:
+        """Fill in the objects that detections start, of ``columns`` (K, D), by the robot's ``shift`` (K, r)."""
+        numbers, rows = np.nonzero((columns >= self.known).T)
+        if not len(rows):
+            return
+        around, mean = result.robot_covariance[rows], np.array([born.prior.mean for born in self.births])[numbers]
+        gain = np.array([born.gain for born in self.births])[numbers]
+        noise = np.array([born.noise for born in self.births])[numbers]
+        result.object_states[rows, numbers] = self.spaces.landmark.retract(mean, (gain @ shift[rows, :, None])[..., 0])
+        result.object_covariances[rows, numbers] = gain @ around @ _transposed(gain) + noise
+        result.object_crosses[rows, numbers] = around @ _transposed(gain)
+        np.add.at(result.log_evidence, rows, np.array([born.log_stand_in for born in self.births])[numbers])
 
     def _retracted(self, own: Index, shift: Array) -> Array:
         """(G, 1 + n, s) states of a robot and n objects, rows ``own`` (G, 1 + n), moved by (G, 1 + n, w)."""

@@ -6,11 +6,13 @@ the prior is Gaussian.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, squared_norms
+from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
 from semantic_slam.geometry.rows import joined_rows, take
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.association.pair_search import PairSearch
@@ -142,14 +144,14 @@ class PairProblem(PairSearch):
         """The chosen pairs."""
         return take(self, selection, _ROWS)
 
-    def start(self) -> Array:
-        """(B, n) the prediction, or where the detection meets the object's ray, whichever has the lower energy.
+    def begun(self) -> LevenbergMarquardt:
+        """At the prediction, or where the detection meets the object's ray, whichever has the lower energy.
 
         No descent leads from an object that is expected behind the camera to one in front of it.
         """
-        predicted, met = super().start(), self._met()
-        lower = self.normal_equations(met)[0] < self.normal_equations(predicted)[0]
-        return np.where(lower[:, None], met, predicted)
+        search = super().begun()
+        search.take_lower(LevenbergMarquardt(self, self._met()))
+        return search
 
     def _met(self) -> Array:
         """(B, n) the mode given the log range at which the object's ray passes the detection; 0 where it does not.
@@ -186,7 +188,7 @@ class PairProblem(PairSearch):
             part, jacobian_robot=part.jacobian_robot @ chart, jacobian_object=by_place @ slopes @ self._slopes
         )
 
-    @property
+    @cached_property
     def _slopes(self) -> Array:
         """(B, 3, l) Jacobians of the objects' positions, as attitudes stay."""
         return self.spaces.landmark.position_slopes(self.objects)

@@ -1,6 +1,6 @@
 """Measurements as iSAM2 holds them: linear in its charts, each with its factor slot there."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,12 +8,11 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index, squared_norms
-from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.smoothing.linear.charts import Charts
-from semantic_slam.inference.smoothing.linear.located import Located, Variables
-from semantic_slam.inference.smoothing.linear.measured import Measured, Motions, Sightings, Slopes
+from semantic_slam.inference.smoothing.linear.located import Located, Stepped
+from semantic_slam.inference.smoothing.linear.measured import Measured, Sightings, Slopes, joined
 
 _jacobian_factor: Any = gtsam.JacobianFactor  # of two or three keys, which its type does not say
 
@@ -45,6 +44,16 @@ class LinearMeasurements:
         """0 for motions, and 1 for sightings."""
         return int(isinstance(self.of, Sightings))
 
+    def part(self, of: Measured, rows: Index) -> "LinearMeasurements":
+        """Some ``rows``, which are the measurements ``of``."""
+        return LinearMeasurements(
+            of=of,
+            by_first=self.by_first[rows],
+            by_second=self.by_second[rows],
+            constant=self.constant[rows],
+            slots=self.slots[rows],
+        )
+
     def off(self, slopes: Slopes) -> Array:
         """(B,) half the squared linearisation error of each, in standard deviations, at states with new ``slopes``."""
         linear = self.by_first @ slopes.first.steps[..., None] + self.by_second @ slopes.second.steps[..., None]
@@ -75,14 +84,6 @@ class LinearFactors:
         """Number of measurements."""
         return sum(len(own.slots) for kind in self.parts for own in kind)
 
-    def made(self, measured: Sequence[Measured], at: Located) -> list[LinearMeasurements]:
-        """Measurements linearised in the charts for the estimates ``at``."""
-        begun, spaces = self.charts.begun(), self.charts.spaces
-        return [
-            LinearMeasurements.made(own, *(own.measured(spaces, self.model, where) for where in (begun, at)))
-            for own in measured
-        ]
-
     def with_new(self, made: Sequence[LinearMeasurements], before: int, after: int = 0) -> "LinearFactors":
         """With measurements that iSAM2 received after ``before`` other new factors and before ``after`` more."""
         parts, begin = list(self.parts), self.num_slots + before
@@ -104,7 +105,7 @@ class LinearFactors:
     def off(self, at: Located) -> float:
         """Half the squared linearisation error of all measurements at an estimate, in standard deviations."""
         spaces = self.charts.spaces
-        return float(sum(own.off(own.of.measured(spaces, self.model, at)).sum() for own in self.joined))
+        return float(sum(own.off(own.of.measured(spaces, self.model, *own.of.sides(at))).sum() for own in self.joined))
 
     def about(self, values: gtsam.Values) -> tuple["LinearFactors", list[LinearMeasurements]]:
         """Empty linear factors with charts about ``values``, and all measurements linearised there."""
@@ -112,18 +113,9 @@ class LinearFactors:
         begun, made = charts.begun(), []
         for own in self.joined:
             of = own.of.with_offsets(values.atVector)
-            slopes = of.measured(charts.spaces, self.model, begun)
+            slopes = of.measured(charts.spaces, self.model, *of.sides(begun))
             made.append(LinearMeasurements.made(of, slopes, slopes))
         return LinearFactors(charts=charts, model=self.model, num_slots=0), made
-
-
-def new_measurements(measured: Sequence[Measured], values: gtsam.Values, known: Mapping[int, Array]) -> list[Measured]:
-    """Measurements with correlated errors and biases at their chart origins: from ``values`` if new, else ``known``."""
-
-    def point(key: int) -> Array:
-        return np.asarray(values.atVector(key)) if values.exists(key) else known[key]
-
-    return [own.with_offsets(point) for own in measured]
 
 
 def in_charts(factor: Any, charts: Charts, at: Located) -> Any:
@@ -141,7 +133,7 @@ def in_charts(factor: Any, charts: Charts, at: Located) -> Any:
     return gtsam.LinearContainerFactor(_jacobian_factor(*terms, right, unit_noise(len(right))), charts.points(keys))
 
 
-def _blocks(jacobian: Array, variables: Sequence[Variables]) -> list[Array]:
+def _blocks(jacobian: Array, variables: Sequence[Stepped]) -> list[Array]:
     ends = np.cumsum([own.steps.shape[1] for own in variables])[:-1]
     return np.split(jacobian, ends, axis=1)
 
@@ -151,12 +143,4 @@ def _joined(parts: Sequence[LinearMeasurements]) -> LinearMeasurements:
         return parts[0]
     names = ("by_first", "by_second", "constant", "slots")
     rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    return LinearMeasurements(of=_all([part.of for part in parts]), **rows)
-
-
-def _all(parts: Sequence[Measured]) -> Measured:
-    first = parts[0]
-    if isinstance(first, Motions):
-        return joined_rows(parts, ())
-    seen = joined_rows([part.seen for part in parts if isinstance(part, Sightings)], ())
-    return replace(joined_rows(parts, ("scale", "seen")), seen=seen)
+    return LinearMeasurements(of=joined([part.of for part in parts]), **rows)

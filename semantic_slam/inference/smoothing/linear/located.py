@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import NamedTuple
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -14,30 +13,53 @@ from semantic_slam.inference.states.kinds.state_space import StateSpace
 from semantic_slam.inference.states.layout import Layout
 
 
-class Variables(NamedTuple):
-    """n estimated states of s numbers, with their coordinates in charts of d dimensions."""
-
-    states: Array  # (n, s)
-    steps: Array  # (n, d)
-    slopes: Array  # (n, d, d) Jacobian of tangent vectors at the states by the steps
-
-
 @dataclass(frozen=True)
 class Stepped:
-    """n variables of one kind as steps from base points; states are computed on demand."""
+    """n variables of one kind as steps from base points; poses are x, y, yaw, and positions x, y."""
 
     space: StateSpace
     points: Array  # (n, s)
     steps: Array  # (n, d)
 
-    def take(self, rows: Index) -> Variables:
-        """The variables in some rows, which may repeat."""
-        return _moved(self.space, self.points[rows], self.steps[rows])
+    @classmethod
+    def joined(cls, parts: Sequence["Stepped"]) -> "Stepped":
+        """The variables of several parts, all of one kind."""
+        steps = np.concatenate([part.steps for part in parts])
+        return cls(parts[0].space, np.concatenate([part.points for part in parts]), steps)
 
     @property
+    def begun(self) -> "Stepped":
+        """The variables at their base points."""
+        return Stepped(self.space, self.points, np.zeros(self.steps.shape))
+
+    def take(self, rows: Index) -> "Stepped":
+        """The variables in some rows, which may repeat."""
+        return Stepped(self.space, self.points[rows], self.steps[rows])
+
+    @cached_property
     def states(self) -> Array:
-        """(n, s) states of all of them."""
-        return _moved(self.space, self.points, self.steps).states
+        """(n, s) states after the steps."""
+        points, steps = self.points, self.steps
+        if self.space.heading is None:
+            return points + steps
+        cos, sin, states = np.cos(points[:, 2]), np.sin(points[:, 2]), np.empty(points.shape)
+        states[:, 0] = points[:, 0] + (cos * steps[:, 0] - sin * steps[:, 1])
+        states[:, 1] = points[:, 1] + (sin * steps[:, 0] + cos * steps[:, 1])
+        states[:, 2] = wrap_angle(points[:, 2] + steps[:, 2])
+        return states
+
+    @cached_property
+    def slopes(self) -> Array:
+        """(n, d, d) Jacobian of tangent vectors at the states by the steps."""
+        slopes = np.zeros((*self.steps.shape, self.steps.shape[1]))
+        if self.space.heading is None:
+            slopes[:] = np.eye(self.steps.shape[1])
+            return slopes
+        slopes[:, 0, 0] = slopes[:, 1, 1] = np.cos(self.steps[:, 2])
+        slopes[:, 0, 1] = np.sin(self.steps[:, 2])
+        slopes[:, 1, 0] = -slopes[:, 0, 1]
+        slopes[:, 2, 2] = 1.0
+        return slopes
 
     def with_states(self, points: Array, states: Array) -> "Stepped":
         """With others appended, at ``states`` (m, s) and with base ``points`` (m, s)."""
@@ -53,11 +75,11 @@ class Located:
     object_ids: Index  # (O,) ascending
     objects: Stepped  # O
 
-    def robots_of(self, rows: Index) -> Variables:
+    def robots_of(self, rows: Index) -> Stepped:
         """Robots in some rows (B,)."""
         return self.robots.take(rows)
 
-    def objects_of(self, ids: Index) -> Variables:
+    def objects_of(self, ids: Index) -> Stepped:
         """Objects with some ids (B,)."""
         return self.objects.take(np.searchsorted(self.object_ids, ids))
 
@@ -67,7 +89,7 @@ class Located:
         steps = self.robots.steps
         return float(np.abs(steps[:, 2]).max(initial=0.0)) if steps.shape[1] > 2 else 0.0
 
-    def of(self, key: int) -> Variables:
+    def of(self, key: int) -> Stepped:
         """A robot or an object by its GTSAM key."""
         number = np.array([number_of(key)])
         return self.robots_of(number) if is_robot(key) else self.objects_of(number)
@@ -102,21 +124,3 @@ def _steps(space: StateSpace, points: Array, states: Array) -> Array:
     cos, sin = np.cos(points[:, 2]), np.sin(points[:, 2])
     x, y = (states - points)[:, :2].T
     return np.stack([cos * x + sin * y, cos * y - sin * x, wrap_angle(states[:, 2] - points[:, 2])], axis=1)
-
-
-def _moved(space: StateSpace, points: Array, steps: Array) -> Variables:
-    """States after ``steps`` (n, d) from points (n, s); poses are x, y, yaw, and positions x, y."""
-    slopes = np.zeros((*steps.shape, steps.shape[1]))
-    if space.heading is None:
-        slopes[:] = np.eye(steps.shape[1])
-        return Variables(points + steps, steps, slopes)
-    cos, sin = np.cos(points[:, 2]), np.sin(points[:, 2])
-    ahead = cos * steps[:, 0] - sin * steps[:, 1], sin * steps[:, 0] + cos * steps[:, 1]
-    states = np.stack(
-        [points[:, 0] + ahead[0], points[:, 1] + ahead[1], wrap_angle(points[:, 2] + steps[:, 2])], axis=1
-    )
-    slopes[:, 0, 0] = slopes[:, 1, 1] = np.cos(steps[:, 2])
-    slopes[:, 0, 1] = np.sin(steps[:, 2])
-    slopes[:, 1, 0] = -slopes[:, 0, 1]
-    slopes[:, 2, 2] = 1.0
-    return Variables(states, steps, slopes)

@@ -1,14 +1,15 @@
 """Odometry and detections as batches: residuals and Jacobians of many at once, without a callback for each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.smoothing.linear.located import Located, Variables
+from semantic_slam.inference.smoothing.linear.located import Located, Stepped
 from semantic_slam.inference.states.keys import bias_key, object_key, robot_key
 from semantic_slam.inference.states.spaces import Spaces
 
@@ -17,8 +18,8 @@ from semantic_slam.inference.states.spaces import Spaces
 class Slopes:
     """B whitened residuals of m components at the states of two variables each, and their Jacobians there."""
 
-    first: Variables  # B
-    second: Variables  # B
+    first: Stepped  # B
+    second: Stepped  # B
     residual: Array  # (B, m)
     by_first: Array  # (B, m, d) by the first variable's tangent space
     by_second: Array  # (B, m, d)
@@ -54,9 +55,13 @@ class Motions:
         biases = np.array([point(bias_key(row - 1)) for row in self.rows.tolist()])
         return replace(self, offset=(self.by_bias @ biases[..., None])[..., 0])
 
-    def measured(self, spaces: Spaces, model: ObservationModel, at: Located) -> Slopes:
-        """Residuals and Jacobians of the controls, without biases."""
-        space, first, second = spaces.robot, at.robots_of(self.rows - 1), at.robots_of(self.rows)
+    def sides(self, at: Located) -> tuple[Stepped, Stepped]:
+        """B robots that the motions lead from, and B that they lead to."""
+        return at.robots_of(self.rows - 1), at.robots_of(self.rows)
+
+    def measured(self, spaces: Spaces, model: ObservationModel, first: Stepped, second: Stepped) -> Slopes:
+        """Residuals and Jacobians of the controls between robots of :meth:`sides`, without biases."""
+        space = spaces.robot
         moved = space.between(first.states, second.states)
         error = space.local(self.controls, moved)
         by_second = self.roots @ np.linalg.inv(space.exp_and_jacobian(error)[1])
@@ -76,7 +81,7 @@ class Motions:
 class Sightings:
     """B detections of objects, whitened by their white noise, and linear in their correlated errors."""
 
-    scale: float  # of residuals whitened by the whole error
+    scale: Array  # (B,) of residuals whitened by the whole error
     seen: Any  # (B,) the observation model's arrays
     rows: Index  # (B,) of the robots
     ids: Index  # (B,) of the objects
@@ -94,12 +99,15 @@ class Sightings:
         errors = np.concatenate(points)[begins[:, None] + np.arange(2)]
         return replace(self, offset=self.by_error * errors)
 
-    def measured(self, spaces: Spaces, model: ObservationModel, at: Located) -> Slopes:
-        """Residuals and Jacobians of range and bearing, without the correlated errors."""
-        first, second = at.robots_of(self.rows), at.objects_of(self.ids)
+    def sides(self, at: Located) -> tuple[Stepped, Stepped]:
+        """B robots that see, and B objects that are seen."""
+        return at.robots_of(self.rows), at.objects_of(self.ids)
+
+    def measured(self, spaces: Spaces, model: ObservationModel, first: Stepped, second: Stepped) -> Slopes:
+        """Residuals and Jacobians of range and bearing at :meth:`sides`, without the correlated errors."""
         part = model.geometry(self.seen, first.states, second.states)
-        by = part.jacobian_robot, part.jacobian_object
-        return Slopes(first, second, self.scale * part.residual, *(self.scale * slopes for slopes in by))
+        scale, by = self.scale[:, None], (part.jacobian_robot, part.jacobian_object)
+        return Slopes(first, second, scale * part.residual, *(scale[..., None] * slopes for slopes in by))
 
     def terms(self) -> list[tuple[int, int, list[Any]]]:
         """Keys of the two variables of each sighting, and key and Jacobian (2, q) of the correlated errors."""
@@ -113,3 +121,11 @@ class Sightings:
 
 
 Measured = Motions | Sightings
+
+
+def joined(parts: Sequence[Measured]) -> Measured:
+    """The measurements of several parts, all of one kind."""
+    if isinstance(parts[0], Motions):
+        return joined_rows(parts, ())
+    seen = joined_rows([part.seen for part in parts if isinstance(part, Sightings)], ())
+    return replace(joined_rows(parts, ("seen",)), seen=seen)

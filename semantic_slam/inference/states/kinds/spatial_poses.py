@@ -61,7 +61,7 @@ class SpatialPoses:
         return se3.exp(tangent)
 
     def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
-        return se3.exp(tangent), se3.right_jacobian(tangent)
+        return se3.exp_and_jacobian(tangent)
 
     def propagation(self, control: Array) -> Array:
         return se3.inverse_adjoint(control)
