@@ -105,11 +105,14 @@ class DetectionRates:
         mean = float(self.average(values))
         return mean, float(np.sqrt(self.average((values - mean) ** 2)))
 
-    def explained(self, log_factors: Array) -> tuple[float, Array]:
-        """Bayes update by data of (G,) log likelihoods: their log evidence, and the (G,) normalised log weights."""
+    def explained(self, log_factors: Array) -> tuple[Array, Array]:
+        """Bayes update by data of (..., G) log likelihoods.
+
+        Their (...,) log evidence, and the (..., G) normalised log weights.
+        """
         joint = self.log_weights + log_factors
-        total = float(np.logaddexp.reduce(joint))
-        return total, joint - total
+        total = np.logaddexp.reduce(joint, axis=-1, keepdims=True)
+        return total[..., 0], joint - total
 
     def reweighed(self, log_weights: Array) -> tuple[Self, Flags]:
         """The settings with (G,) new weights, and flags (G,) of those that were not dropped."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.moving.placed_detections import PlacedDetections
@@ -89,14 +89,14 @@ class PredictedMovers:
         return np.asarray(np.where(own.decided[:, None], log_miss(own.existence, self.detected), 0.0))
 
     def log_detected(self, least: float, log_missed: Array, undecided: Index) -> Array:
-        """(T, G) log ratio of detecting each as a moving object to missing it.
+        """(..., T, G) log ratio of detecting each as a moving object to missing it.
 
-        Detection probabilities are not below ``least``. ``log_missed`` (O, G) are those of misses of static objects,
-        which include the ``undecided`` (u,) ones.
+        Detection probabilities are not below ``least``. ``log_missed`` (..., O, G) are those of misses of static
+        objects, which include the ``undecided`` (u,) ones.
         """
         own = self.movers
-        against = self.log_missed.copy()
-        against[~own.decided] = log_missed[undecided]
+        against = broadcast_copy(self.log_missed, (*log_missed.shape[:-2], *self.log_missed.shape))
+        against[..., ~own.decided, :] = log_missed[..., undecided, :]
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(own.existence * own.moving * np.maximum(self.detected, least)) - against)
 
