@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, distinct_rows
 from semantic_slam.inference.states.direction_shares import ALIKE, DirectionShares
 from semantic_slam.inference.states.miss_runs import MissRuns
 
@@ -84,16 +84,23 @@ class DetectionRates:
 
     @cached_property
     def sensors(self) -> "tuple[DetectionRates, Index]":
-        """The distinct settings of the detection model alone, and (G,) the index of each setting among them."""
+        """The P distinct settings of the detection model alone, and (G,) the index of each setting among them."""
         if len(self) == 1:
             return self, np.zeros(1, dtype=int)
-        _, first, which = np.unique(
-            np.stack([self.probability, self.half_range_m, self.persistence]),
-            axis=1,
-            return_index=True,
-            return_inverse=True,
-        )
-        return self.take(first), which.ravel()
+        return self.take(self.sensor_rows), self._sensor_numbers
+
+    @cached_property
+    def sensor_rows(self) -> Index:
+        """(P,) the first of the settings under each of the distinct ``sensors``."""
+        numbers = self._sensor_numbers
+        rows = np.zeros(numbers.max() + 1, dtype=int)
+        rows[numbers[::-1]] = np.arange(len(self))[::-1]
+        return rows
+
+    @cached_property
+    def _sensor_numbers(self) -> Index:
+        """(G,) the index of each setting among the distinct ones of the detection model alone."""
+        return distinct_rows(np.stack([self.probability, self.half_range_m, self.persistence], axis=1))[1]
 
     def average(self, values: Array) -> Array:
         """(...,) weighted means of (..., G) over the settings."""

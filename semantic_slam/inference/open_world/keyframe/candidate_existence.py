@@ -28,7 +28,7 @@ class CandidateExistence:
 
     prediction: Prediction
     settings: OpenWorldConfiguration
-    looks: Looks  # K = 1, at the objects in reach, if they stand still
+    looks: Looks  # K = 1, at the objects in reach if they stand still, under each distinct sensor
     standing: Array  # (O, G) detection probabilities of what stands still
     detected: Array  # (O, G) detection probabilities
     log_missed: Array  # (O, G) log probabilities of missing each object
@@ -100,8 +100,7 @@ class CandidateExistence:
     def _views(self, kept: Flags) -> Views:
         """What is known of being in view, of the objects ``kept`` (O,), then of the new ones."""
         prediction = self.prediction
-        runs, reach = prediction.rates.runs, prediction.in_reach
-        seen = np.isin(reach, self.observed)
-        in_reach = self.looks.after(seen, runs)
+        (sensors, which), runs, reach = prediction.rates.sensors, prediction.rates.runs, prediction.in_reach
+        in_reach = self.looks.after(np.isin(reach, self.observed), sensors.runs).with_rates(which)
         all_objects = views_of(prediction.population).unreached(runs).updated(reach, in_reach)
         return all_objects.take(kept).joined(all_objects.started(len(self.new), runs))

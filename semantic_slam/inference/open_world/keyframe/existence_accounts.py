@@ -48,11 +48,11 @@ class ExistenceAccounts:
 
         Looks are from the candidates' modes, averaged over where the robot still may be.
         """
-        reached = prediction.component.objects.ids[prediction.in_reach]
+        reached, (sensors, which) = prediction.component.objects.ids[prediction.in_reach], prediction.rates.sensors
         pairs = np.nonzero(np.isin(object_ids, reached) & ~moves)
         looks, seen = geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
-            prediction.rates,
+            sensors,
             prediction.objects,
             candidates.column("robot"),
             candidates.column("robot_covariance"),
@@ -60,7 +60,7 @@ class ExistenceAccounts:
             associated_pairs(self._problem, prediction, candidates, object_ids, pairs),
         )
         found = np.zeros((*object_ids.shape, len(prediction.rates)))
-        found[pairs] = seen
+        found[pairs] = seen[:, which]
         return _ParentAccounts(
             prediction=prediction,
             settings=self._problem.open_world,
@@ -78,7 +78,7 @@ class _ParentAccounts:
 
     prediction: Prediction
     settings: OpenWorldConfiguration
-    looks: Looks  # from the K modes, at the objects in reach if they stand still
+    looks: Looks  # from the K modes, at the objects in reach if they stand still, under each distinct sensor
     object_ids: Index  # (K, D)
     is_new: Flags  # (K, D) whether the detection is a first one (birth)
     moves: Flags  # (K, D) whether it is of an object that moves
@@ -88,7 +88,7 @@ class _ParentAccounts:
     def standing(self) -> Array:
         """(K, O, G) detection probabilities of what stands still."""
         standing = np.zeros((len(self.object_ids), *self.prediction.existence.shape))
-        standing[:, self.prediction.in_reach] = self.looks.detected
+        standing[:, self.prediction.in_reach] = self.looks.detected[..., self.prediction.rates.sensors[1]]
         return standing
 
     @cached_property
