@@ -15,6 +15,7 @@ import numpy as np
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.observation import ObservationModel
+from semantic_slam.inference.models.planar.polar import from_polar
 from semantic_slam.inference.states.gaussian import GaussianPrior
 
 WIDTH = 5.0
@@ -57,11 +58,8 @@ def _at_ranges(given: Sequence[tuple[Any, GaussianPrior, Array]]) -> list[Birth]
     """The births by n detections with a range, ``given`` with their priors and (3, 3) gains."""
     count = len(given)
     reach = np.array([own.range_m for own, _, _ in given])
-    bearing = np.array([own.bearing_rad for own, _, _ in given])
+    _, polar = from_polar(reach, np.array([own.bearing_rad for own, _, _ in given]))
     covariances = np.array([own.covariance for own, _, _ in given]).reshape(count, 2, 2)
-    polar = np.empty((count, 2, 2))
-    polar[:, 0, 0], polar[:, 1, 0] = np.cos(bearing), np.sin(bearing)
-    polar[:, 0, 1], polar[:, 1, 1] = -reach * polar[:, 1, 0], reach * polar[:, 0, 0]
     noise, by_error = np.zeros((count, 3, 3)), np.zeros((count, 3, 2))
     noise[:, :2, :2] = polar @ covariances @ np.swapaxes(polar, 1, 2)
     noise[:, 2, 2] = [prior.covariance[2, 2] for _, prior, _ in given]

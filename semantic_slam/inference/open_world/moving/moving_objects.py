@@ -142,10 +142,12 @@ class PredictedMovers:
 
     def _place_by_observer(self, points: Array, numbers: Index) -> Array:
         """(N, 2, 3 + d) Jacobian, in the body frame, of detected ``points`` (N, 2) by the robot and sensor errors."""
-        slope = np.zeros((len(numbers), 2, 3))
+        by_sensor = self.detections.by_sensor
+        slope = np.zeros((len(numbers), 2, 3 + by_sensor.shape[2]))
         slope[:, 0, 0] = slope[:, 1, 1] = 1.0
         slope[:, 0, 2], slope[:, 1, 2] = -points[:, 1], points[:, 0]
-        return np.concatenate([slope, -self.detections.by_sensor[numbers]], axis=2)
+        slope[..., 3:] = -by_sensor[numbers]
+        return slope
 
     def started(self, numbers: Index, ids: Index, existence: Array, observer: Observers) -> Movers:
         """The moving objects that the detections ``numbers`` may start, seen by the one ``observer``."""
@@ -310,8 +312,11 @@ def as_objects(movers: Movers, observer_covariance: Array) -> tuple[Array, Array
 
 def rotation(poses: Array) -> Array:
     """(N, 2, 2) rotations from the body frames of poses (N, 3) to map."""
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+    found = np.empty((len(poses), 2, 2))
+    found[:, 0, 0] = found[:, 1, 1] = np.cos(poses[:, 2])
+    found[:, 1, 0] = np.sin(poses[:, 2])
+    found[:, 0, 1] = -found[:, 1, 0]
+    return found
 
 
 def _squared(residual: Array, spread: Array) -> tuple[Array, Array]:
