@@ -30,7 +30,7 @@ def row_sums(values: Array) -> Array:
     return np.asarray(np.vecdot(values, np.ones(values.shape[-1])))
 
 
-def distinct_rows(rows: NDArray[T]) -> tuple[NDArray[T], Index]:
+def distinct_rows(rows: Index) -> tuple[Index, Index]:
     """(K, n) unique rows of (B, n), ascending, and for each of the B rows the index of its unique row.
 
     For a few rows several times as fast as ``np.unique``.

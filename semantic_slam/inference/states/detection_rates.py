@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Flags, Index, distinct_rows
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.direction_shares import ALIKE, DirectionShares
 from semantic_slam.inference.states.miss_runs import MissRuns
 
@@ -87,20 +87,27 @@ class DetectionRates:
         """The P distinct settings of the detection model alone, and (G,) the index of each setting among them."""
         if len(self) == 1:
             return self, np.zeros(1, dtype=int)
-        return self.take(self.sensor_rows), self._sensor_numbers
+        rows, numbers = self._by_sensor
+        return self.take(rows), numbers
 
-    @cached_property
+    @property
     def sensor_rows(self) -> Index:
         """(P,) the first of the settings under each of the distinct ``sensors``."""
-        numbers = self._sensor_numbers
-        rows = np.zeros(numbers.max() + 1, dtype=int)
-        rows[numbers[::-1]] = np.arange(len(self))[::-1]
-        return rows
+        return self._by_sensor[0]
 
     @cached_property
-    def _sensor_numbers(self) -> Index:
-        """(G,) the index of each setting among the distinct ones of the detection model alone."""
-        return distinct_rows(np.stack([self.probability, self.half_range_m, self.persistence], axis=1))[1]
+    def _by_sensor(self) -> tuple[Index, Index]:
+        """(P,) the first setting of each distinct detection model, and (G,) the model's number for each setting.
+
+        Equal ones are neighbours once sorted: many times faster than ``np.unique`` over columns.
+        """
+        order = np.lexsort((self.persistence, self.half_range_m, self.probability))
+        model = np.stack([self.probability, self.half_range_m, self.persistence])[:, order]
+        begins = np.ones(len(self), dtype=bool)
+        begins[1:] = (model[:, 1:] != model[:, :-1]).any(axis=0)
+        numbers = np.empty(len(self), dtype=int)
+        numbers[order] = np.cumsum(begins) - 1
+        return order[begins], numbers
 
     def average(self, values: Array) -> Array:
         """(...,) weighted means of (..., G) over the settings."""
