@@ -10,7 +10,7 @@ from semantic_slam.inference.world.problem import Problem
 
 
 def associated_pairs(
-    problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, pairs: tuple[Index, Index]
+    problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, pairs: tuple[Index, ...]
 ) -> SeenAgain:
     """Pairs of K candidates of one parent; ``object_ids`` (K, D) as associated.
 

@@ -146,7 +146,7 @@ class _ParentAccounts:
         found = movers.log_detected(least_detected(self.settings), self.log_missed, self.prediction.undecided)
         return self._by_candidate(pairs, found[pairs[0], movers.movers.rows(self.object_ids[pairs])])
 
-    def _by_candidate(self, pairs: tuple[Index, Index], values: Array) -> Array:
+    def _by_candidate(self, pairs: tuple[Index, ...], values: Array) -> Array:
         """(K, G) sums of (n, G) values of pairs of a candidate and a detection."""
         every = np.zeros(self.found.shape)
         every[pairs] = values
@@ -184,4 +184,5 @@ class ExistenceUpdates(Sequence[ExistenceUpdate]):
         return len(self._parents)
 
     def __getitem__(self, row: int) -> ExistenceUpdate:  # type: ignore[override]
-        return self._accounts[self._parents[row]].of(self._places[row]).update()
+        account = self._accounts[int(self._parents[row])].of(int(self._places[row]))
+        return account.update()
