@@ -68,11 +68,11 @@ class Moving:
 
     def transition(self, elapsed_s: float) -> Array:
         """(4, 4) state transition of x, y and their rates."""
-        return np.asarray(np.kron(self.unit_transition(elapsed_s), np.eye(2)))
+        return _in_both(self.unit_transition(elapsed_s))
 
     def noise(self, elapsed_s: float) -> Array:
         """(S, 4, 4) process noise covariances of that transition, by speed."""
-        return np.asarray(self.speeds[:, None, None] ** 2 * np.kron(self.unit_noise(elapsed_s), np.eye(2)))
+        return np.asarray(self.speeds[:, None, None] ** 2 * _in_both(self.unit_noise(elapsed_s)))
 
     def unit_transition(self, elapsed_s: float) -> Array:
         """(2, 2) state transition of one coordinate and its rate."""
@@ -98,3 +98,10 @@ class Moving:
         near = square / spread * np.exp(-0.5 * (driven**2).sum(axis=-1) / spread)
         common = np.array([settings.common_range_share, settings.common_bearing_share])
         return np.asarray(np.exp(-motion) * (common + (1.0 - common) * near[..., None]))
+
+
+def _in_both(unit: Array) -> Array:
+    """(4, 4) matrix over x, y and their rates that acts on each coordinate and its rate as ``unit`` (2, 2)."""
+    found = np.zeros((4, 4))
+    found[::2, ::2] = found[1::2, 1::2] = unit
+    return found

@@ -157,7 +157,7 @@ class Placements:
         density = self._rates.birth_density / self.component.objects.rates.moments("birth_density")[0]
         _, which = self._rates.sensors
         log_factors = births * self._log_intensities - self.expected_births * density + log_likelihoods[which]
-        return self._rates.explained(log_factors)[0]
+        return float(self._rates.explained(log_factors)[0])
 
     @cached_property
     def _sightings(self) -> Sightings:

@@ -84,16 +84,30 @@ class DetectionRates:
 
     @cached_property
     def sensors(self) -> "tuple[DetectionRates, Index]":
-        """The distinct settings of the detection model alone, and (G,) the index of each setting among them."""
+        """The P distinct settings of the detection model alone, and (G,) the index of each setting among them."""
         if len(self) == 1:
             return self, np.zeros(1, dtype=int)
-        _, first, which = np.unique(
-            np.stack([self.probability, self.half_range_m, self.persistence]),
-            axis=1,
-            return_index=True,
-            return_inverse=True,
-        )
-        return self.take(first), which.ravel()
+        rows, numbers = self._by_sensor
+        return self.take(rows), numbers
+
+    @property
+    def sensor_rows(self) -> Index:
+        """(P,) the first of the settings under each of the distinct ``sensors``."""
+        return self._by_sensor[0]
+
+    @cached_property
+    def _by_sensor(self) -> tuple[Index, Index]:
+        """(P,) the first setting of each distinct detection model, and (G,) the model's number for each setting.
+
+        Equal ones are neighbours once sorted: many times faster than ``np.unique`` over columns.
+        """
+        order = np.lexsort((self.persistence, self.half_range_m, self.probability))
+        model = np.stack([self.probability, self.half_range_m, self.persistence])[:, order]
+        begins = np.ones(len(self), dtype=bool)
+        begins[1:] = (model[:, 1:] != model[:, :-1]).any(axis=0)
+        numbers = np.empty(len(self), dtype=int)
+        numbers[order] = np.cumsum(begins) - 1
+        return order[begins], numbers
 
     def average(self, values: Array) -> Array:
         """(...,) weighted means of (..., G) over the settings."""
@@ -105,11 +119,14 @@ class DetectionRates:
         mean = float(self.average(values))
         return mean, float(np.sqrt(self.average((values - mean) ** 2)))
 
-    def explained(self, log_factors: Array) -> tuple[float, Array]:
-        """Bayes update by data of (G,) log likelihoods: their log evidence, and the (G,) normalised log weights."""
+    def explained(self, log_factors: Array) -> tuple[Array, Array]:
+        """Bayes update by data of (..., G) log likelihoods.
+
+        Their (...,) log evidence, and the (..., G) normalised log weights.
+        """
         joint = self.log_weights + log_factors
-        total = float(np.logaddexp.reduce(joint))
-        return total, joint - total
+        total = np.logaddexp.reduce(joint, axis=-1, keepdims=True)
+        return total[..., 0], joint - total
 
     def reweighed(self, log_weights: Array) -> tuple[Self, Flags]:
         """The settings with (G,) new weights, and flags (G,) of those that were not dropped."""

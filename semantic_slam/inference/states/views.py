@@ -60,9 +60,9 @@ class Views:
             detectable_hidden=_some(self.detectable_hidden, rows),
         )
 
-    def with_rates(self, left: Flags) -> "Views":
-        """Views under the sensor settings ``left`` (G,)."""
-        columns = np.s_[:, left]
+    def with_rates(self, rates: Index | Flags) -> "Views":
+        """Views under some of the sensor settings: flags (G,), or numbers any number of times."""
+        columns = np.s_[:, rates]
         return replace(
             self,
             hidden=self.hidden[columns],

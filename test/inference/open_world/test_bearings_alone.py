@@ -10,7 +10,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.open_world.births import birth_of
+from semantic_slam.inference.open_world.births import births_of
 
 SIGMA_BEARING, RANGE_M, SIGMA_M = 0.03, 3.0, 1.0
 FARTHEST_M, DETECTED, CLUTTER, BIRTHS = 60.0, 0.9, 0.5, 1e-4
@@ -106,7 +106,7 @@ def test_the_object_of_a_bearing_is_its_prior_given_the_bearing(
         feature=np.zeros(0),
         feature_covariance=np.zeros((0, 0)),
     )
-    born = birth_of(PlanarObservation(None, PlanarVisibility()), detection, robot, 2.0)
+    (born,) = births_of(PlanarObservation(None, PlanarVisibility()), [detection], robot, 2.0)
     slope = np.array([-np.sin(bearing), np.cos(bearing)]) / RANGE_M
     prior = born.spread[:2, :2]
     innovation = slope @ prior @ slope + sigma_bearing**2

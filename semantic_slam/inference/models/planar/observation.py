@@ -110,7 +110,10 @@ class PlanarObservation(ScoredViews):
         origin_x, origin_y = detection.origin.tolist()
         ahead, aside = math.cos(detection.bearing_rad), math.sin(detection.bearing_rad)
         mean = se2.compose(x, np.array([origin_x + distance * ahead, origin_y + distance * aside, 0.0]))
-        return GaussianPrior(mean, np.diag([sigma_m, sigma_m, new.sigma_heading_rad]) ** 2)
+        covariance = np.zeros((3, 3))  # filled in: ``np.diag`` takes four times as long
+        covariance[0, 0] = covariance[1, 1] = sigma_m * sigma_m
+        covariance[2, 2] = new.sigma_heading_rad * new.sigma_heading_rad
+        return GaussianPrior(mean, covariance)
 
     def geometry_factor(self, detection: PlanarDetection, keys: tuple[int, int]) -> Any:
         """Range and bearing; a bearing alone, from a camera off the body's origin, is a custom factor."""

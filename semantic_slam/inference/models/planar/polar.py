@@ -19,3 +19,12 @@ def polar_jacobian(point: Array, distance: Array) -> tuple[Array, Array]:
     radial[..., 0], radial[..., 1] = point[..., 0] * scale, point[..., 1] * scale
     turn[..., 0], turn[..., 1] = -radial[..., 1] * scale, radial[..., 0] * scale
     return radial, turn
+
+
+def from_polar(distance: Array, direction: Array) -> tuple[Array, Array]:
+    """(..., 2) points at distances and directions (...,), and their (..., 2, 2) Jacobians by these."""
+    slopes = np.empty((*distance.shape, 2, 2))
+    slopes[..., 0, 0], slopes[..., 1, 0] = np.cos(direction), np.sin(direction)
+    points = distance[..., None] * slopes[..., 0]
+    slopes[..., 0, 1], slopes[..., 1, 1] = -points[..., 1], points[..., 0]
+    return points, slopes

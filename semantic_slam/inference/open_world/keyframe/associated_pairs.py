@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Flags, Index
+from semantic_slam.geometry.arrays import Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.seen_again import SeenAgain
@@ -10,20 +10,20 @@ from semantic_slam.inference.world.problem import Problem
 
 
 def associated_pairs(
-    problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, stands: Flags
+    problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, pairs: tuple[Index, ...]
 ) -> SeenAgain:
-    """Pairs of K candidates of one parent; ``object_ids`` (K, D) as associated, without what moves.
+    """Pairs of K candidates of one parent; ``object_ids`` (K, D) as associated.
 
-    ``stands`` (K, D): which detections are of objects that stand still.
+    ``pairs``: the candidates (n,) and detections (n,) of those that are of objects in reach that stand still.
     """
-    spaces, reached = prediction.component.spaces, prediction.component.objects.ids[prediction.in_reach]
-    candidates, numbers = np.nonzero(np.isin(object_ids, reached) & stands)
+    (candidates, numbers), spaces = pairs, prediction.component.spaces
     robots, objects = rows.column("robot")[candidates], rows.column("object_states")[candidates, numbers]
     relative = spaces.relative_position(robots, objects)
     detections = problem.model.collect(prediction.detections).take(numbers)
     by_object = problem.model.geometry(detections, robots, objects).jacobian_object
     if (tail := problem.tail_of(prediction.component)) is not None:
         by_object[rows.column("outlier")[candidates, numbers]] /= tail.width
+    reached = prediction.component.objects.ids[prediction.in_reach]
     return SeenAgain(
         candidates=candidates,
         columns=np.searchsorted(reached, object_ids[candidates, numbers]),

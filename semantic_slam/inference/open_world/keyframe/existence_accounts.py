@@ -10,22 +10,15 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
+from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, log_miss
 from semantic_slam.inference.open_world.keyframe.associated_pairs import associated_pairs
-from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
-from semantic_slam.inference.open_world.prediction.nearby import views_of
+from semantic_slam.inference.open_world.keyframe.candidate_existence import CandidateExistence, least_detected
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
-from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
-from semantic_slam.inference.states.views import Looks, Views
+from semantic_slam.inference.states.views import Looks
 from semantic_slam.inference.world.problem import Problem
-
-
-def least_detected(settings: OpenWorldConfiguration) -> float:
-    """Lower bound on the detection probability of an object that was in fact detected."""
-    return LEAST_DETECTION_SHARE * settings.detection_probability
 
 
 class ExistenceAccounts:
@@ -39,190 +32,157 @@ class ExistenceAccounts:
         moves = np.zeros(object_ids.shape, dtype=bool)
         if assignments.classes is not None:
             moves = assignments.classes == MOVES
-        accounts: list[_Account] = [None] * len(assignments)  # type: ignore[list-item]
+        factors, places = np.empty(len(assignments)), np.empty(len(assignments), dtype=int)
+        accounts = []
         for parent, prediction in enumerate(self._predictions):
             rows = np.flatnonzero(assignments.parents == parent)
-            own = assignments.take(rows)
-            seen = associated_pairs(self._problem, prediction, own, object_ids[rows], ~moves[rows])
-            looks, found = self._looks(prediction, own, seen)
-            for at, row in enumerate(rows.tolist()):
-                mine = seen.candidates == at
-                standing = prediction.in_reach[seen.columns[mine]], found[mine]
-                if_missed = _IfMissed(prediction, looks.of(at), standing, self._problem.open_world)
-                accounts[row] = _Account.of(if_missed, object_ids[row], moves[row], self._born)
-        return np.array([own.log_factor for own in accounts]), ExistenceUpdates(accounts)
+            own = self._of_parent(prediction, assignments.take(rows), object_ids[rows], moves[rows])
+            factors[rows], places[rows] = own.log_factors, np.arange(len(rows))
+            accounts.append(own)
+        return factors, ExistenceUpdates(accounts, assignments.parents, places)
 
-    def _looks(self, prediction: Prediction, rows: Assignments, seen: SeenAgain) -> tuple[Looks, Array]:
-        """Looks at the objects in reach from the candidates' modes, averaged over where the robot still may be.
+    def _of_parent(
+        self, prediction: Prediction, candidates: Assignments, object_ids: Index, moves: Flags
+    ) -> "_ParentAccounts":
+        """The accounts of one parent's candidates; ``moves`` (K, D): which detections are of what moves.
 
-        With the (n, G) detection probabilities of those ``seen``.
+        Looks are from the candidates' modes, averaged over where the robot still may be.
         """
-        return geometry_of(prediction.component.spaces).detections_at(
+        reached, (sensors, which) = prediction.component.objects.ids[prediction.in_reach], prediction.rates.sensors
+        pairs = np.nonzero(np.isin(object_ids, reached) & ~moves)
+        looks, seen = geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
-            prediction.rates,
+            sensors,
             prediction.objects,
-            rows.column("robot"),
-            rows.column("robot_covariance"),
+            candidates.column("robot"),
+            candidates.column("robot_covariance"),
             self._step,
-            seen,
+            associated_pairs(self._problem, prediction, candidates, object_ids, pairs),
+        )
+        found = np.zeros((*object_ids.shape, len(prediction.rates)))
+        found[pairs] = seen[:, which]
+        return _ParentAccounts(
+            prediction=prediction,
+            settings=self._problem.open_world,
+            looks=looks,
+            object_ids=object_ids,
+            is_new=object_ids >= self._born.min(initial=np.iinfo(int).max),
+            moves=moves,
+            found=found,
         )
 
 
-class _IfMissed:
-    """A parent's O objects at one candidate's mode: log factors and existence if missed, and the change if detected."""
+@dataclass(frozen=True, kw_only=True)
+class _ParentAccounts:
+    """The accounts of the K candidates of one parent with O objects; each associates all D detections."""
 
-    def __init__(
-        self, prediction: Prediction, looks: Looks, seen: tuple[Index, Array], settings: OpenWorldConfiguration
-    ) -> None:
-        """``looks`` (K = 1) at the objects in reach, if they stand still.
-
-        ``seen``: rows (n,) of those detected, and their (n, G) detection probabilities given their detections.
-        """
-        self.prediction, self.looks, self.settings = prediction, looks, settings
-        self.least = least_detected(settings)
-        self.standing = np.zeros(prediction.existence.shape)  # (O, G) detection probability of what stands still
-        self.standing[prediction.in_reach] = looks.detected[0]
-        self.seen = np.zeros(prediction.existence.shape)  # (O, G) of what was detected and stands still
-        self.seen[seen[0]] = seen[1]
-        self.detected = prediction.detected_at_all(self.standing[None])[0]  # (O, G)
-        self.log_missed = log_miss(prediction.existence, self.detected)  # (O, G)
+    prediction: Prediction
+    settings: OpenWorldConfiguration
+    looks: Looks  # from the K modes, at the objects in reach if they stand still, under each distinct sensor
+    object_ids: Index  # (K, D)
+    is_new: Flags  # (K, D) whether the detection is a first one (birth)
+    moves: Flags  # (K, D) whether it is of an object that moves
+    found: Array  # (K, D, G) detection probability of its object given the detection; 0 for one out of reach
 
     @cached_property
-    def existence(self) -> Array:
-        """(O, G) existence of the objects if they are missed."""
-        return existence_after_miss(self.prediction.existence, self.detected)
+    def standing(self) -> Array:
+        """(K, O, G) detection probabilities of what stands still."""
+        standing = np.zeros((len(self.object_ids), *self.prediction.existence.shape))
+        standing[:, self.prediction.in_reach] = self.looks.detected[..., self.prediction.rates.sensors[1]]
+        return standing
 
     @cached_property
-    def log_total(self) -> Array:
-        """(G,) log likelihood of a keyframe without detections."""
-        expected = self.prediction.rates.clutter_per_frame + self.prediction.expected_births
-        total = self.log_missed.sum(axis=0) - expected
-        if self.prediction.movers is not None:
-            total = total + self.prediction.movers.log_missed.sum(axis=0)
-        return np.asarray(total)
-
-    def log_detected(self, rows: Index) -> Array:
-        """(n, G) log ratio of detecting objects that stand still to missing them."""
-        stands = self.prediction.existence[rows] * self.prediction.stands[rows]
-        seen = np.maximum(stands * np.maximum(self.seen[rows], self.least), LEAST_PROBABILITY)
-        return np.asarray(np.log(seen) - self.log_missed[rows])
+    def detected(self) -> Array:
+        """(K, O, G) detection probabilities."""
+        return self.prediction.detected_at_all(self.standing)
 
     @cached_property
-    def log_moving(self) -> Array:
-        """(T, G) log ratio of detecting objects that move, or may move, to missing them."""
-        movers = self.prediction.movers
-        assert movers is not None
-        return movers.log_detected(self.least, self.log_missed, self.prediction.undecided)
+    def log_missed(self) -> Array:
+        """(K, O, G) log probabilities of missing each object."""
+        return log_miss(self.prediction.existence, self.detected)
+
+    @property
+    def log_factors(self) -> Array:
+        """(K,) log factors, averaged over the sensor settings."""
+        return self._explained[0]
 
     @cached_property
-    def stands(self) -> Array:
-        """(O, G) probability that an object stands still, if it exists and was missed."""
-        return np.asarray(self.prediction.stands * (1.0 - self.standing) / (1.0 - self.detected))
-
-
-@dataclass(frozen=True)
-class _Account:
-    """The account of one candidate; n of its D detections are first detections (births)."""
-
-    if_missed: _IfMissed
-    observed: Index  # rows of the objects detected that stand still
-    moving_ids: Index  # ids of the objects detected that move
-    new: Index  # (n,) detections that are births
-    new_ids: Index  # (n,)
-    log_factor: float
-    log_weights: Array  # (G,) log weights of the sensor settings after this keyframe
-    seen_by: Index  # detections of the objects in ``observed``
-
-    @classmethod
-    def of(cls, if_missed: _IfMissed, association: Index, moves: Flags, born: Index) -> "_Account":
-        """The account of an ``association`` with (D,) objects, of which some ``moves`` (D,)."""
-        prediction = if_missed.prediction
-        is_new = association >= born[0] if len(born) else np.zeros(0, dtype=bool)
-        seen_by = np.flatnonzero(~is_new & ~moves)
-        observed = prediction.component.objects.rows(association[seen_by])
-        new = np.flatnonzero(is_new)
-        total = if_missed.log_total + if_missed.log_detected(observed).sum(axis=0)
-        if len(new):
-            total = total + prediction.log_born[new].sum(axis=0)
-        moving_ids = association[moves]
-        if len(moving_ids):
-            assert prediction.movers is not None
-            total = total + if_missed.log_moving[prediction.movers.movers.rows(moving_ids)].sum(axis=0)
-        factor, weights = prediction.rates.explained(total)
-        return cls(if_missed, observed, moving_ids, new, association[new], factor, weights, seen_by)
-
-    def update(self) -> ExistenceUpdate:
-        """The existence update of the parent's objects, under the sensor settings that keep enough weight."""
-        if_missed, prediction = self.if_missed, self.if_missed.prediction
-        rates, left = prediction.rates.reweighed(self.log_weights)
-        existence, stands = if_missed.existence[:, left].copy(), if_missed.stands[:, left]
-        existence[self.observed] = 1.0
-        gone = self._gone(left)
-        probable = rates.average(existence)
-        if prediction.movers is not None:
-            probable = rates.average(existence * stands)
-            probable[self.observed] = 1.0
-        if gone is not None:
-            probable = probable + rates.average(gone)
-        kept = (probable >= if_missed.settings.least_existence) & ~np.isin(
-            prediction.component.objects.ids, self.moving_ids
-        )
-        return ExistenceUpdate(
-            existence=existence,
-            kept=np.asarray(kept),
-            new_ids=self.new_ids,
-            new_existence=prediction.birth_existence[np.ix_(self.new, np.flatnonzero(left))],
-            rates=rates,
-            rates_kept=None if left.all() else left,
-            views=self._views(kept).with_rates(left),
-            gone=gone,
-            stamp_ns=prediction.population.stamp_ns,
-            moving=None if prediction.movers is None else 1.0 - stands,
-            track_scores=self._track_scores[:, left],
+    def _explained(self) -> tuple[Array, Array]:
+        """(K,) log factors, and (K, G) log weights of the sensor settings after this keyframe."""
+        return self.prediction.rates.explained(
+            self._log_nothing + self._log_standing + self._log_born + self._log_moving
         )
 
     @property
-    def _track_scores(self) -> Array:
-        """(O, G) track scores, those of detected objects without the density of their detections."""
-        if_missed, prediction = self.if_missed, self.if_missed.prediction
-        population = prediction.population
-        assert population.track_scores is not None
-        gone = 0.0 if population.gone is None else population.gone
-        there = prediction.existence / np.maximum(prediction.existence + gone, LEAST_PROBABILITY)  # if it is a thing
-        after = population.track_scores + log_miss(there, if_missed.detected)
-        seen = self.observed
-        found = there[seen] * prediction.stands[seen] * np.maximum(if_missed.seen[seen], if_missed.least)
-        after[seen] = population.track_scores[seen] + np.log(np.maximum(found, LEAST_PROBABILITY))
-        after[seen] -= prediction.log_false_alarm[self.seen_by]
-        return np.asarray(after)
+    def _log_nothing(self) -> Array:
+        """(K, G) log likelihoods of a keyframe without detections."""
+        prediction = self.prediction
+        total = self.log_missed.sum(axis=1) - (prediction.rates.clutter_per_frame + prediction.expected_births)
+        if prediction.movers is not None:
+            total = total + prediction.movers.log_missed.sum(axis=0)
+        return np.asarray(total)
 
-    def _gone(self, left: Flags) -> Array | None:
-        """(O, G) probability that an object has left, which a miss makes likelier; None: objects do not leave."""
-        before = self.if_missed.prediction.population.gone
-        if before is None:
-            return None
-        gone = before[:, left] * np.exp(-self.if_missed.log_missed[:, left])
-        gone[self.observed] = 0.0
-        return np.asarray(gone)
+    @property
+    def _log_standing(self) -> Array:
+        """(K, G) log ratios of detecting objects that stand still to missing them."""
+        prediction, pairs = self.prediction, np.nonzero(~self.is_new & ~self.moves)
+        rows = prediction.component.objects.rows(self.object_ids[pairs])
+        stands = prediction.existence[rows] * prediction.stands[rows]
+        seen = np.maximum(stands * np.maximum(self.found[pairs], least_detected(self.settings)), LEAST_PROBABILITY)
+        return self._by_candidate(pairs, np.log(seen) - self.log_missed[pairs[0], rows])
 
-    def _views(self, kept: Flags) -> Views:
-        """What is known of being in view, of the objects ``kept`` (O,), then of the new ones."""
-        prediction = self.if_missed.prediction
-        runs, reach = prediction.rates.runs, prediction.in_reach
-        seen = np.isin(reach, self.observed)
-        in_reach = self.if_missed.looks.after(seen, runs)
-        all_objects = views_of(prediction.population).unreached(runs).updated(reach, in_reach)
-        return all_objects.take(kept).joined(all_objects.started(len(self.new), runs))
+    @property
+    def _log_born(self) -> Array:
+        """(K, G) log ratios of first detections to their stand-in priors."""
+        pairs = np.nonzero(self.is_new)
+        return self._by_candidate(pairs, self.prediction.log_born[pairs[1]])
+
+    @property
+    def _log_moving(self) -> Array | float:
+        """(K, G) log ratios of detecting objects that move, or may move, to missing them; 0 where nothing moves."""
+        movers, pairs = self.prediction.movers, np.nonzero(self.moves)
+        if movers is None:
+            return 0.0
+        found = movers.log_detected(least_detected(self.settings), self.log_missed, self.prediction.undecided)
+        return self._by_candidate(pairs, found[pairs[0], movers.movers.rows(self.object_ids[pairs])])
+
+    def _by_candidate(self, pairs: tuple[Index, ...], values: Array) -> Array:
+        """(K, G) sums of (n, G) values of pairs of a candidate and a detection."""
+        every = np.zeros(self.found.shape)
+        every[pairs] = values
+        return np.asarray(every.sum(axis=1))
+
+    def of(self, candidate: int) -> CandidateExistence:
+        """The account of one candidate."""
+        ids, is_new, moves = self.object_ids[candidate], self.is_new[candidate], self.moves[candidate]
+        seen_by = np.flatnonzero(~is_new & ~moves)
+        return CandidateExistence(
+            prediction=self.prediction,
+            settings=self.settings,
+            looks=self.looks.of(candidate),
+            standing=self.standing[candidate],
+            detected=self.detected[candidate],
+            log_missed=self.log_missed[candidate],
+            observed=self.prediction.component.objects.rows(ids[seen_by]),
+            seen_by=seen_by,
+            found=self.found[candidate, seen_by],
+            moving_ids=ids[moves],
+            new=np.flatnonzero(is_new),
+            new_ids=ids[is_new],
+            log_weights=self._explained[1][candidate],
+        )
 
 
 class ExistenceUpdates(Sequence[ExistenceUpdate]):
     """The existence updates of K candidates, computed on access: few candidates survive."""
 
-    def __init__(self, accounts: Sequence[_Account]) -> None:
-        self._accounts = accounts
+    def __init__(self, accounts: Sequence[_ParentAccounts], parents: Index, places: Index) -> None:
+        """``parents`` (K,), and ``places`` (K,) of the candidates among those of their parents."""
+        self._accounts, self._parents, self._places = accounts, parents, places
 
     def __len__(self) -> int:
-        return len(self._accounts)
+        return len(self._parents)
 
     def __getitem__(self, row: int) -> ExistenceUpdate:  # type: ignore[override]
-        return self._accounts[row].update()
+        account = self._accounts[int(self._parents[row])].of(int(self._places[row]))
+        return account.update()

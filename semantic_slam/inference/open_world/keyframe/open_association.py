@@ -24,7 +24,7 @@ from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.joint.costs import JointCosts
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.open_world.joint.ranking import JointRanking
-from semantic_slam.inference.open_world.keyframe.existence_accounts import least_detected
+from semantic_slam.inference.open_world.keyframe.candidate_existence import least_detected
 from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.prediction.predictor import Predictor

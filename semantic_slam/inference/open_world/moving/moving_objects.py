@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.moving.placed_detections import PlacedDetections
@@ -89,14 +89,14 @@ class PredictedMovers:
         return np.asarray(np.where(own.decided[:, None], log_miss(own.existence, self.detected), 0.0))
 
     def log_detected(self, least: float, log_missed: Array, undecided: Index) -> Array:
-        """(T, G) log ratio of detecting each as a moving object to missing it.
+        """(..., T, G) log ratio of detecting each as a moving object to missing it.
 
-        Detection probabilities are not below ``least``. ``log_missed`` (O, G) are those of misses of static objects,
-        which include the ``undecided`` (u,) ones.
+        Detection probabilities are not below ``least``. ``log_missed`` (..., O, G) are those of misses of static
+        objects, which include the ``undecided`` (u,) ones.
         """
         own = self.movers
-        against = self.log_missed.copy()
-        against[~own.decided] = log_missed[undecided]
+        against = broadcast_copy(self.log_missed, (*log_missed.shape[:-2], *self.log_missed.shape))
+        against[..., ~own.decided, :] = log_missed[..., undecided, :]
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(own.existence * own.moving * np.maximum(self.detected, least)) - against)
 
@@ -142,10 +142,12 @@ class PredictedMovers:
 
     def _place_by_observer(self, points: Array, numbers: Index) -> Array:
         """(N, 2, 3 + d) Jacobian, in the body frame, of detected ``points`` (N, 2) by the robot and sensor errors."""
-        slope = np.zeros((len(numbers), 2, 3))
+        by_sensor = self.detections.by_sensor
+        slope = np.zeros((len(numbers), 2, 3 + by_sensor.shape[2]))
         slope[:, 0, 0] = slope[:, 1, 1] = 1.0
         slope[:, 0, 2], slope[:, 1, 2] = -points[:, 1], points[:, 0]
-        return np.concatenate([slope, -self.detections.by_sensor[numbers]], axis=2)
+        slope[..., 3:] = -by_sensor[numbers]
+        return slope
 
     def started(self, numbers: Index, ids: Index, existence: Array, observer: Observers) -> Movers:
         """The moving objects that the detections ``numbers`` may start, seen by the one ``observer``."""
@@ -310,8 +312,11 @@ def as_objects(movers: Movers, observer_covariance: Array) -> tuple[Array, Array
 
 def rotation(poses: Array) -> Array:
     """(N, 2, 2) rotations from the body frames of poses (N, 3) to map."""
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+    found = np.empty((len(poses), 2, 2))
+    found[:, 0, 0] = found[:, 1, 1] = np.cos(poses[:, 2])
+    found[:, 1, 0] = np.sin(poses[:, 2])
+    found[:, 0, 1] = -found[:, 1, 0]
+    return found
 
 
 def _squared(residual: Array, spread: Array) -> tuple[Array, Array]:

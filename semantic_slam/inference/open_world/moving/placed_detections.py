@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.inference.models.planar.polar import from_polar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,16 +28,13 @@ class PlacedDetections:
         has_range = np.array([item.has_range for item in detections], dtype=bool)
         reach = np.array([item.range_m for item in detections])
         reach = np.where(has_range, reach, 1.0)
-        bearing = np.array([item.bearing_rad for item in detections])
-        cos, sin = np.cos(bearing), np.sin(bearing)
-        polar = np.stack([np.stack([cos, -reach * sin], -1), np.stack([sin, reach * cos], -1)], -2)
-        polar = polar.reshape(count, 2, 2)
+        points, polar = from_polar(reach, np.array([item.bearing_rad for item in detections]))
         spread = np.array([item.covariance for item in detections]).reshape(count, 2, 2)
         spread = np.where(has_range[:, None, None], spread, np.eye(2))
         by_error = polar @ np.linalg.cholesky(spread)
         return cls(
             has_range=has_range,
-            points=np.stack([reach * cos, reach * sin], axis=-1).reshape(count, 2),
+            points=points,
             covariances=by_error @ np.swapaxes(by_error, -1, -2),
             by_error=by_error,
             by_sensor=polar[..., : len(sigmas)] * sigmas,

@@ -13,7 +13,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.planar.frames import object_in_body
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.births import Birth, birth_of
+from semantic_slam.inference.open_world.births import Birth, births_of
 from semantic_slam.inference.open_world.planar.detection_probability import (
     Occluders,
     detection_probabilities,
@@ -44,7 +44,7 @@ class PlanarGeometry:
     def births(
         self, model: ObservationModel, detections: Sequence[Any], robot: Array, region: SensorRegion
     ) -> list[Birth]:
-        return [birth_of(model, detection, robot, region.field_of_view_rad) for detection in detections]
+        return births_of(model, detections, robot, region.field_of_view_rad)
 
     def expected_births(
         self,

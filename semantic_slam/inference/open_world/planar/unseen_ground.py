@@ -1,5 +1,7 @@
 """Expected number of first detections over the sensor's region, and their intensity at given points."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
@@ -38,21 +40,29 @@ def first_detections(
 
 
 def _all_over(region: SensorRegion, rates: DetectionRates, robot: Array) -> tuple[Array, Array, Array]:
-    """(P, 2) points in map, the mean fall-off (P, G) of the region's parts about them, and the parts' shares (P,).
+    """(P, 2) points in map, the mean fall-off (P, G) of the region's parts about them, and the parts' shares (P,)."""
+    half_ranges, which = np.unique(rates.half_range_m, return_inverse=True)
+    reach, bearing, fall_off, shares = _parts(region, tuple(half_ranges.tolist()))
+    turn = bearing + robot[2]
+    points = robot[:2] + np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)
+    return points, fall_off[:, which], shares
+
+
+@lru_cache(maxsize=256)
+def _parts(region: SensorRegion, half_ranges_m: tuple[float, ...]) -> tuple[Array, Array, Array, Array]:
+    """Ranges and bearings (P,) in the middle of the region's parts, the mean fall-off (P, H) about them, shares (P,).
 
     The fall-off is one of distance: where ranges are depths, half ranges as depths are shorter off the axis. With twice
-    as many rings every second direction is left out of each, by turns.
+    as many rings every second direction is left out of each, by turns. One computation serves all hypotheses.
     """
     bearings = region.even_bearings(NUM_BEARINGS)
     slopes = region.per_range(bearings)
-    half_ranges, which = np.unique(rates.half_range_m, return_inverse=True)
     different, at = np.unique(slopes, return_inverse=True)
-    as_ranges = (half_ranges / different[:, None]).ravel()
+    as_ranges = (np.array(half_ranges_m) / different[:, None]).ravel()
     own = rings(region.min_range_m, region.max_range_m, tuple(as_ranges.tolist()), 2)
     count = len(own.ranges_m)
     turns = count // NUM_EVEN
     ring, direction = np.nonzero(np.arange(count)[:, None] % turns == np.arange(NUM_BEARINGS) % turns)
-    reach, turn = own.ranges_m[ring] * slopes[direction], bearings[direction] + robot[2]
-    points = robot[:2] + np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)
-    fall_off = own.fall_off.reshape(count, len(different), len(half_ranges))[ring, at[direction]]
-    return points, fall_off[:, which], own.shares[ring] * turns / NUM_BEARINGS
+    fall_off = own.fall_off.reshape(count, len(different), len(half_ranges_m))[ring, at[direction]]
+    reach = own.ranges_m[ring] * slopes[direction]
+    return reach, bearings[direction], fall_off, own.shares[ring] * turns / NUM_BEARINGS

@@ -115,7 +115,7 @@ def objects_in_reach(
         objects=states,
         gain=gain,
         remainder=remainder,
-        views=views_of(component.objects).take(reach),
+        views=views_of(component.objects).take(reach).with_rates(component.objects.rates.sensor_rows),
         robot_before=component.spaces.robot.between(robot.state, tracked_states(component).robot),
         motion_noise=robot.noise.covariance,
     )

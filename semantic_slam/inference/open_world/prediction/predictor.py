@@ -82,8 +82,8 @@ class Predictor:
         local, errors = _with_errors(settings, local, carried, component.objects.ids[near], detections)
         belief = predicted.with_objects(near, local, shift)
         objects = objects_in_reach(component, predicted, reach, near, belief)
-        detected = np.zeros(component.objects.existence_given.shape)
-        detected[reach] = geometry.predicted_detections(region, component.objects.rates, objects).detected[0]
+        detected, (sensors, which) = np.zeros(component.objects.existence_given.shape), component.objects.rates.sensors
+        detected[reach] = geometry.predicted_detections(region, sensors, objects).detected[0][:, which]
         population, movers = self._left(component, stamp_ns)
         num_second, second = second_boxes(self.settings, component, population.existence_given, births, detected)
         expected, intensity, existence = geometry.expected_births(

@@ -69,4 +69,4 @@ class FirstAndMissed:
         _, which = self.rates.sensors
         false_alarms = len(self.regions) * self.rates.clutter_per_frame
         expected = self.expected_births + false_alarms
-        return self.rates.explained(births * self.log_intensities - expected + log_likelihoods[which])[0]
+        return float(self.rates.explained(births * self.log_intensities - expected + log_likelihoods[which])[0])
