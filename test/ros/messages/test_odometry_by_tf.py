@@ -13,9 +13,10 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.transform import compose
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import TransformTree
-from semantic_slam.messages.standard import header_message, header_stamp_ns, pose_vector
+from semantic_slam.messages.standard import header_stamp_ns, pose_vector
 from semantic_slam.messages.tf_odometry import TfOdometry
-from semantic_slam.messages.typestore import deserialize, message_class, serialize
+from semantic_slam.messages.typestore import deserialize, serialize
+from semantic_slam.pipeline.plain_views import transform_view
 from semantic_slam.ros.launching.node_set import NodeSpec
 from semantic_slam.ros.node.health import Level, transforms_status
 from semantic_slam.ros.wire import qos
@@ -27,20 +28,6 @@ START_S = 60.0
 PERIOD_NS = 100_000_000
 
 
-def transform(stamp_ns: int, parent: str, child: str, pose: np.ndarray) -> Any:
-    """tf2_msgs/TFMessage of one transform."""
-    vector, turn = message_class("geometry_msgs/msg/Vector3"), message_class("geometry_msgs/msg/Quaternion")
-    x, y, z, qx, qy, qz, qw = (float(value) for value in pose)
-    stamped = message_class("geometry_msgs/msg/TransformStamped")(
-        header=header_message(stamp_ns, parent),
-        child_frame_id=child,
-        transform=message_class("geometry_msgs/msg/Transform")(
-            translation=vector(x=x, y=y, z=z), rotation=turn(x=qx, y=qy, z=qz, w=qw)
-        ),
-    )
-    return message_class(topics.TYPES[topics.TF])(transforms=[stamped])
-
-
 def driven(index: int) -> np.ndarray:
     """(7,) pose of the footprint in odom: ahead by a metre each time, and turned left."""
     return np.array([float(index), 0.0, 0.0, *QUARTER_TURN])
@@ -50,11 +37,11 @@ def test_what_tf_lacks_is_named_with_what_it_has_until_it_is_there() -> None:
     fixed = TransformTree()
     odometry = TfOdometry("odom", "base_link", fixed)
     assert odometry.lack == "odom -> base_link but has nothing"
-    moving = transform(PERIOD_NS, "odom", "base_footprint", driven(1))
-    assert odometry.read(transform(PERIOD_NS, "map", "odom", driven(0))) == [] == odometry.read(moving)
+    moving = transform_view(PERIOD_NS, [("odom", "base_footprint", driven(1))])
+    assert odometry.read(transform_view(PERIOD_NS, [("map", "odom", driven(0))])) == [] == odometry.read(moving)
     told = transforms_status(odometry.lack)
     assert told.level == Level.WARN and "has map -> odom, odom -> base_footprint; name the frames" in told.message
-    fixed.add(transform(0, "base_footprint", "base_link", FOOTPRINT_TO_BASE))
+    fixed.add(transform_view(0, [("base_footprint", "base_link", FOOTPRINT_TO_BASE)]))
     (estimate,) = odometry.read(moving)
     assert (estimate.stamp_ns, estimate.frame_id, estimate.child_frame_id) == (PERIOD_NS, "odom", "base_link")
     np.testing.assert_allclose(estimate.pose, compose(driven(1), FOOTPRINT_TO_BASE))
@@ -83,14 +70,16 @@ def test_odometry_on_tf_becomes_topic_odom_once_for_each_stamp(tmp_path: Path) -
             static = Outlet(node, topics.TF_STATIC, topics.TYPES[topics.TF_STATIC], qos.latched())
             moving = Outlet(node, topics.TF, topics.TYPES[topics.TF], qos.transforms())
             assert static.wait_for_readers(1, START_S) and moving.wait_for_readers(1, START_S)
-            static.send(serialize(transform(0, "base_footprint", "base_link", FOOTPRINT_TO_BASE)))
+            static.send(serialize(transform_view(0, [("base_footprint", "base_link", FOOTPRINT_TO_BASE)])))
             index, give_up = 0, time.monotonic() + START_S
             while len(heard) < 5 and time.monotonic() < give_up:
                 nodes.check()
                 index += 1
                 for _ in range(2):  # as a broadcaster that is faster than its odometry
-                    moving.send(serialize(transform(index * PERIOD_NS, "odom", "base_footprint", driven(index))))
-                moving.send(serialize(transform(index * PERIOD_NS, "map", "odom", driven(0))))
+                    moving.send(
+                        serialize(transform_view(index * PERIOD_NS, [("odom", "base_footprint", driven(index))]))
+                    )
+                moving.send(serialize(transform_view(index * PERIOD_NS, [("map", "odom", driven(0))])))
                 rclpy.spin_once(node, timeout_sec=0.1)
             node.destroy_node()
     finally:

@@ -139,7 +139,7 @@ def renamed(entries: Entries) -> Entries:
 
 
 def on_tf(entries: Entries) -> Entries:
-    """Odometry is a transform of /tf, which is as the fixed ones are."""
+    """Odometry comes by /tf alone; what it tells does not matter."""
     (fixed, *_) = of_topic(entries, topics.TF_STATIC)
     for entry in of_topic(entries, topics.ODOMETRY):
         entry.topic, entry.message = topics.TF, fixed.message
