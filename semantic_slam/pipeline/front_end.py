@@ -17,7 +17,8 @@ from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.messages.codec import from_message
+from semantic_slam.messages import topics
+from semantic_slam.messages.codec import CODECS, encode, from_message
 from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.perception.frame import Frame
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -57,8 +58,8 @@ class Receiver(Protocol):
     def copy(self, message: RawMessage) -> None:
         """Take a message of which the belief bag has a copy."""
 
-    def measured(self, measurements: SemanticMeasurements) -> None:
-        """Take the measurements of a frame."""
+    def measured(self, message: RawMessage) -> None:
+        """Take the measurements of a frame, as they are recorded."""
 
     def keyframe(self, keyframe: Keyframe) -> None:
         """Take a keyframe, which is to be inferred. Raises InputError if the run cannot go on."""
@@ -206,7 +207,7 @@ class FrontEnd:
 
     def _add_measurements(self, measurements: SemanticMeasurements) -> None:
         self._num_frames += 1
-        self._receiver.measured(measurements)
+        self._receiver.measured(_recorded(measurements))
         self._keyframes.add_measurements(measurements)
 
     def _infer(self, keyframes: list[Keyframe]) -> None:
@@ -214,3 +215,9 @@ class FrontEnd:
             if not self.is_done:
                 self._receiver.keyframe(keyframe)
                 self._num_keyframes += 1
+
+
+def _recorded(measured: SemanticMeasurements) -> RawMessage:
+    """Measurements as a message of the belief bag."""
+    kind = CODECS[SemanticMeasurements].type_name
+    return RawMessage(topics.MEASUREMENTS, kind, measured.stamp_ns, encode(measured))

@@ -16,7 +16,6 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.child_process import ChildProcess, told
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.front_end import FrontEnd, Reading, ReadingOrder, Receiver
 
 MODULE = "semantic_slam.pipeline.front_end_process"
@@ -112,8 +111,8 @@ class _Sender:
     def copy(self, message: RawMessage) -> None:
         self._connection.send(("copy", message))
 
-    def measured(self, measurements: SemanticMeasurements) -> None:
-        self._connection.send(("measured", measurements))
+    def measured(self, message: RawMessage) -> None:
+        self._connection.send(("measured", message))
 
     def keyframe(self, keyframe: Keyframe) -> None:
         self._connection.send(("keyframe", keyframe))

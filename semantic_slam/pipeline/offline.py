@@ -22,7 +22,6 @@ from semantic_slam.inference.protocol import BackendPool
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.interrupts import noted_interrupts
 from semantic_slam.messages import topics
-from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.detector_labels import are_asked_for, known_to_fit, labels_in
 from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.pipeline.front_end import FrontEnd, Reading, ReadingOrder
@@ -127,10 +126,10 @@ class OfflineRun:
         """Write a message as it is."""
         self._writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns)
 
-    def measured(self, measurements: SemanticMeasurements) -> None:
+    def measured(self, message: RawMessage) -> None:
         """Write the measurements of a frame."""
         self.num_frames += 1
-        self._writer.write(topics.MEASUREMENTS, measurements, measurements.stamp_ns)
+        self.copy(message)
         self.on_frame()
 
     def keyframe(self, keyframe: Keyframe) -> None:
