@@ -9,6 +9,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 
 LEAST_PROBABILITY = 1e-300
+LEAST_DETECTION_SHARE = 0.02
+"""Least share of the detection probability for detected objects that seem to lie outside the region."""
 
 
 def birth(born: Array, clutter: Array | float) -> tuple[Array, Array]:

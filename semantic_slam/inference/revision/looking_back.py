@@ -203,11 +203,12 @@ class LookingBack:
             return []
         first_new = max((entry.object_id for entry in problem.objects), default=-1) + 1
         steps = [replace(own, detections=followed.component.sensed(own.detections)) for own in self._replay.steps]
-        trail = followed.component.tracked.trail
+        trail, rates = followed.component.tracked.trail, followed.component.objects.rates
         since = max(now - AGAIN * self._settings.every_keyframes, 0)
         errors = followed.component.tracked.sensor
         sensor = None if errors is None else errors[:, 0]
-        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, problem.open_world, since, sensor)
+        density = float(rates.average(rates.birth_density))
+        groups = mover_proposals(lineage, steps, trail, first_new, problem.moving, density, since, sensor)
         alone = standing_proposals(lineage, movers, since)
         return self._each_and_all(lineage, groups, self._tried, with_mover) + self._each_and_all(
             lineage, alone, self._stood, with_standing

@@ -147,3 +147,17 @@ def test_what_is_at_the_edge_of_an_occluder_is_in_view_in_every_frame_or_in_none
         shown = Detection(range_m=front, bearing_rad=0.0, covariance=sharp)
         belief = engine.process(Keyframe.planar(k, detections=[shown]))
     assert belief.existence[0] == pytest.approx(0.82, abs=0.01)
+
+
+def test_what_is_seen_beyond_the_edge_weighs_each_detection_probability_as_if_it_stood_alone() -> None:
+    """The least share that it is detected with is one of each probability listed, not of the one that these replace."""
+    seen, at = [True, True, False, True], Detection.at(RANGE_M - 0.05, 0.0)
+
+    def log_evidence(**open_world: Any) -> float:
+        told = beliefs(seen, RANGE_M + 0.8, at=at, **open_world)
+        return sum(belief.log_evidence for belief in told)
+
+    alone = [log_evidence(detection_probability=p) for p in (0.1, 0.9)]
+    together = [log_evidence(detection_probabilities=[0.1, 0.9], detection_probability=p) for p in (0.1, 0.9)]
+    assert together == pytest.approx([float(np.logaddexp.reduce(alone) - np.log(2.0))] * 2, abs=1e-6)
+    assert abs(alone[0] - alone[1]) > 1.0

@@ -37,6 +37,13 @@ def test_objects_that_were_started_twice_become_one_when_more_of_them_is_seen() 
     assert engine.hypotheses.discarded.total < 1.0
 
 
+@pytest.mark.long
+def test_histories_that_enter_are_counted_among_those_that_a_long_run_follows() -> None:
+    _, beliefs = return_with_drift({"every_keyframes": 1}, pruning={"max_hypotheses": 10, "max_poses": 1})
+    assert sum(len(belief.revised_ids) for belief in beliefs) > 0
+    assert [len(belief.hypothesis_ids) for belief in beliefs] == [1] * len(beliefs)
+
+
 def test_what_two_objects_share_of_a_drift_brings_them_no_nearer() -> None:
     """Where the robot began is not known to metres: each post may be where the other one is, but not beside it."""
     engine = Engine(open_world({}), initial_covariance=np.diag([4.0, 4.0, 0.25]))

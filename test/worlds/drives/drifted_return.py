@@ -29,10 +29,15 @@ def seen_from(robot: np.ndarray, numbers: list[int]) -> list[Detection]:
     return [Detection(range_m=r, bearing_rad=b, covariance=np.diag(SIGMAS**2)) for r, b in polar]
 
 
-def return_with_drift(revision: dict[str, int], pool: BackendPool | None = None) -> tuple[Engine, list[HybridBelief]]:
-    """One hypothesis alone, after a blind stretch with 1.9 m of drift; ``pool`` None: one backend in this process."""
+def return_with_drift(
+    revision: dict[str, int], pool: BackendPool | None = None, *, pruning: dict[str, int] | None = None
+) -> tuple[Engine, list[HybridBelief]]:
+    """A return after a blind stretch with 1.9 m of drift; ``pool`` None: one backend in this process.
+
+    ``pruning`` None: one hypothesis alone is followed.
+    """
     covariance = np.diag([1e-6] * 3)
-    engine = Engine(open_world(revision, pruning={"max_hypotheses": 1}), initial_covariance=covariance)
+    engine = Engine(open_world(revision, pruning=pruning or {"max_hypotheses": 1}), initial_covariance=covariance)
     if pool is not None:
         engine = Engine.of_run(engine.run, pool)
     beliefs = [

@@ -16,8 +16,8 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.inputs.keyframe import Keyframe
-from semantic_slam.inference.open_world.existence import birth, existence_after_miss
-from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE, undetected_share
+from semantic_slam.inference.open_world.existence import LEAST_DETECTION_SHARE, birth, existence_after_miss
+from semantic_slam.inference.open_world.planar.detection_probability import undetected_share
 from semantic_slam.inference.open_world.planar.region import sensor_region
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.perception.measurement import SemanticMeasurements

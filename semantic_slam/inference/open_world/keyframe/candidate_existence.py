@@ -7,16 +7,10 @@ import numpy as np
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
-from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.prediction.nearby import views_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 from semantic_slam.inference.states.views import Looks, Views
-
-
-def least_detected(settings: OpenWorldConfiguration) -> float:
-    """Lower bound on the detection probability of an object that was in fact detected."""
-    return LEAST_DETECTION_SHARE * settings.detection_probability
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +77,7 @@ class CandidateExistence:
         gone = 0.0 if population.gone is None else population.gone
         there = prediction.existence / np.maximum(prediction.existence + gone, LEAST_PROBABILITY)  # if it is a thing
         after = population.track_scores + log_miss(there, self.detected)
-        found = there[seen] * prediction.stands[seen] * np.maximum(self.found, least_detected(self.settings))
+        found = there[seen] * prediction.stands[seen] * np.maximum(self.found, prediction.least_detected)
         after[seen] = population.track_scores[seen] + np.log(np.maximum(found, LEAST_PROBABILITY))
         after[seen] -= prediction.log_false_alarm[self.seen_by]
         return np.asarray(after)

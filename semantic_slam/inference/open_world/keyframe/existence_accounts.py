@@ -12,7 +12,7 @@ from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, log_miss
 from semantic_slam.inference.open_world.keyframe.associated_pairs import associated_pairs
-from semantic_slam.inference.open_world.keyframe.candidate_existence import CandidateExistence, least_detected
+from semantic_slam.inference.open_world.keyframe.candidate_existence import CandidateExistence
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.states.lineage import MOVES
@@ -128,7 +128,7 @@ class _ParentAccounts:
         prediction, pairs = self.prediction, np.nonzero(~self.is_new & ~self.moves)
         rows = prediction.component.objects.rows(self.object_ids[pairs])
         stands = prediction.existence[rows] * prediction.stands[rows]
-        seen = np.maximum(stands * np.maximum(self.found[pairs], least_detected(self.settings)), LEAST_PROBABILITY)
+        seen = np.maximum(stands * np.maximum(self.found[pairs], prediction.least_detected), LEAST_PROBABILITY)
         return self._by_candidate(pairs, np.log(seen) - self.log_missed[pairs[0], rows])
 
     @property
@@ -143,7 +143,7 @@ class _ParentAccounts:
         movers, pairs = self.prediction.movers, np.nonzero(self.moves)
         if movers is None:
             return 0.0
-        found = movers.log_detected(least_detected(self.settings), self.log_missed, self.prediction.undecided)
+        found = movers.log_detected(self.prediction.least_detected, self.log_missed, self.prediction.undecided)
         return self._by_candidate(pairs, found[pairs[0], movers.movers.rows(self.object_ids[pairs])])
 
     def _by_candidate(self, pairs: tuple[Index, ...], values: Array) -> Array:

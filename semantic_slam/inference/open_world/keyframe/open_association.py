@@ -24,7 +24,6 @@ from semantic_slam.inference.open_world.existence import log_miss
 from semantic_slam.inference.open_world.joint.costs import JointCosts
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
 from semantic_slam.inference.open_world.joint.ranking import JointRanking
-from semantic_slam.inference.open_world.keyframe.candidate_existence import least_detected
 from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.prediction.predictor import Predictor
@@ -168,11 +167,11 @@ class OpenAssociation:
         detections would leave them. Columns are the near objects, then the D objects that the detections may start,
         then the moving objects.
         """
-        near, least = prediction.near, least_detected(self.settings)
+        near = prediction.near
         log_missed = log_miss(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])
         r, detected = prediction.existence[near] * prediction.stands[near], prediction.detected[near]
         with np.errstate(divide="ignore"):
-            log_ratio = np.log(r * np.maximum(detected, least)) - log_missed[near]
+            log_ratio = np.log(r * np.maximum(detected, prediction.least_detected)) - log_missed[near]
         unseen = log_missed.sum(axis=0) - prediction.expected_births
         _, log_weights = prediction.rates.explained(unseen)
         log_detected = np.logaddexp.reduce(log_weights + log_ratio, axis=1)
@@ -238,8 +237,8 @@ class OpenAssociation:
             nothing = np.zeros((len(log_new), 0))
             return nothing, nothing > 0.0, None
         density, distance = movers.pairs(prediction.observer)
-        least = least_detected(self.settings)
-        by_rates = log_weights + movers.log_detected(least, log_missed, prediction.undecided)
+        found = movers.log_detected(prediction.least_detected, log_missed, prediction.undecided)
+        by_rates = log_weights + found
         moving = density + np.logaddexp.reduce(by_rates, axis=1)
         best = np.maximum(log_new, np.where(admitted, log_known, -np.inf).max(axis=1, initial=-np.inf))
         likely = moving > best[:, None] - np.log(self.problem.pruning.ratio)

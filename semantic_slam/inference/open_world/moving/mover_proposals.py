@@ -11,7 +11,6 @@ from typing import Self
 
 import numpy as np
 
-from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.moving import Moving
 from semantic_slam.inference.models.step import Step
@@ -53,13 +52,14 @@ def mover_proposals(
     trail: Array,
     first_new: int,
     moving: Moving,
-    settings: OpenWorldConfiguration,
+    birth_density: float,
     since: int = 0,
     sensor: Array | None = None,
 ) -> list[Group]:
     """Groups of objects, with ids from ``first_new`` on, that may be one moving object; largest gain first.
 
     ``trail`` (K, 3): the robot at the keyframes of ``steps``, whose detections have the noise that the history assumes.
+    ``birth_density``: expected objects per square metre where nothing was seen yet.
     Objects not seen from keyframe ``since`` on are left out: all evidence of them was weighed before. ``sensor`` (d,):
     expected constant errors of the sensor, in units of their standard deviations; None: none are estimated.
     """
@@ -67,7 +67,7 @@ def mover_proposals(
     seen = {n: own for n, own in every.items() if n >= first_new and own.keyframes[-1] >= since}
     groups: dict[Group, Sightings] = {(n,): own for n, own in seen.items() if len(own.stamps_ns) <= MOST_DETECTIONS}
     share = moving.largest_share
-    log_birth = float(np.log(settings.birth_density))  # detections have the same probability either way
+    log_birth = float(np.log(birth_density))  # detections have the same probability either way
     allowance = -float(np.log(share / np.sum(~moving.stands)))  # two sightings give no velocity: a third may
     scores = {group: _scores(own, moving, share) for group, own in groups.items()}
     apart = {group: max(own) for group, own in scores.items()}

@@ -88,10 +88,10 @@ class PredictedMovers:
         own = self.movers
         return np.asarray(np.where(own.decided[:, None], log_miss(own.existence, self.detected), 0.0))
 
-    def log_detected(self, least: float, log_missed: Array, undecided: Index) -> Array:
+    def log_detected(self, least: Array, log_missed: Array, undecided: Index) -> Array:
         """(..., T, G) log ratio of detecting each as a moving object to missing it.
 
-        Detection probabilities are not below ``least``. ``log_missed`` (..., O, G) are those of misses of static
+        Detection probabilities are not below ``least`` (G,). ``log_missed`` (..., O, G) are those of misses of static
         objects, which include the ``undecided`` (u,) ones.
         """
         own = self.movers

@@ -16,9 +16,6 @@ from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 from semantic_slam.inference.states.views import Looks, Overlap
 
-LEAST_DETECTION_SHARE = 0.02
-"""Least share of the detection probability for detected objects that seem to lie outside the region."""
-
 MOST_LOOKS = 50
 """Number of newest looks at one place that count: by then next to nothing is left to be found there."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.open_world.planar.detection_probability import LEAST_DETECTION_SHARE
+from semantic_slam.inference.open_world.existence import LEAST_DETECTION_SHARE
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.detection_rates import DetectionRates
 

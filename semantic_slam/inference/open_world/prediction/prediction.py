@@ -13,7 +13,7 @@ from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.models.correlated_errors import PredictedErrors
 from semantic_slam.inference.models.step import AssociatedDetection
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY
+from semantic_slam.inference.open_world.existence import LEAST_DETECTION_SHARE, LEAST_PROBABILITY
 from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.smoothing.component import Component, tracked_states
@@ -56,6 +56,11 @@ class Prediction:
         if self.movers is not None:
             stands[self.undecided] -= self.movers.movers.moving[~self.movers.movers.decided]
         return stands
+
+    @property
+    def least_detected(self) -> Array:
+        """(G,) lower bounds on the detection probability of an object that was in fact detected."""
+        return LEAST_DETECTION_SHARE * self.rates.probability
 
     @cached_property
     def log_born(self) -> Array:

@@ -27,7 +27,7 @@ def test_what_a_blind_history_took_for_ghosts_is_proposed_and_weighs_more(seed: 
     lineage, names = next(iter(blind.live.values())).lineage, objects_of(blind, world)
     steps = [blind.problem.reader.step(keyframe) for keyframe in world.keyframes]
     moving = Moving(configuration(0.1).moving)
-    groups = mover_proposals(lineage, steps, world.truth, 0, moving, blind.problem.open_world)
+    groups = mover_proposals(lineage, steps, world.truth, 0, moving, blind.problem.open_world.birth_density)
     assert {name for group in groups[:2] for n in group for name in names[n]} & {10, 11}
     replay = Replay(knowing.problem, knowing.association(knowing.problem, blind.registry), KeptSteps(steps))
     before, after = map(replay.followed, (lineage, with_mover(lineage, groups[0])))
@@ -57,7 +57,7 @@ def test_where_nothing_moves_nothing_is_proposed() -> None:
     engine, _ = run(world, configuration(0.0))
     steps = [engine.problem.reader.step(keyframe) for keyframe in world.keyframes]
     lineage, moving = next(iter(engine.live.values())).lineage, Moving(configuration(0.1).moving)
-    assert mover_proposals(lineage, steps, world.truth, 0, moving, engine.problem.open_world) == []
+    assert mover_proposals(lineage, steps, world.truth, 0, moving, engine.problem.open_world.birth_density) == []
 
 
 @pytest.mark.long
@@ -67,7 +67,7 @@ def test_what_was_not_seen_lately_is_not_proposed_again() -> None:
     blind, _ = run(world, configuration(0.0))
     lineage = next(iter(blind.live.values())).lineage
     steps = [blind.problem.reader.step(keyframe) for keyframe in world.keyframes]
-    settled = lineage, steps, world.truth, 0, Moving(configuration(0.1).moving), blind.problem.open_world
+    settled = lineage, steps, world.truth, 0, Moving(configuration(0.1).moving), blind.problem.open_world.birth_density
     assert mover_proposals(*settled)
     assert mover_proposals(*settled, since=len(steps)) == []
 
