@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from semantic_slam.configuration import Configuration
+from semantic_slam.configuration import Configuration, PruningConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.alternatives.alternatives import Alternatives, NoAlternatives
 from semantic_slam.inference.association.strategy import AssociationStrategy
@@ -228,8 +228,7 @@ class Engine:
 
         Pruning is relaxed while the data are poorly explained (``unexplained``, see ``widened``).
         """
-        limits = affordable(self.budget.limits(), self.hypotheses.num_keyframes + 1)
-        limits = widened(limits, self.explanation.unexplained)
+        limits = widened(self._limits(step), self.explanation.unexplained)
         kinds = Kinds(
             positions=candidates.poses[:, :3],
             beginnings=self.hypotheses.beginnings(candidates),
@@ -239,6 +238,10 @@ class Engine:
         kept = prune(candidates.log_weights, candidates.ids, candidates.log_missing, limits, kinds, ordinary)
         self.log_evidence += kept.log_mass
         return kept
+
+    def _limits(self, step: Step) -> PruningConfiguration:
+        """Pruning limits at a keyframe: fewer hypotheses in a long run, or where time is short."""
+        return affordable(self.budget.limits(), step.index + 1)
 
     def add_observation_factors(
         self, step: Step, candidates: CandidateTable, kept: Pruned
@@ -265,7 +268,7 @@ class Engine:
         lost robot in the map (``relocation``: global localisation), or explain the data by a kidnapped robot
         (``recovery``). Returns the components and their objects.
         """
-        ratio = self.problem.pruning.ratio
+        limits, ratio = self._limits(step), self.problem.pruning.ratio
         poses = {number: components[number].pose for number in self.live}
         places = {number: pose[:3] for number, pose in poses.items()}
         found: dict[int, Hypothesis] = {}
@@ -276,7 +279,8 @@ class Engine:
         found |= self.recovery.found(self.live, poses, self.log_evidence, ratio)
         if not found:
             return components, reported
-        together, log_found = normalised(with_revised(self.live, found, places, self.problem))
+        most = most_of_a_kind(limits, len(step.detections))
+        together, log_found = normalised(with_revised(self.live, found, places, self.problem, limits, most))
         self.pool.offer({n: own.replayed for n, own in together.items() if own.replayed is not None})
         children, answers = self.rounds.commit(step.index, together)
         reported = self._reported(answers)

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from semantic_slam.configuration import RevisionConfiguration
+from semantic_slam.configuration import PruningConfiguration, RevisionConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.hypotheses import Hypothesis
-from semantic_slam.inference.pruning import Kinds, shared_out
+from semantic_slam.inference.pruning import Kinds, ranks, shared_out
 from semantic_slam.inference.revision.looking_back import Kind, LookingBack, Present
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -70,13 +70,15 @@ def with_revised(
     found: Mapping[int, Hypothesis],
     places: Mapping[int, Array],
     problem: Problem,
+    limits: PruningConfiguration,
+    most: int | None = None,
 ) -> dict[int, Hypothesis]:
     """Live and revised hypotheses, heaviest first, as many as pruning keeps; weights in the unit of the live ones.
 
     A revised hypothesis displaces a near variant, and none that pruning keeps for its diversity (another place or
-    start). ``places``: positions (3,) [m] of the robot in the live hypotheses.
+    start). ``places``: positions (3,) [m] of the robot in the live hypotheses. ``most``: kept of a kind; None: any
+    number.
     """
-    limits = problem.pruning
     every = sorted({**live, **found}.items(), key=lambda item: (-item[1].log_weight, item[0]))
     if limits.place_m <= 0.0:
         return dict(every[: limits.max_hypotheses])
@@ -85,6 +87,9 @@ def with_revised(
         positions=np.array(rows),
         beginnings=np.array([problem.beginning(own.lineage) for _, own in every]),
     ).of(np.arange(len(every)), limits.place_m)
+    if most is not None:
+        left = np.flatnonzero(ranks(kinds) < most)
+        every, kinds = [every[row] for row in left], kinds[left]
     return dict([every[row] for row in shared_out(kinds, limits.max_hypotheses)])
 
 
