@@ -96,6 +96,23 @@ def test_a_view_from_the_same_place_tells_less_than_one_from_elsewhere():
     assert far.mean_direction()[1] < near.mean_direction()[1]
 
 
+def test_the_mean_direction_is_that_of_the_settings_which_other_objects_told():
+    """One view tells nothing of an object's own setting; forty objects before it have."""
+    told = np.zeros(4)
+    told[0] = 1e6
+    ((vector, azimuth, _),) = drawn(1)
+    place = CameraPlaces.one(azimuth, 0.0)
+    spread, noise = (float(own[0]) for own in MODEL.settings)
+    alone = replace(MODEL, spread_shares=(spread,), noise_shares=(noise,))
+    means = []
+    for model, usual in ((MODEL, MODEL.usual(told)), (alone, np.zeros(1))):
+        record = model.start()
+        ratios = record.log_ratios(vector, BACKGROUND, place)[:, 0]
+        means.append(record.after(vector, ratios, usual, BACKGROUND, place).mean_direction())
+    np.testing.assert_allclose(means[0][0], means[1][0], atol=1e-5)
+    assert means[0][1] == pytest.approx(means[1][1], rel=1e-4)
+
+
 def test_the_mean_direction_is_the_conjugate_posterior_of_independent_views():
     model = replace(EXACT, repeat_rad=1e-3)
     views = [(own[0], angle, 0.0) for own, angle in zip(drawn(3), (-2.0, 0.0, 2.0), strict=True)]

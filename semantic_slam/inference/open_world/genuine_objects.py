@@ -87,12 +87,13 @@ class GenuineObjects:
         return self._kinds
 
     def _share_of_news(self, step: Step) -> float:
-        """Share of a score that is uncorrelated with the keyframe before."""
+        """Share of a score that is uncorrelated with the keyframe before, on average over the shares that may be."""
         if not self._news:
             return 1.0
         control, errors = step.motion.control, self._errors
+        correlated = float(np.mean(errors.correlated_shares or (errors.correlated_share,)))
         motion = np.hypot(*control[:2]) / errors.motion_m + abs(control[-1]) / errors.motion_rad
-        return float(1.0 - errors.correlated_share * np.exp(-motion))
+        return float(1.0 - correlated * np.exp(-motion))
 
     def _sums(self, own: Hypothesis) -> Array:
         """(N, 3) sums for all ids so far, continued from the parent's if it was live; correlated scores count less."""

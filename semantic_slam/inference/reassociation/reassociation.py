@@ -89,7 +89,7 @@ class Reassociation:
             return ()
         smoother = self._solver(step, component).parted(component, stretch.objects, stretch.started)
         rates = component.objects.rates
-        log_new = float(np.log(rates.average(rates.birth_density * rates.probability)))
+        log_new = float(np.log(rates.average(rates.birth_density)))  # detected either way
         joined = stretch.joined(stretch.best_joins(smoother, log_new))
         return Atoms(sighted, stretch.objects, joined).changes()
 

@@ -73,7 +73,12 @@ class EmbeddingModel:
         """Empty record; ``mean`` (L,), with its expected squared error ``spread``, is the prior from a map."""
         size = len(self.settings[0])
         return EmbeddingRecord(
-            model=self, log_settings=np.zeros(size), told_settings=np.zeros(size), mean=mean, mean_spread=spread
+            model=self,
+            log_settings=np.zeros(size),
+            usual=np.zeros(size),
+            told_settings=np.zeros(size),
+            mean=mean,
+            mean_spread=spread,
         )
 
     def usual(self, told: Array) -> Array:
@@ -105,6 +110,7 @@ class EmbeddingRecord:
 
     model: EmbeddingModel
     log_settings: Array  # (R,) log likelihood of all views, relative to the background
+    usual: Array  # (R,) log prior of the settings, which other objects told, as of the newest view; 0 before it
     told_settings: Array  # (R,) posterior of the settings; 0 while there are fewer than two views
     vectors: tuple[Array, ...] = ()  # N of (L,)
     places: CameraPlaces = field(default_factory=CameraPlaces.none)  # N
@@ -139,6 +145,7 @@ class EmbeddingRecord:
         seen = replace(
             self,
             log_settings=log_settings,
+            usual=usual,
             told_settings=posterior if self.num_views or self.mean is not None else self.told_settings,
             num_views=self.num_views + 1,
             background=background,
@@ -163,7 +170,8 @@ class EmbeddingRecord:
         centre, share = self._prior_mean(self.background)
         off = np.array(self.vectors).reshape(-1, len(centre)) - centre
         gains = share[:, None] * self._inverse(self.background).sum(axis=2)  # (R, N)
-        weights = np.exp(self.log_settings - finite_log_sum_exp(self.log_settings))
+        log_weights = self.usual + self.log_settings
+        weights = np.exp(log_weights - finite_log_sum_exp(log_weights))
         means, mean = gains @ off, weights @ gains @ off
         errors = share * (1.0 - gains.sum(axis=1)) * self.background.spread + ((means - mean) ** 2).sum(axis=1)
         return centre + mean, float(weights @ errors)

@@ -40,9 +40,11 @@ def hypothesis(count: int, parent: int) -> Hypothesis:
     return Hypothesis(owner=0, log_weight=0.0, parent_id=parent, lineage=(step,) * count)
 
 
-def followed(settings: OpenWorldConfiguration = ON) -> tuple[GenuineObjects, np.ndarray | None]:
+def followed(
+    settings: OpenWorldConfiguration = ON, errors: DetectionErrorsConfiguration = ERRORS
+) -> tuple[GenuineObjects, np.ndarray | None]:
     """Three objects in each keyframe, of which the last has low scores."""
-    rng, genuine, found = np.random.default_rng(0), GenuineObjects(settings, ERRORS), None
+    rng, genuine, found = np.random.default_rng(0), GenuineObjects(settings, errors), None
     for index in range(KEYFRAMES):
         odds = np.array([rng.normal(8.0, 2.0), rng.normal(9.0, 2.0), rng.normal(0.0, 1.0)])
         genuine.note(step_of(index, 1.0 / (1.0 + np.exp(-odds))))
@@ -55,6 +57,14 @@ def test_what_scores_low_again_and_again_is_a_mistake() -> None:
     found = followed()[1]
     assert found is not None
     np.testing.assert_allclose(found, [[1.0, 1.0, 0.0, 1.0]], atol=0.1)
+
+
+def test_of_listed_shares_that_repeat_the_mean_counts_and_not_the_share_that_they_replace() -> None:
+    listed = [replace(ERRORS, correlated_share=own, correlated_shares=(0.1, 0.5)) for own in (0.0, 0.99)]
+    found = [followed(errors=own)[1] for own in (*listed, replace(ERRORS, correlated_share=0.3))]
+    assert all(own is not None for own in found)
+    np.testing.assert_allclose(found[0], found[2])
+    np.testing.assert_allclose(found[1], found[2])
 
 
 def test_a_robot_that_hardly_moves_learns_little_from_more_scores() -> None:
