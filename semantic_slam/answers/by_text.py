@@ -68,7 +68,7 @@ def _log_ratios(axes: Array, object_ids: Index, looks: Appearances) -> Array:
     rows = [row for row, number in enumerate(object_ids.tolist()) if number in looks.records]
     if not rows:
         return found
-    told = [looks.records[int(object_ids[row])].mean_direction() for row in rows]
+    told = [looks.records[int(object_ids[row])].mean_direction(looks.usual) for row in rows]
     places = (np.array([mean for mean, _ in told]) - background.centre) @ axes.T  # (O, N)
     variances = _unmeant(places, looks.seen.variances(axes))
     variances = variances + np.array([error for _, error in told])[:, None] / background.dimensions

@@ -16,6 +16,8 @@ MODEL = EmbeddingModel(
     dimensions=SIZE, spread_shares=(0.05, 0.3), noise_shares=(0.02, 0.1), repeat_rad=0.5, outlier_share=0.05
 )
 EXACT = replace(MODEL, spread_shares=(0.3,), noise_shares=(0.1,), outlier_share=0.0)
+EVEN = np.zeros(1)
+"""Log prior of its only setting."""
 BACKGROUND = EmbeddingBackground(centre=np.full(SIZE, 0.1), spread=0.9, dimensions=float(SIZE))
 View = tuple[np.ndarray, *tuple[float, ...]]  # vector, azimuth, log of the distance and, in space, elevation
 
@@ -93,7 +95,7 @@ def test_a_view_from_the_same_place_tells_less_than_one_from_elsewhere():
     vector = np.full(SIZE, 0.4)
     near = seen(EXACT, [(vector, 0.0, 0.0), (vector, 0.3, 0.0)])[1]
     far = seen(EXACT, [(vector, 0.0, 0.0), (vector, np.pi, 0.0)])[1]
-    assert far.mean_direction()[1] < near.mean_direction()[1]
+    assert far.mean_direction(EVEN)[1] < near.mean_direction(EVEN)[1]
 
 
 def test_the_mean_direction_is_that_of_the_settings_which_other_objects_told():
@@ -108,7 +110,7 @@ def test_the_mean_direction_is_that_of_the_settings_which_other_objects_told():
     for model, usual in ((MODEL, MODEL.usual(told)), (alone, np.zeros(1))):
         record = model.start()
         ratios = record.log_ratios(vector, BACKGROUND, place)[:, 0]
-        means.append(record.after(vector, ratios, usual, BACKGROUND, place).mean_direction())
+        means.append(record.after(vector, ratios, usual, BACKGROUND, place).mean_direction(usual))
     np.testing.assert_allclose(means[0][0], means[1][0], atol=1e-5)
     assert means[0][1] == pytest.approx(means[1][1], rel=1e-4)
 
@@ -116,7 +118,7 @@ def test_the_mean_direction_is_that_of_the_settings_which_other_objects_told():
 def test_the_mean_direction_is_the_conjugate_posterior_of_independent_views():
     model = replace(EXACT, repeat_rad=1e-3)
     views = [(own[0], angle, 0.0) for own, angle in zip(drawn(3), (-2.0, 0.0, 2.0), strict=True)]
-    mean, spread = seen(model, views)[1].mean_direction()
+    mean, spread = seen(model, views)[1].mean_direction(EVEN)
     precision = 1 / 0.6 + 3 / 0.4
     average = np.mean([view[0] for view in views], axis=0)
     np.testing.assert_allclose(mean, 0.1 + (3 / 0.4) / precision * (average - 0.1))

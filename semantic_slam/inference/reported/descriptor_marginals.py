@@ -53,9 +53,11 @@ def _mean_directions(
     """Mean directions of appearance vectors; the expected squared error is split evenly over the components."""
     size = embeddings.dimensions
     mean, variance = np.full((2, len(reported.ids), size), np.nan)
+    every = [appearance_of(component.views[number]) for number in sorted(component.views)]
+    told = sum((own.told_settings for own in every if own is not None), np.zeros(len(embeddings.within)))
     for row, number in enumerate(reported.ids):
         own = appearance_of(component.views.get(number))
         if own is not None:
-            mean[row], spread = own.mean_direction()
+            mean[row], spread = own.mean_direction(embeddings.usual(told - own.told_settings))
             variance[row] = spread / size
     return DescriptorMarginals(mean, variance)

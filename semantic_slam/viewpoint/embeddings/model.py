@@ -75,7 +75,6 @@ class EmbeddingModel:
         return EmbeddingRecord(
             model=self,
             log_settings=np.zeros(size),
-            usual=np.zeros(size),
             told_settings=np.zeros(size),
             mean=mean,
             mean_spread=spread,
@@ -110,7 +109,6 @@ class EmbeddingRecord:
 
     model: EmbeddingModel
     log_settings: Array  # (R,) log likelihood of all views, relative to the background
-    usual: Array  # (R,) log prior of the settings, which other objects told, as of the newest view; 0 before it
     told_settings: Array  # (R,) posterior of the settings; 0 while there are fewer than two views
     vectors: tuple[Array, ...] = ()  # N of (L,)
     places: CameraPlaces = field(default_factory=CameraPlaces.none)  # N
@@ -145,7 +143,6 @@ class EmbeddingRecord:
         seen = replace(
             self,
             log_settings=log_settings,
-            usual=usual,
             told_settings=posterior if self.num_views or self.mean is not None else self.told_settings,
             num_views=self.num_views + 1,
             background=background,
@@ -162,15 +159,18 @@ class EmbeddingRecord:
         nearest = np.abs(wrap_angle(self.places.azimuths_rad[:, None] - azimuths_rad)).argmin(axis=0)
         return replace(self.places.take(nearest), azimuths_rad=azimuths_rad)
 
-    def mean_direction(self) -> tuple[Array, float]:
-        """(L,) posterior mean of the mean direction, and its expected squared error; NaN before the first view."""
+    def mean_direction(self, usual: Array) -> tuple[Array, float]:
+        """(L,) posterior mean of the mean direction, and its expected squared error; NaN before the first view.
+
+        ``usual`` (R,): log prior of the settings, see :meth:`EmbeddingModel.usual`.
+        """
         if self.background is None:
             unknown = np.full(self.model.dimensions, np.nan), np.nan
             return unknown if self.mean is None else (self.mean, self.mean_spread)
         centre, share = self._prior_mean(self.background)
         off = np.array(self.vectors).reshape(-1, len(centre)) - centre
         gains = share[:, None] * self._inverse(self.background).sum(axis=2)  # (R, N)
-        log_weights = self.usual + self.log_settings
+        log_weights = usual + self.log_settings
         weights = np.exp(log_weights - finite_log_sum_exp(log_weights))
         means, mean = gains @ off, weights @ gains @ off
         errors = share * (1.0 - gains.sum(axis=1)) * self.background.spread + ((means - mean) ** 2).sum(axis=1)

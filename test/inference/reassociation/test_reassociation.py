@@ -125,7 +125,8 @@ def test_changes_and_their_inverse_lead_back_to_what_was(kind: str) -> None:
         np.testing.assert_allclose(again[object_id].log_likelihood, record.log_likelihood, atol=0.1)
         assert (record.appearance is not None) == ("embedding" in kind)
         if record.appearance is not None:
-            (mean, spread), (own, wide) = (views.appearance.mean_direction() for views in (record, again[object_id]))
+            looks = [views.appearance for views in (record, again[object_id])]
+            (mean, spread), (own, wide) = (one.mean_direction(np.zeros(len(one.log_settings))) for one in looks)
             np.testing.assert_allclose(own, mean, atol=1e-3)
             assert wide == pytest.approx(spread, rel=0.01)
 

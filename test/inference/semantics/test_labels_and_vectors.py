@@ -103,8 +103,8 @@ def test_a_record_has_the_words_of_one_part_and_the_appearance_of_the_other(
             for number, record in found.items():
                 np.testing.assert_array_equal(record.log_likelihood, named[number].log_likelihood)
                 if number in looked:
-                    pair = record.appearance, looked[number].appearance
-                    ours, theirs = (own.mean_direction()[0] for own in pair if own is not None)
+                    pair = [own for own in (record.appearance, looked[number].appearance) if own is not None]
+                    ours, theirs = (own.mean_direction(np.zeros(len(own.log_settings)))[0] for own in pair)
                     np.testing.assert_array_equal(ours, theirs)
                 else:
                     before = both.given.parents[parent].views.get(number)
