@@ -48,7 +48,7 @@ class Task:
     drive: Drive
     method: str
     base: Configuration
-    chosen: Chosen = AS_CONFIGURED
+    chosen: Chosen | None = None  # by ours on this drive; None: it is ours, or ours failed
     max_keyframes: int | None = None
 
 
@@ -57,7 +57,7 @@ class Outcome:
     """What came of it; K keyframes, O objects stated, all in the frame of the truth after alignment."""
 
     metrics: Metrics
-    chosen: Chosen  # by this run
+    chosen: Chosen | None  # by this run, or given to it; None: neither
     path: Array  # (K, 2)
     true_path: Array  # (K, 2) NaN where not known
     dead_reckoning: Array  # (K, 2)
@@ -109,7 +109,7 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
     metrics: Metrics = {
         **metrics_of(run),
         **_times(record, seconds),
-        "odometry_factor": chosen.odometry_factor * task.chosen.odometry_factor,
+        "odometry_factor": chosen.odometry_factor * (task.chosen or AS_CONFIGURED).odometry_factor,
         "detection_factor": chosen.detection_factor,
         "ranges_are_depth": float(chosen.ranges_are == DEPTH),
         "correlated_share": _share(chosen, configuration),
@@ -146,7 +146,7 @@ def _by_batch(task: Task, bag: Path, beliefs: Path) -> Outcome:
     run_bag(bag, beliefs, configuration, max_keyframes=task.max_keyframes)
     record = read_record(beliefs)
     begin = time.process_time()
-    solution = batch.batch_cauchy(record, configuration)
+    solution = batch.batch_cauchy(record, configuration, (task.chosen or AS_CONFIGURED).detection_factor)
     seconds = time.process_time() - begin
     run = judged(record, solution.path)
     places = np.array(list(solution.landmarks.values())).reshape(-1, 2)
@@ -168,7 +168,7 @@ def _times(record: Record, seconds: float) -> Metrics:
     return {"cpu_s": seconds, "real_time_factor": duration_s / seconds}
 
 
-def _outcome(run: Judged, metrics: Metrics, chosen: Chosen, path: Array, objects: Array, fault: str) -> Outcome:
+def _outcome(run: Judged, metrics: Metrics, chosen: Chosen | None, path: Array, objects: Array, fault: str) -> Outcome:
     aligning = run.aligning
     places = list(run.seen_fixed.values())
     return Outcome(

@@ -263,7 +263,7 @@ def test_the_robust_batch_finds_a_drive_with_one_wrong_number() -> None:
         beliefs.append(replace(belief, stamp_ns=int(stamps[k + 1])))
     odometry = Trajectory(stamps, pose_vector_from_planar(np.vstack([np.zeros(3), driven])))
     run = run_configuration(Path("nowhere"), (), ("",) * 7)
-    solution = batch_cauchy(Record(run, tuple(beliefs), odometry, frames, None), base)
+    solution = batch_cauchy(Record(run, tuple(beliefs), odometry, frames, None), base, 1.0)
     assert path_metrics(driven, true)["ate_aligned_m"] > 0.1
     assert path_metrics(solution.path, true)["ate_aligned_m"] < 0.02
     landmarks = np.array([solution.landmarks[name] for name in "xyz"])
@@ -312,7 +312,6 @@ def test_others_are_given_the_noise_that_ours_chose() -> None:
     given = methods.configuration_of("given", base, methods.Chosen(4.0))
     assert given == replace(base, association="given", odometry=given.odometry, perception=given.perception)
     assert given.odometry.sigma_rotation_per_m == pytest.approx(2.0 * base.odometry.sigma_rotation_per_m)
-    assert methods.configuration_of("given", base, methods.AS_CONFIGURED) == replace(base, association="given")
 
 
 def test_drives_are_named_by_what_lies_there(tmp_path: Path) -> None:
