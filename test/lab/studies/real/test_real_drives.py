@@ -290,7 +290,7 @@ def test_an_ablation_is_offered_where_it_changes_the_configuration() -> None:
     repeating = replace(base, detection_errors=replace(base.detection_errors, correlated_share=0.9))
     assert "without_correlation" in methods.missing(independent)
     assert "without_correlation" not in methods.missing(repeating)
-    assert methods.configuration_of("without_correlation", repeating, methods.Chosen()) == independent
+    assert methods.prepared("without_correlation", repeating, methods.Chosen()).configuration == independent
 
 
 def test_outliers_in_place_are_switched_off_where_there_are_any() -> None:
@@ -298,18 +298,18 @@ def test_outliers_in_place_are_switched_off_where_there_are_any() -> None:
     none, some = (replace(base, detection_errors=replace(base.detection_errors, outlier_share=e)) for e in (0.0, 0.02))
     assert "without_outliers" in methods.missing(none)
     assert "without_outliers" not in methods.missing(some)
-    assert methods.configuration_of("without_outliers", some, methods.Chosen()) == none
+    assert methods.prepared("without_outliers", some, methods.Chosen()).configuration == none
 
 
 def test_others_are_given_the_noise_that_ours_chose() -> None:
     base = methods.configuration()
-    told = methods.configuration_of(
+    told = methods.prepared(
         "nearest_neighbour", base, methods.Chosen(odometry_factor=4.0, detection_factor=4.0)
-    )
+    ).configuration
     assert told.association == "nearest_neighbour" and told.pruning.max_hypotheses == 1
     assert told.odometry.noise_factors == (1.0,) and told.perception.noise_factors == (4.0,)
     assert told.odometry.sigma_rotation_per_m == pytest.approx(2.0 * base.odometry.sigma_rotation_per_m)
-    given = methods.configuration_of("given", base, methods.Chosen(4.0))
+    given = methods.prepared("given", base, methods.Chosen(4.0)).configuration
     assert given == replace(base, association="given", odometry=given.odometry, perception=given.perception)
     assert given.odometry.sigma_rotation_per_m == pytest.approx(2.0 * base.odometry.sigma_rotation_per_m)
 

@@ -67,12 +67,12 @@ def test_the_robust_batch_takes_the_covariance_that_ours_chose_and_no_other(driv
 
 def test_numbers_given_choose_again_where_ours_chose_nothing_and_nowhere_else() -> None:
     own = methods.configuration()
-    told = methods.configuration_of("given", own, AS_CONFIGURED)
+    told = methods.prepared("given", own, AS_CONFIGURED).configuration
     assert told.odometry.noise_factors == told.perception.noise_factors == (1.0,)
     assert told.perception.ranges_are == (AS_CONFIGURED.ranges_are,)
-    assert methods.configuration_of("given", own, None) == replace(own, association="given")
-    alone = methods.configuration_of("jcbb", own, None)
-    assert alone == methods.configuration_of("jcbb", own, AS_CONFIGURED), "one hypothesis cannot choose"
+    assert methods.prepared("given", own, None).configuration == replace(own, association="given")
+    alone = methods.prepared("jcbb", own, None)
+    assert alone == methods.prepared("jcbb", own, AS_CONFIGURED), "one hypothesis cannot choose"
 
 
 def test_ours_that_fails_chooses_nothing(drive: Drive) -> None:
@@ -80,3 +80,13 @@ def test_ours_that_fails_chooses_nothing(drive: Drive) -> None:
     found = outcome_of(Task(drive=drive, method="ours", base=without_map))
     assert "map" in found.fault
     assert found.chosen is None
+
+
+@pytest.mark.parametrize(("method", "factor"), [("given", 4.0), ("without_correlation", 1.0), ("with_robots", 1.0)])
+def test_the_factor_on_odometry_that_a_run_reports_is_that_of_its_own_noise(
+    drive: Drive, method: str, factor: float
+) -> None:
+    """Ablations and runs with other robots start from the noise as configured, not from what ours chose."""
+    found = outcome_of(Task(drive=drive, method=method, base=base(), chosen=Chosen(odometry_factor=4.0)))
+    assert not found.fault
+    assert found.metrics["odometry_factor"] == factor
