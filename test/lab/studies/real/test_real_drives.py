@@ -14,7 +14,6 @@ from semantic_slam_lab.peers.joint_compatibility import Innovations, branch_and_
 from semantic_slam_lab.studies.real_drives import kitti, methods
 from semantic_slam_lab.studies.real_drives.batch import batch_cauchy
 from semantic_slam_lab.studies.real_drives.ceiling import matched
-from semantic_slam_lab.studies.real_drives.claims import claims_of
 from semantic_slam_lab.studies.real_drives.drives import chosen_drives, drives_in
 from semantic_slam_lab.studies.real_drives.judged import Judged, judged
 from semantic_slam_lab.studies.real_drives.scores import association_metrics, map_metrics, object_metrics, path_metrics
@@ -323,29 +322,6 @@ def test_drives_are_named_by_what_lies_there(tmp_path: Path) -> None:
         chosen_drives(tmp_path, ["dlr/1"])
     with pytest.raises(InputError, match="holds none of mrclam_"):
         drives_in(tmp_path / "dlr")
-
-
-def test_claims_are_made_of_what_was_run() -> None:
-    row = dict.fromkeys(("f1_of_ceiling", "association_f1_clusters", "pair_right_at_90", "region95_held"), 1.0)
-    row |= {
-        "num_objects": 15,
-        "pair_ece": 0.01,
-        "nees_mean": 3.0,
-        "region95_median_radius_m": 0.2,
-        "ate_aligned_m": 0.2,
-    }
-    drives = {"mrclam_d9/1": {"methods": {"ours": row, "jcbb": {**row, "ate_aligned_m": 0.3}}}}
-    claims = claims_of(drives)
-    assert all(claim.holds for claim in claims)
-    assert [claim.text for claim in claims if "jcbb" in claim.text] == [
-        "Mean ATE below that of jcbb",
-        "Mean cluster F1 not below that of jcbb, or at least 0.99",
-    ]
-    assert not any("given" in claim.text for claim in claims)
-    drives["mrclam_d9/2"] = {"methods": {"ours": {**row, "nees_mean": None}}}
-    held = {claim.text: claim.holds for claim in claims_of(drives)}
-    assert not held["NEES of the pose between 0.5 and 6"]
-    assert "Mean ATE below that of jcbb" not in held, "jcbb was not run on the second robot"
 
 
 @pytest.mark.long
