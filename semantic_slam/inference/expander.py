@@ -186,12 +186,8 @@ class Expander:
         found = self.reassociation.looked_for(step, parents)
         if not found:
             return parents, plain
-        places = list(found)
-        return Parents(
-            ids=[*parents.ids, *(parents.ids[place] for place in places)],
-            components=[*parents.components, *(own.component for own in found.values())],
-            log_weights=np.append(parents.log_weights, parents.log_weights[places]),
-        ), [*plain, *found.values()]
+        variants = [own.component for own in found.values()]
+        return parents.extended(list(found), variants), [*plain, *found.values()]
 
     def _semantics(self, keyframe: PredictedKeyframe, candidates: WeighedAssociations) -> SemanticEvidence:
         if not len(keyframe.used):
@@ -215,11 +211,8 @@ def _with_slipping(
             return parents, revisions
         return replace(parents, components=[slips.slipping(own) for own in parents.components]), revisions
     places = np.flatnonzero(parents.log_weights >= np.log(LEAST_SHARE)).tolist()
-    return Parents(
-        ids=[*parents.ids, *(parents.ids[place] for place in places)],
-        components=[*parents.components, *(slips.slipping(parents.components[place]) for place in places)],
-        log_weights=np.append(parents.log_weights, parents.log_weights[places]),
-    ), [*revisions, *(revisions[place] for place in places)]
+    variants = [slips.slipping(parents.components[place]) for place in places]
+    return parents.extended(places, variants), [*revisions, *(revisions[place] for place in places)]
 
 
 def _without_past(outcome: Outcome, oldest: int) -> Outcome:

@@ -140,22 +140,18 @@ class Hypotheses:
 
         ``discarded`` is the share of the mass that pruning discarded at this keyframe.
         """
-        kept = {n: child for n, child in children.items() if n in held}
-        log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
+        kept, log_total = _held(children, held)
         self.discarded.add(float(np.log1p(-min(discarded, MOST_DISCARDED))) + min(log_total, 0.0))
-        self.live = {n: replace(child, log_weight=child.log_weight - log_total) for n, child in kept.items()}
+        self.live = kept
 
     def enter(self, children: dict[int, Hypothesis], held: Collection[int], log_found: float) -> None:
         """Make those ``children`` live whose components are ``held``, among them revisions and replays.
 
         The mass that these found again (``log_found``, relative to the kept mass) is taken off the discarded mass.
         """
-        kept = {n: child for n, child in children.items() if n in held}
-        log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
+        kept, _ = _held(children, held)
         self.discarded.find(log_found)
-        self.live = {
-            n: replace(child, log_weight=child.log_weight - log_total, replayed=None) for n, child in kept.items()
-        }
+        self.live = {n: replace(child, replayed=None) for n, child in kept.items()}
 
     def commit(
         self, run_id: str, keyframe: int, children: dict[int, Hypothesis], *, always_lineage: bool = False
@@ -189,6 +185,13 @@ def _child(parent: Hypothesis, owner: int, log_weight: float, parent_id: int, st
     if not step.changes:
         return plain
     return replace(plain, lineage=(*revised(parent.lineage, step.changes), step), revises=plain)
+
+
+def _held(children: dict[int, Hypothesis], held: Collection[int]) -> tuple[dict[int, Hypothesis], float]:
+    """The children whose components are ``held``, with normalised weights, and their log total before that."""
+    kept = {n: child for n, child in children.items() if n in held}
+    log_total = float(np.logaddexp.reduce([child.log_weight for child in kept.values()]))
+    return {n: replace(child, log_weight=child.log_weight - log_total) for n, child in kept.items()}, log_total
 
 
 def redistributed(hypotheses: dict[int, Hypothesis], backend_ids: Sequence[int]) -> dict[int, Hypothesis]:

@@ -39,6 +39,14 @@ class Parents:
         weights = np.array([each.log_weight for each in held])
         return cls(ids=ids, components=[each.component for each in held], log_weights=weights)
 
+    def extended(self, places: Sequence[int], variants: Sequence[Component]) -> "Parents":
+        """Append ``variants`` of the parents at ``places``: other components with the same ids and weights."""
+        return Parents(
+            ids=[*self.ids, *(self.ids[place] for place in places)],
+            components=[*self.components, *variants],
+            log_weights=np.append(self.log_weights, self.log_weights[list(places)]),
+        )
+
     def log_sums(self, log_values: Array, ids: Sequence[int]) -> Array:
         """(n,) log-sum-exp of (P,) values over the parents with each of ``ids``, of which several may share an id."""
         own = np.array(self.ids, dtype=np.uint64)

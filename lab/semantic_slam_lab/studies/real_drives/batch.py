@@ -16,6 +16,7 @@ from semantic_slam.geometry.pose import planar_from_covariance, planar_from_pose
 from semantic_slam.geometry.transform import between
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
+from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.odometry.motion import OdometryPoint, motion_covariance, point_between, start
 
 CAUCHY = 2.3849
@@ -31,8 +32,11 @@ class Solution:
     landmarks: dict[str, Array]  # number -> (2,)
 
 
-def batch_cauchy(record: Record, configuration: Configuration) -> Solution:
-    """Minimise over the keyframes of ``record`` and the landmarks that its detections name, from dead reckoning."""
+def batch_cauchy(record: Record, configuration: Configuration, detection_factor: float) -> Solution:
+    """Minimise over the keyframes of ``record`` and the landmarks that its detections name, from dead reckoning.
+
+    ``detection_factor`` scales the covariances of the detections; none of the ``configuration``'s own is looked at.
+    """
     points = points_at(record.odometry, [belief.stamp_ns for belief in record.beliefs])
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     pose = np.array(configuration.initial_pose.mean)
@@ -40,6 +44,7 @@ def batch_cauchy(record: Record, configuration: Configuration) -> Solution:
     graph.add(gtsam.PriorFactorPose2(_robot(-1), gtsam.Pose2(*pose), anchor))
     values.insert(_robot(-1), gtsam.Pose2(*pose))
     keys: dict[str, int] = {}
+    stated = ConfiguredNoise(configuration.odometry, configuration.perception)
     for k, (before, after) in enumerate(pairwise(points)):
         control = planar_from_pose_vector(between(before.pose, after.pose))
         covariance = planar_from_covariance(motion_covariance(before, after, configuration.odometry))
@@ -47,7 +52,9 @@ def batch_cauchy(record: Record, configuration: Configuration) -> Solution:
         graph.add(gtsam.BetweenFactorPose2(_robot(k - 1), _robot(k), gtsam.Pose2(*control), noise))
         pose = se2.compose(pose, control)
         values.insert(_robot(k), gtsam.Pose2(*pose))
-        _add_detections(graph, values, keys, k, gtsam.Pose2(*pose), record, configuration)
+        seen = record.measurements[record.beliefs[k].stamp_ns]
+        covariances = detection_factor * stated.of_detections(seen.ranges_m, seen.geometric_covariances)
+        _add_detections(graph, values, keys, k, gtsam.Pose2(*pose), seen, covariances)
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(MOST_ITERATIONS)
     found = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters).optimize()
@@ -78,14 +85,13 @@ def _add_detections(
     keys: dict[str, int],
     k: int,
     pose: gtsam.Pose2,
-    record: Record,
-    configuration: Configuration,
+    seen: SemanticMeasurements,
+    covariances: Array,
 ) -> None:
-    """The detections of keyframe ``k`` that carry a number; a new number starts where ``pose`` sees it first."""
-    seen = record.measurements[record.beliefs[k].stamp_ns]
-    noise = ConfiguredNoise(configuration.odometry, configuration.perception)
-    factor = configuration.perception.noise_factors[0]
-    covariances = factor * noise.of_detections(seen.ranges_m, seen.geometric_covariances)
+    """The detections of keyframe ``k`` that carry a number; a new number starts where ``pose`` sees it first.
+
+    ``covariances`` (D, 2, 2) of [range, bearing].
+    """
     kernel = gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY)
     for row, name in enumerate(seen.track_ids):
         if not name:

@@ -1,37 +1,29 @@
 """What the drives have to show, as far as what was run can tell."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-import numpy as np
+from collections.abc import Callable, Sequence
 
 from semantic_slam_lab.studies.real_drives.drives import DLR, KITTI, MRCLAM
 from semantic_slam_lab.studies.real_drives.methods import ABLATIONS, BASELINES, BATCH, GIVEN, OURS, WITH_ROBOTS
+from semantic_slam_lab.studies.real_drives.rows import Drives, Rows, failures
 from semantic_slam_lab.studies.result import Claim, required
 
 DENSITY_ABLATIONS = ("without_correlation", "without_outliers", "without_estimated_noise")
 
-Row = Mapping[str, Any]
-Drives = Mapping[str, Mapping[str, Mapping[str, Row]]]
+Test = Callable[[float], bool]
+Comparison = Callable[[float, float], bool]
+Pair = tuple[float | None, float | None]
 
 
 def claims_of(drives: Drives) -> list[Claim]:
-    """Claims about the drives of a result; one that needs a method that was not run is left out."""
+    """Claims about the drives of a result; one that needs a method that was not run is left out.
+
+    No claim holds where a run that it is about failed; it names the drive.
+    """
     return [*_mrclam(drives), *_given(drives), *_dlr(drives), *_kitti(drives)]
 
 
-def _rows(drives: Drives, kind: str, method: str) -> dict[str, Row]:
-    """Drive -> metrics of a method that was run on it to its end."""
-    own = {name: drive["methods"] for name, drive in drives.items() if name.startswith(kind)}
-    return {
-        name: methods[method]
-        for name, methods in own.items()
-        if methods.get(method, {"fault": ""}).get("fault") is None
-    }
-
-
 def _mrclam(drives: Drives) -> list[Claim]:
-    ours, given = _rows(drives, MRCLAM, OURS), _rows(drives, MRCLAM, GIVEN)
+    ours, given = Rows.of(drives, MRCLAM, OURS), Rows.of(drives, MRCLAM, GIVEN)
     if not ours:
         return []
     claims = [
@@ -46,62 +38,51 @@ def _mrclam(drives: Drives) -> list[Claim]:
         _each("The 95 % region holds the truth in 85 to 100 %", ours, "region95_held", ".2f", lambda v: v >= 0.85),
         _each("Median radius at most 0.3 m", ours, "region95_median_radius_m", ".2f m", lambda v: v <= 0.3),
     ]
-    if given.keys() == ours.keys():
-        ates = [(row["ate_aligned_m"], given[name]["ate_aligned_m"]) for name, row in ours.items()]
+    if given.drives == ours.drives:
         text = "ATE at most 1.25 times that with numbers given, or 0.15 m"
-        measured = ", ".join(f"{own:.2f} ({told:.2f}) m" for own, told in ates)
-        claims.insert(0, required(text, measured, all(own <= max(1.25 * told, 0.15) for own, told in ates)))
+        claims.insert(0, _errors(text, ours, given, lambda own, other: own <= max(1.25 * other, 0.15)))
     for method in (*BASELINES, *ABLATIONS):
-        claims += _against(ours, _rows(drives, MRCLAM, method), method)
-    with_robots = _rows(drives, MRCLAM, WITH_ROBOTS)
+        claims += _against(ours, Rows.of(drives, MRCLAM, method))
+    with_robots = Rows.of(drives, MRCLAM, WITH_ROBOTS)
     if with_robots:
         text = "At least 80 % of the other robots called moving"
         claims.append(_each(text, with_robots, "robots_called_moving", ".2f", lambda v: v >= 0.8))
     return claims
 
 
-def _against(ours: dict[str, Row], theirs: dict[str, Row], method: str) -> list[Claim]:
+def _against(ours: Rows, theirs: Rows) -> list[Claim]:
     """Means over the robots against a baseline's, or the density of the truth against an ablation's."""
-    if theirs.keys() != ours.keys():
+    if theirs.drives != ours.drives:
         return []
+    method = theirs.method
     if method in BASELINES:
-        own, other = _mean(ours, "ate_aligned_m"), _mean(theirs, "ate_aligned_m")
-        f1, other_f1 = _mean(ours, "association_f1_clusters"), _mean(theirs, "association_f1_clusters")
+        ate, clusters = (
+            f"Mean ATE below that of {method}",
+            f"Mean cluster F1 not below that of {method}, or at least 0.99",
+        )
         return [
-            required(f"Mean ATE below that of {method}", f"{own:.2f} and {other:.2f} m", own < other),
-            required(
-                f"Mean cluster F1 not below that of {method}", f"{f1:.3f} and {other_f1:.3f}", f1 >= min(other_f1, 0.99)
-            ),
+            _means(ate, ours, theirs, "ate_aligned_m", ".2f m", lambda own, other: own < other),
+            _means(clusters, ours, theirs, "association_f1_clusters", ".3f", lambda own, f1: own >= min(f1, 0.99)),
         ]
     if method not in DENSITY_ABLATIONS:
         return []
-    own, other = _mean(ours, "log_density"), _mean(theirs, "log_density")
-    return [
-        required(
-            f"Mean log density of the true pose above that {_words(method)}", f"{own:.2f} and {other:.2f}", own > other
-        )
-    ]
-
-
-def _words(method: str) -> str:
-    return method.replace("_", " ")
+    text = f"Mean log density of the true pose above that {method.replace('_', ' ')}"
+    return [_means(text, ours, theirs, "log_density", ".2f", lambda own, other: own > other)]
 
 
 def _given(drives: Drives) -> list[Claim]:
-    given, batch = _rows(drives, MRCLAM, GIVEN), _rows(drives, MRCLAM, BATCH)
+    given, batch = Rows.of(drives, MRCLAM, GIVEN), Rows.of(drives, MRCLAM, BATCH)
     if not given:
         return []
     claims = [_each("Numbers given: NEES between 0.5 and 5", given, "nees_mean", ".1f", lambda v: 0.5 <= v <= 5.0)]
-    if batch.keys() == given.keys():
-        ates = [(row["ate_aligned_m"], batch[name]["ate_aligned_m"]) for name, row in given.items()]
+    if batch.drives == given.drives:
         text = "Numbers given: ATE at most 1.25 times the robust batch's, and 0.18 m"
-        measured = ", ".join(f"{own:.2f} ({other:.2f}) m" for own, other in ates)
-        claims.append(required(text, measured, all(own <= min(1.25 * other, 0.18) for own, other in ates)))
+        claims.append(_errors(text, given, batch, lambda own, other: own <= min(1.25 * other, 0.18)))
     return claims
 
 
 def _dlr(drives: Drives) -> list[Claim]:
-    ours = _rows(drives, DLR, OURS)
+    ours = Rows.of(drives, DLR, OURS)
     if not ours:
         return []
     return [
@@ -112,30 +93,61 @@ def _dlr(drives: Drives) -> list[Claim]:
 
 
 def _kitti(drives: Drives) -> list[Claim]:
-    ours = _rows(drives, KITTI, OURS)
+    ours = Rows.of(drives, KITTI, OURS)
     if not ours:
         return []
-    shares = [row["ghosts"] / max(row["num_objects"], 1) for row in ours.values()]
-    ates = [(row["ate_aligned_m"], row["dead_reckoning_ate_aligned_m"]) for row in ours.values()]
+    ghosts = zip(ours.values("ghosts"), ours.values("num_objects"), strict=True)
+    shares = [None if some is None or every is None else some / max(every, 1) for some, every in ghosts]
+    ates = zip(ours.values("ate_aligned_m"), ours.values("dead_reckoning_ate_aligned_m"), strict=True)
     return [
         _each("KITTI: at least 95 % of the parked cars found", ours, "parked_recall", ".2f", lambda v: v >= 0.95),
-        required("KITTI: at most 5 % ghosts", ", ".join(f"{share:.0%}" for share in shares), max(shares) <= 0.05),
+        _all("KITTI: at most 5 % ghosts", shares, ".0%", failures(ours), lambda v: v <= 0.05),
         _each("KITTI: at least 80 % of the movers called moving", ours, "moving_recall", ".2f", lambda v: v >= 0.8),
-        required(
+        _pairs(
             "KITTI: ATE at most half of dead reckoning's",
-            ", ".join(f"{own:.1f} ({dead:.1f}) m" for own, dead in ates),
-            all(own <= 0.5 * dead for own, dead in ates),
+            list(ates),
+            ".1f m",
+            failures(ours),
+            lambda own, dead: own <= 0.5 * dead,
         ),
     ]
 
 
-def _each(text: str, rows: dict[str, Row], key: str, style: str, test: Callable[[float], bool]) -> Claim:
-    """A claim about every drive of ``rows``; a metric that is not known does not hold."""
-    values: Sequence[float | None] = [row.get(key) for row in rows.values()]
+def _each(text: str, rows: Rows, key: str, style: str, test: Test) -> Claim:
+    """A claim about a metric on every drive of ``rows``."""
+    return _all(text, rows.values(key), style, failures(rows), test)
+
+
+def _errors(text: str, ours: Rows, theirs: Rows, test: Comparison) -> Claim:
+    """A claim about the ATE on every drive beside that of another method."""
+    ates = zip(ours.values("ate_aligned_m"), theirs.values("ate_aligned_m"), strict=True)
+    return _pairs(text, list(ates), ".2f m", failures(ours, theirs), test)
+
+
+def _means(text: str, ours: Rows, theirs: Rows, key: str, style: str, test: Comparison) -> Claim:
+    """A claim about the mean of a metric over all drives beside that of another method."""
+    own, other, (form, _, unit) = ours.mean(key), theirs.mean(key), style.partition(" ")
+    measured = f"{_told(own, form)} and {_told(other, form)} {unit}".strip()
+    return required(text, measured + failures(ours, theirs), _compare(own, other, test))
+
+
+def _all(text: str, values: Sequence[float | None], style: str, failed: str, test: Test) -> Claim:
+    """A claim about all of some values; one that is not known does not hold."""
     form, _, unit = style.partition(" ")
-    measured = ", ".join("unknown" if value is None else format(value, form) for value in values)
-    return required(text, f"{measured} {unit}".strip(), all(value is not None and test(value) for value in values))
+    measured = f"{', '.join(_told(value, form) for value in values)} {unit}".strip()
+    return required(text, measured + failed, all(value is not None and test(value) for value in values))
 
 
-def _mean(rows: dict[str, Row], key: str) -> float:
-    return float(np.mean([row[key] for row in rows.values()]))
+def _pairs(text: str, pairs: Sequence[Pair], style: str, failed: str, test: Comparison) -> Claim:
+    """A claim about all of some comparisons; one with a value that is not known does not hold."""
+    form, _, unit = style.partition(" ")
+    measured = ", ".join(f"{_told(own, form)} ({_told(other, form)}) {unit}" for own, other in pairs)
+    return required(text, measured + failed, all(_compare(own, other, test) for own, other in pairs))
+
+
+def _compare(own: float | None, other: float | None, test: Comparison) -> bool:
+    return own is not None and other is not None and test(own, other)
+
+
+def _told(value: float | None, form: str) -> str:
+    return "unknown" if value is None else format(value, form)

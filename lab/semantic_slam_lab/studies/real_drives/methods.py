@@ -71,7 +71,15 @@ class Chosen:
 
 
 AS_CONFIGURED = Chosen()
-"""Noise as the configuration has it."""
+"""Noise as the configuration states it, which is not the same as no choice: ours may choose it, too."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What the engine is run with for one method."""
+
+    configuration: Configuration
+    odometry_factor: float = 1.0  # by which ``configuration`` scales the covariance of odometry that is stated
 
 
 def configuration(seed: int = 0) -> Configuration:
@@ -108,26 +116,36 @@ def checked(names: list[str], base: Configuration) -> list[str]:
     return [OURS, *(name for name in dict.fromkeys(names) if name != OURS)]
 
 
-def configuration_of(method: str, base: Configuration, chosen: Chosen) -> Configuration:
-    """Configuration of a method that the engine runs; all but ours and ablations get the noise that ours chose."""
+def prepared(method: str, base: Configuration, chosen: Chosen | None) -> Prepared:
+    """Configuration of a method that the engine runs; all but ours and ablations get the noise that ours chose.
+
+    Where ours failed and chose nothing (None), ``given`` decides by evidence itself; those that follow one hypothesis,
+    which cannot, take the noise as configured.
+    """
     if method in (OURS, WITH_ROBOTS):
-        return base
+        return Prepared(base)
     if switched := ABLATIONS.get(method):
-        return switched(base)
+        return Prepared(switched(base))
+    if method == GIVEN:
+        given = replace(base, association=GIVEN)
+        return Prepared(given) if chosen is None else _told(given, chosen)
+    association = "open" if method == "one_hypothesis" else method
+    alone = replace(base, association=association, pruning=replace(base.pruning, max_hypotheses=1))
+    return _told(alone, chosen or AS_CONFIGURED)
+
+
+def _told(base: Configuration, chosen: Chosen) -> Prepared:
+    """The configuration in which noise is as chosen, with nothing left to choose."""
     perception = replace(base.perception, noise_factors=(chosen.detection_factor,), ranges_are=(chosen.ranges_are,))
     errors = base.detection_errors
     share = errors.correlated_share if chosen.correlated_share is None else chosen.correlated_share
-    errors = replace(errors, correlated_share=share, correlated_shares=())
     told = replace(
         base,
         odometry=scaled(base.odometry, chosen.odometry_factor),
         perception=perception,
-        detection_errors=errors,
+        detection_errors=replace(errors, correlated_share=share, correlated_shares=()),
     )
-    if method == GIVEN:
-        return replace(base if chosen == AS_CONFIGURED else told, association=GIVEN)
-    association = "open" if method == "one_hypothesis" else method
-    return replace(told, association=association, pruning=replace(told.pruning, max_hypotheses=1))
+    return Prepared(told, chosen.odometry_factor)
 
 
 def scaled(noise: OdometryConfiguration, factor: float) -> OdometryConfiguration:

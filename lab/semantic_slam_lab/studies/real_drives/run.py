@@ -27,7 +27,7 @@ from semantic_slam_lab.studies.real_drives.methods import (
     GIVEN,
     WITH_ROBOTS,
     Chosen,
-    configuration_of,
+    prepared,
 )
 from semantic_slam_lab.studies.real_drives.scores import (
     Metrics,
@@ -48,7 +48,7 @@ class Task:
     drive: Drive
     method: str
     base: Configuration
-    chosen: Chosen = AS_CONFIGURED
+    chosen: Chosen | None = None  # by ours on this drive; None: it is ours, or ours failed
     max_keyframes: int | None = None
 
 
@@ -57,7 +57,7 @@ class Outcome:
     """What came of it; K keyframes, O objects stated, all in the frame of the truth after alignment."""
 
     metrics: Metrics
-    chosen: Chosen  # by this run
+    chosen: Chosen | None  # by this run, or given to it; None: neither
     path: Array  # (K, 2)
     true_path: Array  # (K, 2) NaN where not known
     dead_reckoning: Array  # (K, 2)
@@ -79,11 +79,8 @@ def _outcome_of(task: Task) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="real_drives_") as folder:
         bag, beliefs = Path(folder) / "drive", Path(folder) / "beliefs"
         task.drive.write_bag(bag, with_robots=task.method == WITH_ROBOTS, max_keyframes=task.max_keyframes)
-        configuration = configuration_of(task.method, task.base, task.chosen)
         try:
-            return (
-                _by_batch(task, bag, beliefs) if task.method == BATCH else _by_engine(task, bag, beliefs, configuration)
-            )
+            return _by_batch(task, bag, beliefs) if task.method == BATCH else _by_engine(task, bag, beliefs)
         except SemanticSlamError as error:
             nothing = np.zeros((0, 2))
             return Outcome(
@@ -98,8 +95,9 @@ def _outcome_of(task: Task) -> Outcome:
             )
 
 
-def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuration) -> Outcome:
-    pool, begin = StudyPool(1), time.process_time()
+def _by_engine(task: Task, bag: Path, beliefs: Path) -> Outcome:
+    own = prepared(task.method, task.base, task.chosen)
+    configuration, pool, begin = own.configuration, StudyPool(1), time.process_time()
     summary = run_bag(bag, beliefs, configuration, max_keyframes=task.max_keyframes, pool=pool)
     seconds = time.process_time() - begin
     record = read_record(beliefs)
@@ -109,7 +107,7 @@ def _by_engine(task: Task, bag: Path, beliefs: Path, configuration: Configuratio
     metrics: Metrics = {
         **metrics_of(run),
         **_times(record, seconds),
-        "odometry_factor": chosen.odometry_factor * task.chosen.odometry_factor,
+        "odometry_factor": chosen.odometry_factor * own.odometry_factor,
         "detection_factor": chosen.detection_factor,
         "ranges_are_depth": float(chosen.ranges_are == DEPTH),
         "correlated_share": _share(chosen, configuration),
@@ -142,11 +140,11 @@ def _share(chosen: Chosen, configuration: Configuration) -> float:
 
 def _by_batch(task: Task, bag: Path, beliefs: Path) -> Outcome:
     """Over the keyframes that ``given`` has; a run with numbers given lists them and the detections in them."""
-    configuration = configuration_of(GIVEN, task.base, task.chosen)
+    configuration = prepared(GIVEN, task.base, task.chosen).configuration
     run_bag(bag, beliefs, configuration, max_keyframes=task.max_keyframes)
     record = read_record(beliefs)
     begin = time.process_time()
-    solution = batch.batch_cauchy(record, configuration)
+    solution = batch.batch_cauchy(record, configuration, (task.chosen or AS_CONFIGURED).detection_factor)
     seconds = time.process_time() - begin
     run = judged(record, solution.path)
     places = np.array(list(solution.landmarks.values())).reshape(-1, 2)
@@ -168,7 +166,7 @@ def _times(record: Record, seconds: float) -> Metrics:
     return {"cpu_s": seconds, "real_time_factor": duration_s / seconds}
 
 
-def _outcome(run: Judged, metrics: Metrics, chosen: Chosen, path: Array, objects: Array, fault: str) -> Outcome:
+def _outcome(run: Judged, metrics: Metrics, chosen: Chosen | None, path: Array, objects: Array, fault: str) -> Outcome:
     aligning = run.aligning
     places = list(run.seen_fixed.values())
     return Outcome(

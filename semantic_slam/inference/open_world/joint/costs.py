@@ -11,12 +11,13 @@ from functools import cached_property
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, row_sums, squared_norms
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy
 from semantic_slam.geometry.small_matrices import cholesky, forward
 from semantic_slam.inference.evidence.outlier_choices import OutlierChoices, likeliest_outliers
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.open_world.joint.all_but_some import given_all_but
 from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedEvidence
+from semantic_slam.inference.open_world.joint.log_gaussian import log_gaussian, log_gaussian_of_many
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +97,7 @@ class JointCosts:
         cross = np.swapaxes(cross, 1, 2).reshape(count, size, -1)
         shift, known = given_all_but(residual, covariance, cross, self._excluded(taken[0]))
         left, spread = self.residual - shift, self._alone - known
-        values = self.log_constant + self._log_density(np.arange(count), left, spread, _log_gaussian)
+        values = self.log_constant + self._log_density(np.arange(count), left, spread, log_gaussian)
         return self._table(np.asarray(values))
 
     def _excluded(self, taken: Index) -> Index:
@@ -127,7 +128,7 @@ class JointCosts:
         second = np.nonzero(possible)[1]
         values = np.full(possible.shape, -np.inf)
         values[possible] = self.log_constant[second] + self._log_density(
-            second, left[possible], spread[possible], _log_gaussian_of_many
+            second, left[possible], spread[possible], log_gaussian_of_many
         )
         values[np.arange(len(each)), each] = 0.0
         return self._table(values)
@@ -180,16 +181,3 @@ class JointCosts:
         found = np.full((*values.shape[:-1], len(self.log_alone), self.num_objects), -np.inf)
         found[..., self.rows, self.columns] = values
         return found
-
-
-def _log_gaussian(residual: Array, covariance: Array) -> Array:
-    """(K,) log densities of whitened residuals (K, c) with ``covariance`` (K, c, c), without the constant."""
-    squared = (residual * np.linalg.solve(covariance, residual[..., None])[..., 0]).sum(axis=-1)
-    return np.asarray(-0.5 * squared - 0.5 * np.linalg.slogdet(covariance)[1])
-
-
-def _log_gaussian_of_many(residual: Array, covariance: Array) -> Array:
-    """:func:`_log_gaussian` in faster arithmetic with other rounding, for many rows that serve as starts alone."""
-    root = cholesky(covariance)
-    white = forward(root, residual[..., None])[..., 0]
-    return np.asarray(-0.5 * squared_norms(white) - row_sums(np.log(np.diagonal(root, axis1=-2, axis2=-1))))

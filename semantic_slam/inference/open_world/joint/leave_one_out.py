@@ -10,6 +10,7 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.evidence.outlier_choices import likeliest_outliers
 from semantic_slam.inference.models.noise.heavy_tail import HeavyTail
 from semantic_slam.inference.open_world.joint.linear_evidence import JointInnovation
+from semantic_slam.inference.open_world.joint.log_gaussian import log_gaussian
 
 
 def log_density_of_each(joint: JointInnovation, tail: HeavyTail | None) -> Array:
@@ -19,14 +20,14 @@ def log_density_of_each(joint: JointInnovation, tail: HeavyTail | None) -> Array
     """
     if tail is None:
         off, covariance = _given_others(joint.residual, joint.covariance, joint.measured)
-        return joint.log_normalisers + _log_gaussian(off, covariance)
+        return joint.log_normalisers + log_gaussian(off, covariance)
     outlier = likeliest_outliers(tail, joint.residual[None], joint.covariance[None], joint.measured[None])[0]
     added = tail.added * joint.measured
     chosen = np.diag(np.where(outlier[:, None], added, 0.0).ravel())
     off, covariance = _given_others(joint.residual, joint.covariance + chosen, joint.measured)
     width = added[:, :, None] * np.eye(added.shape[1])
     inlier = covariance - np.where(outlier[:, None, None], width, 0.0)
-    alternatives = tail.log_rest + _log_gaussian(off, inlier), tail.log_share + _log_gaussian(off, inlier + width)
+    alternatives = tail.log_rest + log_gaussian(off, inlier), tail.log_share + log_gaussian(off, inlier + width)
     return np.asarray(joint.log_normalisers + np.logaddexp(*alternatives))
 
 
@@ -37,9 +38,3 @@ def _given_others(residual: Array, covariance: Array, measured: Flags) -> tuple[
     each = np.arange(count)
     around = np.linalg.inv(precision.reshape(count, size, count, size)[each, :, each])
     return (around @ (precision @ residual).reshape(count, size, 1))[..., 0], np.asarray(around)
-
-
-def _log_gaussian(off: Array, covariance: Array) -> Array:
-    """(n,) log densities of (n, c) residuals, without their normalisers; a residual that is not measured has none."""
-    squared = (off * np.linalg.solve(covariance, off[..., None])[..., 0]).sum(axis=1)
-    return np.asarray(-0.5 * squared - 0.5 * np.linalg.slogdet(covariance)[1])
