@@ -38,7 +38,6 @@ class TfOdometryNode(PipelineNode):
         self._listen(topics.TF_STATIC, fixed.add)
         self._listen(topics.TF, self._pass_on, required=True)
         refuse_undeclared(self)
-        self._stamp_ns = 0  # of the newest odometry
         self.health.add_source(lambda: [transforms_status(self._tf.lack)])
 
     def _listen(self, topic: str, take: Callable[[Any], None], *, required: bool = False) -> None:
@@ -48,13 +47,11 @@ class TfOdometryNode(PipelineNode):
         self.listen(topic, handle, qos.sensor_input(topic, lossless=False), required=required)
 
     def _pass_on(self, message: Any) -> None:
-        """Publish the odometry of a message on /tf; like tf2, once per stamp."""
+        """Publish the odometry of a message on /tf, once per stamp."""
         for estimate in self._tf.read(message):
-            if estimate.stamp_ns == self._stamp_ns:
-                self.repeated[topics.TF] += 1
-                continue
-            self._stamp_ns = estimate.stamp_ns
             self._odometry.send(serialize(odometry_to_message(estimate)))
+        if self._tf.num_repeated:
+            self.repeated[topics.TF] = self._tf.num_repeated
 
 
 main = main_of(TfOdometryNode, __doc__ or "")

@@ -191,6 +191,8 @@ class Converter:
     def _odometry_from_tf(self, message: RawMessage) -> None:
         for estimate in self._tf.read(self._decode(message)):
             self._write(topics.ODOMETRY, estimate, message.stamp_ns)
+        if self._tf.num_repeated:
+            self.dropped[f"{topics.TF}: odometry of a stamp that it had before"] = self._tf.num_repeated
 
     def _decode(self, message: RawMessage) -> Any:
         return self._reader.decode(message.cdr, message.type_name)

@@ -14,7 +14,7 @@ from semantic_slam.geometry.transform import compose
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import header_stamp_ns, pose_vector
-from semantic_slam.messages.tf_odometry import TfOdometry
+from semantic_slam.messages.tf_odometry import MOST_REMEMBERED, TfOdometry
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.plain_views import transform_view
 from semantic_slam.ros.launching.node_set import NodeSpec
@@ -46,6 +46,20 @@ def test_what_tf_lacks_is_named_with_what_it_has_until_it_is_there() -> None:
     assert (estimate.stamp_ns, estimate.frame_id, estimate.child_frame_id) == (PERIOD_NS, "odom", "base_link")
     np.testing.assert_allclose(estimate.pose, compose(driven(1), FOOTPRINT_TO_BASE))
     assert transforms_status(odometry.lack).level == Level.OK
+
+
+def test_echoes_are_left_out_however_late_and_a_clock_that_was_set_back_goes_on() -> None:
+    """The echo of each transform comes after the next one, or after the one after that, as by ``broadcast_odom``."""
+    odometry = TfOdometry("odom", "base_link", TransformTree())
+
+    def stamps(*indices: int) -> list[int]:
+        told = (transform_view(index * PERIOD_NS, [("odom", "base_link", driven(index))]) for index in indices)
+        return [estimate.stamp_ns // PERIOD_NS for message in told for estimate in odometry.read(message)]
+
+    assert (stamps(1, 2, 1, 2, 3, 2, 4, 3, 4, 2), odometry.num_repeated) == ([1, 2, 3, 4], 6)
+    further = range(5, 5 + MOST_REMEMBERED)
+    assert stamps(*further) == [*further]
+    assert (stamps(1, 2, 1, 3), odometry.num_repeated) == ([1, 2, 3], 7)
 
 
 def test_a_package_that_is_missing_is_named_as_it_is_installed() -> None:
