@@ -5,8 +5,8 @@ the noise is that of odometry.* in the configuration. Needs tf2_msgs.
 
 Parameters:
   odom_frame       frame in which the odometry moves (default odom)
-  base_frame       frame of the robot's body (default base_link): a child of odom_frame on /tf, or fixed to one by
-                   /tf_static
+  base_frame       frame of the robot's body, which has to be perception.base_frame of the other nodes (default
+                   base_link): a child of odom_frame on /tf, or fixed to one by /tf_static
 """
 
 from collections.abc import Callable

@@ -76,7 +76,8 @@ def transforms_status(lack: str) -> Status:
     """Status of odometry from /tf; ``lack``: what that lacks and has instead, "" once it was there."""
     if not lack:
         return Status("odometry", Level.OK, "comes by /tf")
-    return Status("odometry", Level.WARN, f"/tf lacks {lack}; name the frames with odom_frame and base_frame")
+    remedy = "name the frames with odom_frame and base_frame, which has to be perception.base_frame"
+    return Status("odometry", Level.WARN, f"/tf lacks {lack}; {remedy}")
 
 
 def waiting_status(num_waiting: int) -> Status:

@@ -41,6 +41,7 @@ def test_what_tf_lacks_is_named_with_what_it_has_until_it_is_there() -> None:
     assert odometry.read(transform_view(PERIOD_NS, [("map", "odom", driven(0))])) == [] == odometry.read(moving)
     told = transforms_status(odometry.lack)
     assert told.level == Level.WARN and "has map -> odom, odom -> base_footprint; name the frames" in told.message
+    assert "base_frame, which has to be perception.base_frame" in told.message
     fixed.add(transform_view(0, [("base_footprint", "base_link", FOOTPRINT_TO_BASE)]))
     (estimate,) = odometry.read(moving)
     assert (estimate.stamp_ns, estimate.frame_id, estimate.child_frame_id) == (PERIOD_NS, "odom", "base_link")
