@@ -1,7 +1,8 @@
 """Node ``tf_odometry``: publishes on topic odom the odometry of a source that tells it on /tf alone.
 
 Other nodes listen to its topic odom as to that of any other source. Its covariances are zero, which means not stated:
-the noise is that of odometry.* in the configuration. Needs tf2_msgs.
+the noise is that of odometry.* in the configuration. Needs tf2_msgs. It takes what comes, as /tf is not kept for
+readers that come late. For a lossless replay ``semantic_slam import bag --odom /tf`` makes a bag with topic odom.
 
 Parameters:
   odom_frame       frame in which the odometry moves (default odom)
@@ -12,6 +13,7 @@ Parameters:
 from collections.abc import Callable
 from typing import Any
 
+from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import odometry_to_message
@@ -29,6 +31,11 @@ class TfOdometryNode(PipelineNode):
 
     def __init__(self) -> None:
         super().__init__("tf_odometry")
+        if self.lossless:
+            raise InputError(
+                "parameter lossless is true, and tf_odometry takes of /tf what comes; leave it out, and replay"
+                " losslessly what `semantic_slam import bag --odom /tf` makes of the bag"
+            )
         fixed = TransformTree()
         self._tf = TfOdometry(
             declare_fixed(self, "odom_frame", "odom"), declare_fixed(self, "base_frame", "base_link"), fixed
