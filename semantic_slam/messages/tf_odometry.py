@@ -30,12 +30,17 @@ class TfOdometry:
         self._others: set[tuple[str, str]] = set()  # (parent, child) of moving transforms that are not it
 
     @property
+    def name(self) -> str:
+        """Text that names the transform: "odom -> base_link"."""
+        return f"{self.odom_frame} -> {self.base_frame}"
+
+    @property
     def lack(self) -> str:
         """What the messages lack, and have instead: "odom -> base_link but has map -> odom"; "" once it was found."""
         if self._stamps_ns:
             return ""
         others = ", ".join(f"{parent} -> {child}" for parent, child in sorted(self._others))
-        return f"{self.odom_frame} -> {self.base_frame} but has {others or 'nothing'}"
+        return f"{self.name} but has {others or 'nothing'}"
 
     def read(self, message: Any) -> list[OdometryEstimate]:
         """The odometry in one /tf message; empty when it is about other frames or repeats a stamp."""

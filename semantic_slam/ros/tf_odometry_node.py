@@ -10,6 +10,7 @@ Parameters:
                    base_link): a child of odom_frame on /tf, or fixed to one by /tf_static
 """
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -19,7 +20,7 @@ from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import odometry_to_message
 from semantic_slam.messages.tf_odometry import TfOdometry
 from semantic_slam.messages.typestore import deserialize, serialize
-from semantic_slam.ros.node.health import transforms_status
+from semantic_slam.ros.node.health import InputMonitor, transforms_status
 from semantic_slam.ros.node.parameters import declare_fixed, refuse_undeclared
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.wire import qos
@@ -45,7 +46,8 @@ class TfOdometryNode(PipelineNode):
         self._listen(topics.TF_STATIC, fixed.add)
         self._listen(topics.TF, self._pass_on, required=True)
         refuse_undeclared(self)
-        self.health.add_source(lambda: [transforms_status(self._tf.lack)])
+        self._moving = InputMonitor(f"{self._tf.name} on {topics.TF}", time.monotonic())
+        self.health.add_source(lambda: [transforms_status(self._tf.lack, self._moving, time.monotonic())])
 
     def _listen(self, topic: str, take: Callable[[Any], None], *, required: bool = False) -> None:
         def handle(data: bytes) -> None:
@@ -56,6 +58,7 @@ class TfOdometryNode(PipelineNode):
     def _pass_on(self, message: Any) -> None:
         """Publish the odometry of a message on /tf, once per stamp."""
         for estimate in self._tf.read(message):
+            self._moving.arrived(time.monotonic())
             self._odometry.send(serialize(odometry_to_message(estimate)))
         if self._tf.num_repeated:
             self.repeated[topics.TF] = self._tf.num_repeated
