@@ -23,6 +23,7 @@ from semantic_slam.messages.codec import CODECS, to_message
 from semantic_slam.messages.disparity import is_disparity
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.tf_odometry import TfOdometry
+from semantic_slam.reasons import count
 
 Handler = Callable[[RawMessage], None]
 RAW_IMAGE = "sensor_msgs/msg/Image"
@@ -72,7 +73,7 @@ class Converter:
         try:
             handler(message)
         except InputError as fault:  # one message; the others may be good
-            self.dropped[str(fault)] += 1
+            count(self.dropped, str(fault))
         return message.topic == self._selection.detections.name
 
     def check_complete(self) -> None:
