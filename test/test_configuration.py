@@ -170,6 +170,7 @@ def test_parameters_of_ros_itself_are_accepted(ros: None) -> None:
         (["backend_node", "--ros-args", "-p", "nosuch:=3"], "'nosuch'"),
         (["bag_player", "--ros-args", "-p", "rat:=1.0"], "'rat'"),
         (["bag_player"], "parameter bag is empty"),
+        (["tf_odometry_node", "--ros-args", "-p", "lossless:=true"], "semantic_slam import bag --odom /tf"),
     ],
 )
 def test_wrong_ros_arguments_are_one_line(words: list[str], named: str) -> None:

@@ -25,8 +25,8 @@ class PruningConfiguration:
     )
     max_pairs: int = parameter(
         0,
-        "place_m: hypotheses of a kind kept times detections of the keyframe, at most: where much is in sight those of"
-        " a kind differ by single associations, and a few have nearly all the weight; 0: as many as ever",
+        "needs place_m: hypotheses of a kind kept times detections of the keyframe, at most: where much is in sight"
+        " those of a kind differ by single associations, and a few have nearly all the weight; 0: as many as ever",
         minimum=0,
     )
     kind_ratio: float = parameter(

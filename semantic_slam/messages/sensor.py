@@ -10,6 +10,7 @@ from semantic_slam.geometry.transform import compose, inverse
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose, pose_vector
 from semantic_slam.perception.frame import CameraModel
+from semantic_slam.reasons import LONGEST_NAME
 
 DISTORTION_MODELS = ("plumb_bob", "rational_polynomial", "")
 IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -98,9 +99,8 @@ class TransformTree:
         for frame, T_frame_source in to_source.items():
             if frame in to_target:
                 return compose(inverse(to_target[frame]), T_frame_source)
-        raise InputError(
-            f"no static transforms lead from {target} to {source}; publish /tf_static or set perception.extrinsics"
-        )
+        link = f"from {target[:LONGEST_NAME]} to {source[:LONGEST_NAME]}"
+        raise InputError(f"no static transforms lead {link}; publish /tf_static or set perception.extrinsics")
 
     def _ancestors(self, frame: str) -> dict[str, Array]:
         """T_ancestor_frame of the frame itself and of every frame above it, nearest first."""

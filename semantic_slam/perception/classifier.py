@@ -26,6 +26,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
 from semantic_slam.perception.points_in_space import SpatialPoints, points_of_boxes, told_points, with_points
 from semantic_slam.perception.range_bearing import elevation
+from semantic_slam.reasons import count, quoted
 
 if TYPE_CHECKING:
     from semantic_slam.perception.networks.network import ClassifierNetwork
@@ -184,14 +185,14 @@ class Classifier:
         for index, (box, label) in enumerate(zip(frame.detections.boxes, frame.detections.labels, strict=True)):
             fault = self._label_fault(label) or box_fault(box, width, height)
             if fault:
-                self.dropped[fault] += 1
+                count(self.dropped, fault)
             else:
                 kept.append(index)
         return kept
 
     def _label_fault(self, label: str) -> str:
         known = self._settings.labels
-        return f"unknown label '{label}'" if known and label not in known else ""
+        return f"unknown label {quoted(label)}" if known and label not in known else ""
 
     def _dropout_samples(self, frame: Frame, kept: list[int]) -> tuple[Array, Array, Array, Flags]:
         """(D, T, C) class samples, (D,) predictive entropy and mutual information, and (D,) recognition flags.

@@ -20,6 +20,7 @@ from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places_geometry import Places, places_of_boxes, told_places
 from semantic_slam.perception.points_in_space import SpatialPoints, told_points, with_points
+from semantic_slam.reasons import count, quoted
 
 NO_PLACE = "detection without a place: neither range and bearing, nor position, nor a box that a known camera saw"
 BAD_RANGE = "range that is not above zero"
@@ -89,22 +90,26 @@ class PlaceReader:
 
     def _usable(self, detections: Detections, places: Places, points: SpatialPoints) -> Flags:
         """(D,) whether each detection is usable; the others are counted by their first reason."""
-        known = self._settings.labels
         faults = {
-            f"unknown label '{label}'": np.array([label == other for other in detections.labels])
-            for label in sorted(set(detections.labels))
-            if known and label not in known
+            IN_SHARES: are_in_shares(detections.boxes) & ~np.isfinite(places.bearings_rad),
+            NO_PLACE: ~np.isfinite(places.bearings_rad) | np.isinf(places.ranges_m),
+            BAD_RANGE: places.ranges_m <= 0.0,
+            BAD_COVARIANCE: ~(places.are_covariances_usable() & points.are_covariances_usable()),
         }
-        faults[IN_SHARES] = are_in_shares(detections.boxes) & ~np.isfinite(places.bearings_rad)
-        faults[NO_PLACE] = ~np.isfinite(places.bearings_rad) | np.isinf(places.ranges_m)
-        faults[BAD_RANGE] = places.ranges_m <= 0.0
-        faults[BAD_COVARIANCE] = ~(places.are_covariances_usable() & points.are_covariances_usable())
-        usable = np.ones(len(detections), dtype=np.bool_)
+        usable = self._have_known_labels(detections)
         for reason, rows in faults.items():
             self.dropped[reason] += int((usable & rows).sum())
             usable &= ~rows
         self.dropped += Counter()  # removes reasons with count zero
         return usable
+
+    def _have_known_labels(self, detections: Detections) -> Flags:
+        """(D,) whether each detection's label is one of ``perception.labels``; the others are counted."""
+        known = self._settings.labels
+        found = np.array([not known or label in known for label in detections.labels], dtype=np.bool_)
+        for row in np.flatnonzero(~found):
+            count(self.dropped, f"unknown label {quoted(detections.labels[row])}")
+        return found
 
 
 def in_body_frame(detections: Detections, T_base_frame: Array, base_frame: str) -> Detections:

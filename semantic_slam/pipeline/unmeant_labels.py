@@ -15,9 +15,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.detector_labels import class_names_of, is_meant
-
-LONGEST_LABEL = 80
-"""Characters of a label that are quoted."""
+from semantic_slam.reasons import bounded, quoted
 
 
 class UnmeantLabels:
@@ -42,7 +40,7 @@ class UnmeantLabels:
         if not any(unmeant):
             return keyframe
         for label in np.array(measured.labels, dtype=object)[unmeant]:
-            self._count(label[:LONGEST_LABEL])
+            self._count(label)
         return replace(keyframe, measurements=measured.take(np.flatnonzero(~np.array(unmeant))))
 
     def news(self) -> list[str]:
@@ -59,10 +57,10 @@ class UnmeantLabels:
         return (not wanted or label in wanted) and not is_meant(label, self._class_names)
 
     def _count(self, label: str) -> None:
-        reason = f"{topics.MEASUREMENTS}: unknown label '{label}'"
+        reason = bounded(self.dropped, f"{topics.MEASUREMENTS}: unknown label {quoted(label)}")
         if reason not in self.dropped:
             self._news.append(
-                f"detections labelled '{label}' are left out: it is none of the classes of the class models"
+                f"detections labelled {quoted(label)} are left out: it is none of the classes of the class models"
                 f" ({', '.join(self._class_names)}); start again with config/detector.yaml to go by the detector's"
                 " labels"
             )

@@ -34,6 +34,7 @@ from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.assembly.frame_assembler import FrameAssembler
 from semantic_slam.pipeline.assembly.places_assembler import PlacesAssembler
 from semantic_slam.pipeline.build_classifier import build_classifier
+from semantic_slam.reasons import count
 from semantic_slam.ros.node.health import dropped_status, waiting_status
 from semantic_slam.ros.node.parameters import declare_configuration, declare_fixed, refuse_undeclared
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
@@ -177,7 +178,7 @@ class ClassifierNode(PipelineNode):
                 try:
                     message = to_message(in_body(detections, type_name, self._perception.base_frame, self._sensor_pose))
                 except InputError as fault:  # the transform may still arrive for later messages
-                    self._dropped[str(fault)] += 1
+                    count(self._dropped, str(fault))
                     return
             self._assembler.add_detections(message)
             self._work()
@@ -213,7 +214,7 @@ class ClassifierNode(PipelineNode):
                 if T_base_camera is None:
                     T_base_camera = self._sensor_pose(frame.camera.frame_id)
             except InputError as fault:  # the transform may still arrive for later frames
-                self._dropped[str(fault)] += 1
+                count(self._dropped, str(fault))
                 continue
             self._send(self._classifier.measure(frame, self._measured, T_base_camera))
 

@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semantic_slam.configuration import PruningConfiguration
+from semantic_slam.configuration import PruningConfiguration, load_configuration
+from semantic_slam.errors import InputError
+from semantic_slam.inference.association.strategy import strategy_of
+from semantic_slam.inference.building.checks import check_settings
 from semantic_slam.inference.pruning import Kinds, Pruned, affordable, most_of_a_kind, prune, shared_out
+from semantic_slam.shipped import CONFIGURATIONS
 
 WEIGHTS = np.log([8.0, 4.0, 2.0, 1.0, 0.5, 1e-5])
 POSITIONS = np.array([[0.0, 0.0], [0.1, 0.0], [5.0, 0.0], [0.2, 0.0], [5.0, 0.1], [9.0, 9.0]])
@@ -53,6 +57,17 @@ def test_so_many_of_a_kind_are_kept_and_the_others_count_as_discarded() -> None:
 @pytest.mark.parametrize(("pairs", "detections", "most"), [(0, 20, None), (60, 0, 60), (60, 20, 3), (60, 100, 1)])
 def test_the_more_is_in_sight_the_fewer_of_a_kind_are_kept(pairs: int, detections: int, most: int | None) -> None:
     assert most_of_a_kind(PruningConfiguration(max_pairs=pairs), detections) == most
+
+
+def test_so_many_pairs_are_refused_where_there_are_no_kinds() -> None:
+    shipped = load_configuration(CONFIGURATIONS / "uncalibrated.yaml")
+    assert shipped.pruning.max_pairs > 0
+    check_settings(shipped, strategy_of(shipped))
+    without = replace(shipped, pruning=replace(shipped.pruning, place_m=0.0))
+    with pytest.raises(InputError, match=r"max_pairs .* needs pruning.place_m above 0; set it, or max_pairs to 0"):
+        check_settings(without, strategy_of(without))
+    ever = replace(without, pruning=replace(without.pruning, max_pairs=0))
+    check_settings(ever, strategy_of(ever))
 
 
 @pytest.mark.parametrize("limits", [{"place_m": 0.0}, {"max_hypotheses": 1}])

@@ -14,12 +14,16 @@ from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
+from semantic_slam.messages.sensor import IDENTITY
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 from semantic_slam.pipeline.session import Session
+from semantic_slam.pipeline.unmeant_labels import UnmeantLabels
+from semantic_slam.reasons import MOST_REASONS, OTHER
 from semantic_slam.ros.node.health import Level, dropped_status
 
 FIVE = ("cabinet", "chest", "crate", "desk", "locker")
@@ -72,6 +76,17 @@ def test_what_it_names_is_left_out_and_counted_and_said_once(association: str) -
     (line,) = session.news()
     assert "'refrigerator'" in line and "config/detector.yaml" in line and "cabinet" in line
     assert session.news() == without.news() == []
+
+
+def test_of_ever_new_labels_a_hundred_are_said_and_counted_by_name_and_the_others_together() -> None:
+    told = measured(0, *(f"{n:03}{'x' * 1000}" for n in range(MOST_REASONS + 50)))
+    keyframe = Keyframe(
+        index=0, stamp_ns=told.stamp_ns, odometry=IDENTITY, odometry_covariance=np.eye(6), measurements=told
+    )
+    unmeant = UnmeantLabels(NETWORK)
+    assert unmeant.without(keyframe).measurements.labels == ("cabinet", "object")
+    assert len(unmeant.news()) == len(unmeant.dropped) == MOST_REASONS + 1 and unmeant.dropped[OTHER] == 50
+    assert max(map(len, unmeant.dropped)) < 200
 
 
 def test_at_the_start_it_still_ends_the_run() -> None:

@@ -23,6 +23,7 @@ from semantic_slam.messages.codec import CODECS, to_message
 from semantic_slam.messages.disparity import is_disparity
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.tf_odometry import TfOdometry
+from semantic_slam.reasons import count
 
 Handler = Callable[[RawMessage], None]
 RAW_IMAGE = "sensor_msgs/msg/Image"
@@ -72,7 +73,7 @@ class Converter:
         try:
             handler(message)
         except InputError as fault:  # one message; the others may be good
-            self.dropped[str(fault)] += 1
+            count(self.dropped, str(fault))
         return message.topic == self._selection.detections.name
 
     def check_complete(self) -> None:
@@ -191,6 +192,8 @@ class Converter:
     def _odometry_from_tf(self, message: RawMessage) -> None:
         for estimate in self._tf.read(self._decode(message)):
             self._write(topics.ODOMETRY, estimate, message.stamp_ns)
+        if self._tf.num_repeated:
+            self.dropped[f"{topics.TF}: odometry of a stamp that it had before"] = self._tf.num_repeated
 
     def _decode(self, message: RawMessage) -> Any:
         return self._reader.decode(message.cdr, message.type_name)

@@ -28,6 +28,7 @@ def check_settings(configuration: Configuration, association: type[AssociationSt
     _check_moving(configuration, association)
     _check_displaced(configuration, association)
     _check_existence(configuration)
+    _check_pruning(configuration)
     check_horizon(configuration)
 
 
@@ -145,6 +146,14 @@ def _check_existence(configuration: Configuration) -> None:
             "open_world.learn_scores and learn_alarm_scores would count the same scores twice; set one of them to false"
         )
     _ = Departures(world).by_label  # raises
+
+
+def _check_pruning(configuration: Configuration) -> None:
+    pruning = configuration.pruning
+    if pruning.max_pairs > 0 and pruning.place_m <= 0.0:
+        raise InputError(
+            "pruning.max_pairs is of one place, and needs pruning.place_m above 0; set it, or max_pairs to 0"
+        )
 
 
 def _check_moving(configuration: Configuration, association: type[AssociationStrategy]) -> None:

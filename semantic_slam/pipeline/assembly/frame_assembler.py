@@ -21,6 +21,7 @@ from semantic_slam.perception.frame import CameraModel, Detections, Frame
 from semantic_slam.pipeline.assembly.detections_input import DetectionsInput
 from semantic_slam.pipeline.odometry.moving_camera import MovingCamera
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
+from semantic_slam.reasons import count, quoted
 
 MAX_IMAGES_WAITING = 300
 """Images buffered while waiting for detections; a detector with a longer latency cannot be matched."""
@@ -126,7 +127,7 @@ class FrameAssembler(DetectionsInput):
         camera, image = self.camera, self._images.nearest(detections.stamp_ns, self._tolerance_ns)
         fault = _fault(detections, camera, image)
         if fault or camera is None:
-            self.dropped[fault] += 1
+            count(self.dropped, fault)
             return None
         pixels = self._pixels(decode_image, image, topics.IMAGE, camera)
         if pixels is None:
@@ -134,8 +135,8 @@ class FrameAssembler(DetectionsInput):
         stamp_ns, moving = detections.stamp_ns, self._moving_camera(camera)
         T_base_camera = None if moving is None else moving.pose(camera.frame_id, stamp_ns, self._tolerance_ns)
         if moving is not None and T_base_camera is None:
-            base_frame = self._base_frame
-            self.dropped[f"{topics.DETECTIONS}: no {topics.TF} from {base_frame} to '{camera.frame_id}' then"] += 1
+            link = f"from {self._base_frame} to {quoted(camera.frame_id)}"
+            count(self.dropped, f"{topics.DETECTIONS}: no {topics.TF} {link} then")
             return None
         return Frame(stamp_ns, pixels, self._depth(stamp_ns, camera), camera, detections, T_base_camera)
 
@@ -162,7 +163,7 @@ class FrameAssembler(DetectionsInput):
             pixels = decode(message, topic)
             self._check_size((pixels.shape[1], pixels.shape[0]), topic, camera)
         except InputError as error:
-            self.dropped[str(error)] += 1
+            count(self.dropped, str(error))
             return None
         return pixels
 
@@ -184,5 +185,6 @@ def _fault(detections: Detections, camera: CameraModel | None, image: Any) -> st
     if camera is None:
         return f"{topics.DETECTIONS}: no {topics.CAMERA_INFO} came"
     if plain_frame(detections.frame_id) != plain_frame(camera.frame_id):
-        return f"{topics.DETECTIONS}: frame id '{detections.frame_id}' is not the camera's '{camera.frame_id}'"
+        own, expected = quoted(detections.frame_id), quoted(camera.frame_id)
+        return f"{topics.DETECTIONS}: frame id {own} is not the camera's {expected}"
     return f"{topics.DETECTIONS}: no {topics.IMAGE} of their stamp" if image is None else ""

@@ -48,9 +48,7 @@ from semantic_slam.pipeline.odometry.motion import (
 )
 from semantic_slam.pipeline.odometry.odometry_buffer import OdometryBuffer
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
-
-LONGEST_NAME = 80
-"""Characters of a foreign frame id that are quoted in a reason."""
+from semantic_slam.reasons import count, quoted
 
 
 class KeyframeAssembler:
@@ -123,9 +121,8 @@ class KeyframeAssembler:
             return
         child, base = plain_frame(message.child_frame_id), plain_frame(self._configuration.perception.base_frame)
         if child not in ("", base):
-            self.dropped[
-                f"{topics.ODOMETRY}: of frame '{child[:LONGEST_NAME]}', where perception.base_frame is '{base}'"
-            ] += 1
+            reason = f"{topics.ODOMETRY}: of frame {quoted(child)}, where perception.base_frame is '{base}'"
+            count(self.dropped, reason)
             return
         stamp_ns = sample.stamp_ns - self._expected_ns
         stated = None if self._in_space is None else sample.covariance

@@ -19,6 +19,7 @@ from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places import PlaceReader
 from semantic_slam.pipeline.assembly.detections_input import DetectionsInput
+from semantic_slam.reasons import count, quoted
 
 
 class PlacesAssembler(DetectionsInput):
@@ -85,9 +86,10 @@ class PlacesAssembler(DetectionsInput):
         try:
             T_base_camera = self._camera_pose(camera.frame_id)
             if plain_frame(detections.frame_id) not in self._frames_of_boxes(detections, camera):
-                raise InputError(f"frame id '{detections.frame_id}' is not the camera's '{camera.frame_id}'")
+                own, expected = quoted(detections.frame_id), quoted(camera.frame_id)
+                raise InputError(f"frame id {own} is not the camera's {expected}")
         except InputError as fault:  # in a live system the transform may still arrive
-            self._lost[f"{topics.DETECTIONS}: boxes without their camera: {fault}"] += 1
+            count(self._lost, f"{topics.DETECTIONS}: boxes without their camera: {fault}")
             return self._reader.measure(detections, self._num_measured)
         return self._reader.measure(detections, self._num_measured, camera, T_base_camera)
 

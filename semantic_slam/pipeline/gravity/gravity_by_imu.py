@@ -25,13 +25,12 @@ from semantic_slam.pipeline.gravity.imu_window import ImuWindow
 from semantic_slam.pipeline.gravity.level import repeated
 from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
+from semantic_slam.reasons import count, quoted
 
 SILENT_NS = 2 * NANOSECONDS
 """Lag behind odometry above which the topic counts as silent."""
 START_NS = 5 * NANOSECONDS
 """Longest delay, by stamps, of a run's start for the first message and, live, for the transform to its frame."""
-LONGEST_NAME = 80
-"""Characters of a foreign frame id that are quoted in a reason."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ class GravityByImu:
         try:
             look = self._look(stamp_ns, path, is_first=is_first)
         except NoLookError as reason:
-            self._dropped[f"{topics.IMU}: {reason}"] += 1
+            count(self._dropped, f"{topics.IMU}: {reason}")
             return None
         elapsed_s = np.inf if self._last_look_ns is None else (stamp_ns - self._last_look_ns) / NANOSECONDS
         self._last_look_ns = stamp_ns
@@ -136,7 +135,7 @@ class GravityByImu:
         try:
             pose = self._pose(frame_id)
         except InputError:
-            named = f"no static transforms from {self._base_frame} to '{frame_id[:LONGEST_NAME]}'"
+            named = f"no static transforms from {self._base_frame} to {quoted(frame_id)}"
             raise NoLookError(f"{named}, publish /tf_static or set imu.extrinsics") from None
         if not is_pose(pose):
             raise NoLookError("the transform to its frame is not finite")

@@ -72,11 +72,16 @@ def dropped_status(dropped: Counter[str]) -> Status:
     return Status("dropped", Level.WARN, text, {f"dropped: {reason}": str(n) for reason, n in sorted(dropped.items())})
 
 
-def transforms_status(lack: str) -> Status:
-    """Status of odometry from /tf; ``lack``: what that lacks and has instead, "" once it was there."""
+def transforms_status(lack: str, moving: InputMonitor, now_s: float) -> Status:
+    """Status of odometry from /tf; ``lack``: what that lacks and has instead, "" once it was there.
+
+    ``moving`` monitors the transform itself: others on /tf may go on when it stops.
+    """
     if not lack:
-        return Status("odometry", Level.OK, "comes by /tf")
-    return Status("odometry", Level.WARN, f"/tf lacks {lack}; name the frames with odom_frame and base_frame")
+        told = moving.status(now_s, num_publishers=0)
+        return Status("odometry", told.level, "comes by /tf" if told.level == Level.OK else told.message)
+    remedy = "name the frames with odom_frame and base_frame, which has to be perception.base_frame"
+    return Status("odometry", Level.WARN, f"/tf lacks {lack}; {remedy}")
 
 
 def waiting_status(num_waiting: int) -> Status:

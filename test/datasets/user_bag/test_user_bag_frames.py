@@ -9,12 +9,13 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 
 
-def test_odometry_from_tf_over_a_fixed_transform(tmp_path, monkeypatch):
+def test_odometry_from_tf_over_a_fixed_transform(tmp_path, monkeypatch, capsys):
     source = write_drive(tmp_path / "source", frames=1, static=False)
     quarter_turn = (0, 0, np.sqrt(0.5), np.sqrt(0.5))
     with UserBag(tmp_path / "tf") as bag:
         bag.write("/tf", bag.transform(SECOND, "map", "odom", (9, 9, 0)), SECOND)
-        bag.write("/tf", bag.transform(SECOND, "odom", "base_footprint", (1, 2, 0), quarter_turn), SECOND)
+        for stamp_ns in (SECOND, SECOND + 1):  # the second one as an echo of the first
+            bag.write("/tf", bag.transform(SECOND, "odom", "base_footprint", (1, 2, 0), quarter_turn), stamp_ns)
         # written later than the transform that needs it
         bag.write("/tf_static", bag.transform(SECOND, "base_footprint", "base_link", (0.5, 0, 0.1)), 2 * SECOND)
     merge_bags(tmp_path / "both", source, tmp_path / "tf")
@@ -23,6 +24,7 @@ def test_odometry_from_tf_over_a_fixed_transform(tmp_path, monkeypatch):
     # base_link lies 0.5 m ahead of base_footprint, which looks along odom's y.
     np.testing.assert_allclose(odometry.pose, [1, 2.5, 0.1, *quarter_turn], atol=1e-12)
     assert (odometry.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert "messages not usable: /tf: odometry of a stamp that it had before 1" in capsys.readouterr().out
 
 
 def test_tf_without_the_frames_names_those_it_has(tmp_path, monkeypatch):
