@@ -12,6 +12,7 @@ from worlds.belief_factory import small_belief
 from worlds.processes.node_runs import beliefs
 
 from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration
@@ -90,6 +91,24 @@ def test_copies_that_overtake_beliefs_end_no_recorder_and_beliefs_that_are_lost_
         with pytest.raises(SemanticSlamError, match="keyframe 5 came where 4 was due"):
             recorder._is_due(6, 6)
         recorder.worker.stop()
+    finally:
+        rclpy.try_shutdown()
+
+
+def test_a_recorder_that_goes_on_after_a_kill_forgives_one_gap_and_no_later_one(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag")
+    writer.__enter__()
+    for keyframe in range(3):
+        writer.write(topics.BELIEF, small_belief(keyframe, [1], [1], [1.0], [4], [[4]]), 1 + keyframe)
+    writer.flush()
+    given = [f"bag:={tmp_path / 'bag'}", "autostart:=false", "resume:=true"]
+    rclpy.init(args=["--ros-args", *(word for item in given for word in ("-p", item))])
+    try:
+        recorder = BagRecorder()
+        due = [recorder._is_due(keyframe, keyframe) for keyframe in (5, 6, 9, 7, 8)]
+        assert due == [True, True, False, True, True]
+        recorder.worker.stop()
+        recorder.close()
     finally:
         rclpy.try_shutdown()
 
