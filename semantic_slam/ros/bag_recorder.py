@@ -127,8 +127,24 @@ class BagRecorder(PipelineNode):
         self._writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns, definition)
 
     def close(self) -> None:
-        """Write the bag's index, which makes it readable; a complete bag then replaces an old one."""
+        """Write the bag's index, which makes it readable; a complete bag then replaces an old one.
+
+        A bag that the worker still writes, to a disk that hangs, is left as a killed recorder leaves it.
+        """
+        if self.worker.is_working:
+            text = "is still being written and was left unfinished; go on with it by resume:=true"
+            self.fault = self.fault or SemanticSlamError(f"{self._path}: {text}")
+            return
+        if left := sum(item is not None for item in self.worker.left()):  # the other calls flush
+            text = f"{left} messages were not written, as the node ended before their turn"
+            self.get_logger().warning(f"{self._path}: {text}")
         self._finish_bag()
+
+    def _failed(self, fault: Exception) -> None:
+        """Keep the fault; one of writing also after SIGTERM, when those of publishing are none."""
+        if isinstance(fault, SemanticSlamError):
+            self.fault = fault
+        super()._failed(fault)
 
     def _finish_bag(self) -> None:
         self._writer.__exit__(None, None, None)
