@@ -31,19 +31,31 @@ class Continuation:
         self._damaged: dict[Path, str] = {}  # by folder, found by the last pass over the messages
 
     def messages(self) -> Iterator[tuple[RawMessage, str]]:
-        """Every complete message with its type definition; messages copied before a second kill come twice."""
+        """Every complete message with its type definition, once: without the copies that a second kill broke off."""
+        parts = list(self._folders)
         for folder in self._folders:
-            for path in storage_files(folder):
-                try:
-                    stream = McapStream(path)
-                except InputError as fault:
-                    if path.stat().st_size:  # else killed before the first byte was written
-                        self._damaged[folder] = str(fault)
-                    continue
-                if stream.damage and not stream.is_torn:
-                    self._damaged[folder] = stream.damage
-                for message in stream.messages(None):
-                    yield message, stream.definitions[message.type_name]
+            if any(self._is_in(folder, other) for other in parts if other != folder):
+                parts.remove(folder)
+        for folder in parts:
+            yield from self._messages_of(folder)
+
+    def _is_in(self, part: Path, whole: Path) -> bool:
+        """Whether the messages of ``part`` are also in ``whole``, in the same order, as where one was copied."""
+        others = (message for message, _ in self._messages_of(whole))
+        return all(message in others for message, _ in self._messages_of(part))  # ``in`` goes on where it found one
+
+    def _messages_of(self, folder: Path) -> Iterator[tuple[RawMessage, str]]:
+        for path in storage_files(folder):
+            try:
+                stream = McapStream(path)
+            except InputError as fault:
+                if path.stat().st_size:  # else killed before the first byte was written
+                    self._damaged[folder] = str(fault)
+                continue
+            if stream.damage and not stream.is_torn:
+                self._damaged[folder] = stream.damage
+            for message in stream.messages(None):
+                yield message, stream.definitions[message.type_name]
 
     def done(self, bag: Path) -> list[str]:
         """Delete the old parts, whose messages are in the new bag.

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import zstandard
 from rosbags.interfaces import Connection
+from rosbags.rosbag2.metadata import ReaderMetadata
 from rosbags.rosbag2.storage_mcap import McapReader
 
 from semantic_slam.bag.checksums import first_damage, has_chunk_checksums, summary_crc
@@ -21,6 +22,7 @@ class Storage(Protocol):
 
     path: Path
     connections: list[Connection]
+    metadata: ReaderMetadata
 
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]: ...
 
@@ -39,6 +41,7 @@ class IndexedSource:
         for item in storage.connections:
             self.counts[absolute(item.topic)] += item.msgcount
         self.topics = {absolute(item.topic): item.msgtype for item in storage.connections}
+        self.span_ns = (storage.metadata.start_time, storage.metadata.end_time)
         self.definitions = {item.msgtype: item.msgdef.data for item in storage.connections if item.msgdef.data}
 
     def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]:

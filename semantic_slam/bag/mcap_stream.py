@@ -1,6 +1,7 @@
 """The readable beginning of a damaged or unfinished mcap, read in the order of the file."""
 
 import struct
+import sys
 from collections import Counter
 from collections.abc import Collection, Iterator
 from io import BytesIO
@@ -34,7 +35,11 @@ class McapStream:
         self.topics: dict[str, str] = {}
         self.definitions: dict[str, str] = {}
         records = McapRecords(path)
-        self.counts = Counter(message.topic for message in self._read_all(records))
+        self.counts: Counter[str] = Counter()
+        self.span_ns = (sys.maxsize, 0)
+        for message in self._read_all(records):
+            self.counts[message.topic] += 1
+            self.span_ns = (min(self.span_ns[0], message.stamp_ns), max(self.span_ns[1], message.stamp_ns))
         self.damage = records.damage and f"{path.name}: {records.damage}"  # why and where reading ends; "" for nothing
         self.is_torn = records.is_torn  # the file ends in the midst of what was written last, as after a loss of power
         self.has_end = records.has_end  # its recorder closed it

@@ -43,6 +43,7 @@ class Source(Protocol):
     topics: dict[str, str]
     definitions: dict[str, str]
     counts: Counter[str]
+    span_ns: tuple[int, int]  # least and greatest log time; of no message, the first is greater than the second
     has_checksums: bool
 
     def messages(self, topics: Collection[str] | None) -> Iterator[RawMessage]: ...
@@ -107,6 +108,13 @@ class BagReader:
     def num_messages(self) -> int:
         """Messages that can be read, of all topics."""
         return self.counts.total()
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the least log time of the messages that can be read to the greatest; 0 if there are none."""
+        start_ns = min((source.span_ns[0] for source in self._sources), default=0)
+        end_ns = max((source.span_ns[1] for source in self._sources), default=0)
+        return max(end_ns - start_ns, 0) * 1e-9
 
     @property
     def definitions(self) -> dict[str, str]:

@@ -50,11 +50,12 @@ class _Collected:
     true_odometry: dict[int, Any] = field(default_factory=dict)
     true_objects: GroundTruthObjects | None = None
     true_associations: dict[int, tuple[str, ...]] = field(default_factory=dict)
-    dropped: dict[tuple[str, str], int] = field(default_factory=dict)
+    dropped: dict[tuple[str, str], int] = field(default_factory=dict)  # (node, reason) -> newest count
+    dropped_before: Counter[tuple[str, str]] = field(default_factory=Counter)  # likewise, by processes that ended
 
     def take(self, topic: str, type_name: str, raw: bytes) -> None:
         if topic == topics.DIAGNOSTICS:
-            self.dropped.update(_dropped(deserialize(raw, type_name)))
+            self._count_dropped(_dropped(deserialize(raw, type_name)))
             return
         value = decode(raw, type_name)
         if isinstance(value, HybridBelief):
@@ -71,6 +72,13 @@ class _Collected:
         else:
             self.true_associations[value.stamp_ns] = value.object_ids
 
+    def _count_dropped(self, counts: dict[tuple[str, str], int]) -> None:
+        """Take newer counts; one below that before is of a node that was started again and counts from zero."""
+        for key, count in counts.items():
+            before = self.dropped.get(key, 0)
+            self.dropped_before[key] += before if count < before else 0
+            self.dropped[key] = count
+
     def truth(self) -> GroundTruth | None:
         if not self.true_odometry and self.true_objects is None and not self.true_associations:
             return None
@@ -79,8 +87,8 @@ class _Collected:
     def reasons(self, beliefs: tuple[HybridBelief, ...]) -> dict[str, int]:
         """What was dropped, by reason: as diagnostics name them; inputs else as the last belief counted them."""
         reasons: dict[str, int] = {}
-        for (_, reason), count in self.dropped.items():
-            reasons[reason] = reasons.get(reason, 0) + count
+        for key, count in self.dropped.items():
+            reasons[key[1]] = reasons.get(key[1], 0) + count + self.dropped_before[key]
         total = beliefs[-1].dropped
         if total and all(reason.startswith(LOST) for reason in reasons):
             reasons["reason not recorded"] = total
@@ -138,7 +146,7 @@ def _believed(poses: dict[int, Any]) -> dict[int, Any]:
 
 
 def _dropped(message: Any) -> dict[tuple[str, str], int]:
-    """(node, reason) -> count of one diagnostics message; later ones replace earlier ones."""
+    """(node, reason) -> count of one diagnostics message, since the node was started."""
     counts = {}
     for status in message.status:
         for item in status.values:

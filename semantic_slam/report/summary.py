@@ -27,7 +27,7 @@ class SummaryRow:
     duration_s: float | None = None
     objects: int | None = None  # that exist with EXISTS or more
     hypotheses: int | None = None  # at the end
-    unexplained: float | None = None  # share of the keyframes whose data the belief does not explain
+    unexplained: float | None = None  # share of the keyframes that state it whose data the belief does not explain
     discarded_mass: float | None = None  # since the start; it only grows
     discarded_mass_window: float | None = None  # of the last keyframes; None in beliefs of older versions, too
     dropped: int | None = None  # messages and detections, for all reasons
@@ -50,12 +50,18 @@ def summary_row(name: str, bag: Path, folder: Path | None, fault: str) -> Summar
         duration_s=(last["stamp_ns"] - keyframes[0]["stamp_ns"]) * 1e-9,
         objects=sum((own["existence"] or 0.0) >= EXISTS for own in document["objects"]),
         hypotheses=last["n_hypotheses"],
-        unexplained=sum((own.get("unexplained") or 0.0) > UNEXPLAINED for own in keyframes) / len(keyframes),
+        unexplained=_share_unexplained(keyframes),
         discarded_mass=last["discarded_mass"],
         discarded_mass_window=last.get("discarded_mass_window"),
         dropped=sum(document["dropped"].values()),
         metrics={metric: metrics.get(metric) for metric in SHOWN_METRICS if metric in metrics},
     )
+
+
+def _share_unexplained(keyframes: list[dict[str, Any]]) -> float | None:
+    """Share of the keyframes that state ``unexplained`` whose data the belief does not explain; None if none does."""
+    stated = [own["unexplained"] for own in keyframes if own.get("unexplained") is not None]
+    return sum(own > UNEXPLAINED for own in stated) / len(stated) if stated else None
 
 
 def summary_files(rows: Sequence[SummaryRow]) -> dict[str, str]:

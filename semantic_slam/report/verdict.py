@@ -53,12 +53,19 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
 
 
 def unexplained(beliefs: Sequence[HybridBelief]) -> str:
-    """Since when, or for how many keyframes, the belief did not explain its data; nothing where it always did."""
+    """Since when, or for how many keyframes, the belief did not explain its data, or this is not known.
+
+    Nothing where it always did, and where no keyframe states it, as in beliefs of older versions.
+    """
     lost = [belief.unexplained > UNEXPLAINED for belief in beliefs]
+    unknown = [math.isnan(belief.unexplained) for belief in beliefs]
     if not any(lost):
-        return ""
+        if all(unknown) or not any(unknown):
+            return ""
+        return f"In {sum(unknown)} of {len(lost)} keyframes it is not known whether the belief explains its data."
     if not lost[-1]:
-        return f"The belief could not explain its data in {sum(lost)} of {len(lost)} keyframes; in the end it can."
+        end = "it is not known whether it can" if unknown[-1] else "it can"
+        return f"The belief could not explain its data in {sum(lost)} of {len(lost)} keyframes; in the end {end}."
     since = max((place + 1 for place, own in enumerate(lost) if not own), default=0)
     return (
         f"The belief cannot explain its data since keyframe {beliefs[since].keyframe}:"

@@ -79,7 +79,7 @@ class BagRecorder(PipelineNode):
         self._stamp_ns = 0  # for messages without a stamp: of the newest belief; before the first, the newest of all
         self._num_beliefs, self._belief_stamp_ns = 0, -1
         self._ahead: Ahead | None = None
-        self._has_gap = False  # beliefs were missed, while not active, since the last recorded one
+        self._has_gap = False  # beliefs may have been missed, while not active or dead, since the last recorded one
         self._run_id = ""
         self._next_run: Any = None  # configuration of another session whose first belief has not arrived yet
         self._ends_at_ns: int | None = None  # stamp of the replay's last belief
@@ -98,12 +98,12 @@ class BagRecorder(PipelineNode):
 
     def _begin(self, path: Path, unfinished: Path | None, overwrite: bool) -> None:
         """Open the bag; ``unfinished`` is one that a killed recorder left, whose messages are taken over."""
-        self._is_resumed = unfinished is not None
         if unfinished is None:
             self._claim = claimed_bag(path, (), overwrite, LEAVE_OF_NODES)
             self._writer = BagWriter(self._claim.__enter__())
             self._writer.__enter__()
             return
+        self._has_gap = not self.lossless
         self._claim = claimed_again(path, unfinished)
         earlier = Continuation(self._claim.__enter__())
         self._writer = BagWriter(unfinished)
@@ -127,8 +127,24 @@ class BagRecorder(PipelineNode):
         self._writer.write_raw(message.topic, message.type_name, message.cdr, message.stamp_ns, definition)
 
     def close(self) -> None:
-        """Write the bag's index, which makes it readable; a complete bag then replaces an old one."""
+        """Write the bag's index, which makes it readable; a complete bag then replaces an old one.
+
+        A bag that the worker still writes, to a disk that hangs, is left as a killed recorder leaves it.
+        """
+        if self.worker.is_working:
+            text = "is still being written and was left unfinished; go on with it by resume:=true"
+            self.fault = self.fault or SemanticSlamError(f"{self._path}: {text}")
+            return
+        if left := sum(item is not None for item in self.worker.left()):  # the other calls flush
+            text = f"{left} messages were not written, as the node ended before their turn"
+            self.get_logger().warning(f"{self._path}: {text}")
         self._finish_bag()
+
+    def _failed(self, fault: Exception) -> None:
+        """Keep the fault; one of writing also after SIGTERM, when those of publishing are none."""
+        if isinstance(fault, SemanticSlamError):
+            self.fault = fault
+        super()._failed(fault)
 
     def _finish_bag(self) -> None:
         self._writer.__exit__(None, None, None)
@@ -215,8 +231,7 @@ class BagRecorder(PipelineNode):
         if keyframe < self._num_beliefs:  # repeated by a restarted manager
             self.repeated[topics.BELIEF] += 1
             return False
-        may_lack = self._has_gap or (self._is_resumed and not self.lossless)
-        if keyframe != self._num_beliefs and not may_lack:
+        if keyframe != self._num_beliefs and not self._has_gap:
             self._note_ahead(keyframe, stamp_ns)
             return False
         self._refuse_ahead()

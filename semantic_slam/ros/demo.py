@@ -18,6 +18,9 @@ DOMAINS = 50
 LAST_DOMAIN = 232
 JOURNAL = "journal"
 REPLAY_TIMEOUT_S = 3600.0
+"""How much longer than the recording a replay may take before it is given up."""
+LEAST_RATE = 0.1
+"""How fast a lossless replay is at least, by the time of the recording."""
 
 
 def parse(words: list[str] | None = None) -> argparse.Namespace:
@@ -97,8 +100,17 @@ def replay(arguments: argparse.Namespace, belief: Path) -> None:
     with NodeProcesses(arguments.out / "log", loopback_environment(domain_id), Supervisor(specs)) as nodes:
         for spec in specs:
             nodes.start(spec, show_errors=spec.name == "bag_player")
-        nodes.wait("bag_recorder", REPLAY_TIMEOUT_S)
-        nodes.wait("bag_player", REPLAY_TIMEOUT_S)
+        timeout_s = replay_timeout_s(arguments.bag, arguments.rate)
+        nodes.wait("bag_recorder", timeout_s)
+        nodes.wait("bag_player", timeout_s)
+
+
+def replay_timeout_s(bag: Path, rate: float) -> float:
+    """Seconds after which a replay of the bag at ``rate`` (0: lossless) is given up; raises InputError."""
+    from semantic_slam.bag.reader import BagReader
+
+    with BagReader(bag, announces=False) as reader:
+        return REPLAY_TIMEOUT_S + reader.duration_s / (rate or LEAST_RATE)
 
 
 def domain() -> int:

@@ -295,7 +295,8 @@ class HypothesisManagerNode(PipelineNode):
                 self._state(belief, keyframe)
         finally:
             unused = self._session.dropped + self._frames.missed + self.refused.copy() + self._pool.refused
-            self._status = dropped_status(unused)
+            if not self._is_recovering:  # a part of the journal's counts would look like those of a fresh start
+                self._status = dropped_status(unused)
             for line in self._session.news():
                 self.get_logger().warning(line)
         self._announce(finished=False)

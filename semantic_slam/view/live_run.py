@@ -184,7 +184,7 @@ class LiveRun:
         return {"id": run.run_id, "source": source, "revision": run.revision}
 
     def _state(self) -> dict[str, Any]:
-        newest = self._timeline.moments[-1].scene if self._timeline.moments else {}
+        unexplained = self._timeline.moments[-1].scene["unexplained"] if self._timeline.moments else 0.0
         return {
             "topic": self.topic,
             "publishers": self.publishers,
@@ -192,7 +192,7 @@ class LiveRun:
             "ended": self._has_ended,
             "repeated": self._repeated,
             "missed": self._missed,
-            "lost": (newest.get("unexplained") or 0.0) > UNEXPLAINED,
+            "lost": None if unexplained is None else unexplained > UNEXPLAINED,  # None: not known
         }
 
     def _refused(self) -> list[list[str]]:

@@ -136,9 +136,11 @@ def test_every_storage_and_compression(tmp_path, plugin, mode):
     writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
         connection = writer.add_connection("/odom", "nav_msgs/msg/Odometry", typestore=typestore())
-        writer.write(connection, 3, serialize(to_message(odometry(3))))
+        for stamp_ns in (3, 3 + 7_200 * 10**9):
+            writer.write(connection, stamp_ns, serialize(to_message(odometry(3))))
     with BagReader(tmp_path / "bag") as reader:
-        (message,) = read_all(reader, ["odom"])
+        message, _ = read_all(reader, ["odom"])
+        assert reader.duration_s == pytest.approx(7200.0)
         assert from_message(reader.decode(message.cdr, message.type_name)).stamp_ns == 3
 
 
@@ -168,6 +170,7 @@ def test_a_truncated_mcap_gives_everything_before_the_damage(tmp_path, form, sha
             found.extend(reader.messages(["/odom"]))
         assert reader.topics["/odom"] == "nav_msgs/msg/Odometry"
         assert reader.num_messages == pytest.approx(2 * len(found) + 1, abs=1)
+        assert reader.duration_s == pytest.approx(len(found) * 1e-9, abs=1.5e-9)
         assert reader.decode(found[-1].cdr, found[-1].type_name).pose.pose.position.x == len(found)
     assert [message.stamp_ns for message in found] == list(range(1, len(found) + 1))
     assert (

@@ -14,6 +14,8 @@ from semantic_slam.evaluation.trajectory import Trajectory
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.document import analyse, report_document
 from semantic_slam.report.drawing.explanation_charts import explanation_charts, innovation_band
+from semantic_slam.report.plain_json import to_text
+from semantic_slam.report.summary import summary_row
 from semantic_slam.report.verdict import unexplained
 
 
@@ -42,12 +44,25 @@ def record_of(beliefs: tuple[HybridBelief, ...]) -> Record:
         ([np.nan, np.nan], ""),
         ([0.9, 0.1, 0.8, 0.99], "cannot explain its data since keyframe 6:"),
         ([0.9, 0.9], "cannot explain its data since keyframe 4:"),
-        ([0.1, 0.9, 0.8, 0.2], "could not explain its data in 2 of 4 keyframes"),
+        ([0.1, 0.9, 0.8, 0.2], "could not explain its data in 2 of 4 keyframes; in the end it can."),
+        ([0.1, 0.9, np.nan], "could not explain its data in 1 of 3 keyframes; in the end it is not known whether"),
+        ([0.1, np.nan, np.nan], "In 2 of 3 keyframes it is not known"),
     ],
 )
 def test_the_verdict_says_since_when(probabilities: list[float], said: str) -> None:
     found = unexplained(beliefs_of(probabilities))
     assert said in found and bool(said) == bool(found)
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "share"), [([np.nan, 0.9, 0.1, np.nan], 0.5), ([0.1, 0.2], 0.0), ([np.nan, np.nan], None)]
+)
+def test_the_summary_of_many_bags_counts_only_keyframes_that_state_it(
+    probabilities: list[float], share: float | None, tmp_path: Path
+) -> None:
+    document = report_document(analyse(record_of(beliefs_of(probabilities)), Path("belief"), ""))
+    (tmp_path / "report.json").write_text(to_text(document))
+    assert summary_row("drive", Path("drive"), tmp_path, "").unexplained == share
 
 
 def test_the_band_is_that_of_the_detections_of_known_objects() -> None:

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import re
+from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from worlds.belief_factory import (
     write_rows,
 )
 
+from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import _Collected, read_record
@@ -30,6 +32,7 @@ from semantic_slam.inference.building.class_prior import LEAST_CLASS_SHARE
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import read_map_prior
 from semantic_slam.messages import topics
+from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.report.drawing.ellipse import ellipses
 from semantic_slam.report.drawing.plot import Plot, nice_ticks
 from semantic_slam.report.make import make_report
@@ -102,6 +105,17 @@ def test_a_lost_hypothesis_does_not_hide_inputs_that_were_dropped() -> None:
     assert lost.reasons((belief,)) == {"hypothesis lost: x": 1, "reason not recorded": 4}
     named = _Collected(dropped={("semantic_slam: frames", "late"): 4})
     assert named.reasons((belief,)) == {"late": 4}
+
+
+def test_what_a_node_dropped_before_it_was_started_again_counts_too(tmp_path: Path) -> None:
+    """By node and reason: the classifier counts 2, 5, then anew 1, 3, and anew 2; the manager counts 4 throughout."""
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(topics.RUN_CONFIGURATION, run_configuration(Path("drive"), CLASSES, tuple("1234567")), 1)
+        writer.write(topics.BELIEF, small_belief(0, [1], [0], [1.0], [0], [[0]]), 1)
+        for stamp, count in enumerate((2, 5, 0, 1, 3, 2), start=1):
+            dropped = {"classifier": Counter(late=count) + Counter(), "manager": Counter(late=4, early=1)}
+            writer.write(topics.DIAGNOSTICS, dropped_message(stamp, dropped), stamp)
+    assert read_record(tmp_path / "bag").dropped == {"late": 5 + 3 + 2 + 4, "early": 1}
 
 
 def test_objects_come_back_as_a_map_prior(made: Path) -> None:

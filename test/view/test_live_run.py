@@ -167,6 +167,16 @@ def test_what_is_told_is_json_whatever_numbers_a_belief_holds() -> None:
     assert json.dumps(whole(run), allow_nan=False)
 
 
+@pytest.mark.parametrize(("unexplained", "lost"), [(np.nan, None), (0.2, False), (0.9, True)])
+def test_a_belief_that_does_not_know_whether_it_explains_its_data_is_not_told_as_one_that_does(
+    unexplained: float, lost: bool | None
+) -> None:
+    run = LiveRun()
+    assert whole(run)["state"]["lost"] is False
+    run.add_belief(dataclasses.replace(belief(2), unexplained=unexplained))
+    assert whole(run)["state"]["lost"] is lost
+
+
 def test_the_charts_hold_only_what_they_show() -> None:
     run = follow(LiveRun(), *range(6))
     charts = run.charts()

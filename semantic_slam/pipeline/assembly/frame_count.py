@@ -28,6 +28,7 @@ class FrameCount:
         "_num_measured",
         "_lost_before",
         "_lost",
+        "_refused",
         "_sequence",
         "_again_until_ns",
         "_dropped",
@@ -42,6 +43,7 @@ class FrameCount:
         self._was_down = False  # since the last frame
         self._num_measured = 0
         self._lost_before, self._lost = 0, 0  # by previous classifiers, and by the current one
+        self._refused = 0  # the newest number that was refused as more than can be lost at once
         self._sequence = -1
         self._again_until_ns = 0  # frames up to this stamp were already measured by a previous classifier
         self._dropped: OrderedDict[int, int] = OrderedDict()  # total dropped counts of the last frames, by stamp
@@ -88,8 +90,14 @@ class FrameCount:
         return is_again or measurements.sequence == self._sequence + 1
 
     def lost(self, frames: int) -> None:
-        """Set how many frames the classifier has lost so far. Raises MessageError for an impossible number."""
-        if frames - self._lost > MOST_AT_ONCE:
+        """Set how many frames the classifier has lost so far.
+
+        Raises MessageError for a number that is implausibly far above the one before, which may be somebody else's. The
+        next one is believed if it goes on from there: who starts late hears a high number first.
+        """
+        goes_on = 0 <= frames - self._refused <= MOST_AT_ONCE
+        if frames - self._lost > MOST_AT_ONCE and not goes_on:
+            self._refused = frames
             raise MessageError(f"progress: {frames} frames were lost, after {self._lost}", "more than there can be")
         if frames < self._lost:
             self._lost_before += self._lost

@@ -4,10 +4,11 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from math import isnan
 from tempfile import gettempdir
 
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.explanation import UNEXPLAINED, WINDOW_KEYFRAMES
 from semantic_slam.messages import topics
 
 SILENT_AFTER_S = 3.0
@@ -131,7 +132,15 @@ def explanation_status(belief: HybridBelief | None, carried: float = 0.0) -> Sta
     if carried > UNEXPLAINED:
         text = f"the robot was carried elsewhere lately ({carried:.0%}); see that the pose is where it stands"
         return Status("explanation", Level.WARN, text, values)
-    if not belief.unexplained > UNEXPLAINED:
+    if isnan(belief.unexplained):
+        return Status(
+            "explanation",
+            Level.WARN,
+            f"it is not known whether the belief explains its data at keyframe {belief.keyframe}: the evidence of one"
+            f" of the last {WINDOW_KEYFRAMES} keyframes is not a number; do not trust its pose and its map meanwhile",
+            values,
+        )
+    if belief.unexplained <= UNEXPLAINED:
         return Status("explanation", Level.OK, "the belief explains its data", values)
     return Status(
         "explanation",

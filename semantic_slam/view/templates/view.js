@@ -111,6 +111,7 @@ function tell({ state, run, health, dropped }) { // how the run goes, and its no
   part("state").textContent = text;
   part("run").textContent = [run.source, run.id && "run " + run.id.slice(0, 12), run.revision].filter(word => word).join(" · ");
   part("lost").hidden = !state.lost;
+  part("unknown").hidden = state.lost !== null;
   part("truth").hidden = !scene.truth.length;
   part("crosses").hidden = !scene.crosses.length;
   const last = scene.frames.at(-1), legend = part("classes");

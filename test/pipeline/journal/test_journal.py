@@ -232,6 +232,23 @@ def test_frames_and_drops_are_counted_once_when_a_classifier_begins_again() -> N
     assert count.num_done(num_waiting=1) == 5 - 1 + 2 + 1
 
 
+def test_who_starts_after_many_frames_were_lost_counts_the_next_ones_and_a_single_odd_number_changes_nothing() -> None:
+    late = FrameCount()
+    with pytest.raises(MessageError, match="were lost"):
+        late.lost(5000)
+    late.lost(5001)
+    late.lost(5003)
+    assert late.num_done(0) == 5003
+    early = FrameCount()
+    early.lost(3)
+    with pytest.raises(MessageError, match="were lost"):
+        early.lost(10**6)
+    early.lost(4)
+    with pytest.raises(MessageError, match="were lost"):
+        early.lost(10**7)
+    assert early.num_done(0) == 4
+
+
 def test_frames_that_came_while_the_manager_was_down_are_counted_by_their_sequence_numbers() -> None:
     """Frames that are lost otherwise are counted where they are lost, so that none is counted twice."""
     measurements = keyframes()[0].measurements

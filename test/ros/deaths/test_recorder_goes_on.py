@@ -78,7 +78,25 @@ def test_a_second_death_while_taking_over_loses_nothing(tmp_path: Path) -> None:
     assert unfinished_bag(place) == place
     assert keyframes_of(Continuation(place)) == [0, 1, 2]
     written(place, range(2))
-    assert keyframes_of(Continuation(unfinished_bag(place) or tmp_path)) == [0, 1, 2, 0, 1]
+    assert keyframes_of(Continuation(unfinished_bag(place) or tmp_path)) == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("parts", "taken"),
+    [
+        ([range(5), range(2), range(3)], [0, 1, 2, 3, 4]),  # killed twice while it copied
+        ([range(2), range(5)], [0, 1, 2, 3, 4]),  # killed after it had copied everything, and gone on
+        ([range(3), range(3)], [0, 1, 2]),
+        ([range(3), range(1, 4)], [0, 1, 2, 1, 2, 3]),  # neither is in the other
+    ],
+)
+def test_a_part_that_is_in_another_one_is_taken_over_once(parts: list[range], taken: list[int], tmp_path: Path) -> None:
+    """However long it is: what is remembered of single messages is bounded."""
+    for part in parts:
+        written(tmp_path / "bag", part)
+        continuation = Continuation(tmp_path / "bag")
+    assert keyframes_of(continuation) == taken
+    assert continuation.done(tmp_path / "bag") == [] and list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("has_old", [False, True])

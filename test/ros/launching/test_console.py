@@ -7,10 +7,15 @@ import time
 from pathlib import Path
 
 import pytest
+from worlds.belief_factory import small_belief
 from worlds.processes.interrupted import has_loaded, interrupted
 
+from semantic_slam.bag.writer import BagWriter
 from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
 from semantic_slam.ros import demo
+from semantic_slam.ros.launching import node_set
+from semantic_slam.ros.launching.processes import NodeProcesses
 from semantic_slam.ros.node.health import InputMonitor, Level, Status, console_text
 
 STARTER = """
@@ -61,6 +66,21 @@ def test_the_console_says_what_is_waited_for_and_what_is_wrong_and_else_nothing(
         InputMonitor("/detections", 9.0).status(9.6, 1),
     ]
     assert console_text(both) == "2 x odom: stamp repeats; waiting for /detections"
+
+
+@pytest.mark.parametrize(("rate", "most_s"), [(1.0, 3600.0 + 7200.0), (2.0, 3600.0 + 3600.0), (0.0, 3600.0 + 72000.0)])
+def test_a_demo_of_a_long_recording_is_waited_for_as_long_as_that_is(
+    rate: float, most_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        for stamp_s in (5, 7205):
+            writer.write(topics.BELIEF, small_belief(0, [1], [1], [1.0], [4], [[4]]), stamp_s * 10**9)
+    waited: dict[str, float] = {}
+    monkeypatch.setattr(NodeProcesses, "wait", lambda _, name, timeout_s: waited.update({name: timeout_s}))
+    monkeypatch.setattr(node_set, "node_set", lambda *_, **__: [])
+    words = ["--bag", str(tmp_path / "bag"), "--rate", str(rate), "--out", str(tmp_path / "out")]
+    demo.replay(demo.parse(words), tmp_path / "belief")
+    assert waited == {name: pytest.approx(most_s) for name in ("bag_recorder", "bag_player")}
 
 
 def test_a_demo_takes_the_domain_that_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

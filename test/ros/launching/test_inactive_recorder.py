@@ -1,5 +1,6 @@
 """A recorder that is not active keeps nothing but the newest of latched topics, and goes on behind the gap."""
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +12,9 @@ from rclpy.executors import SingleThreadedExecutor
 from worlds.belief_factory import small_belief
 from worlds.processes.node_runs import beliefs
 
+from semantic_slam.bag.continuation import unfinished_bag
 from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration
@@ -19,6 +22,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.ros import bag_recorder
 from semantic_slam.ros.bag_recorder import BagRecorder
+from semantic_slam.ros.node import worker
 from semantic_slam.ros.node.pipeline_node import PASSED
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet
@@ -92,6 +96,82 @@ def test_copies_that_overtake_beliefs_end_no_recorder_and_beliefs_that_are_lost_
         recorder.worker.stop()
     finally:
         rclpy.try_shutdown()
+
+
+def test_a_recorder_that_goes_on_after_a_kill_forgives_one_gap_and_no_later_one(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag")
+    writer.__enter__()
+    for keyframe in range(3):
+        writer.write(topics.BELIEF, small_belief(keyframe, [1], [1], [1.0], [4], [[4]]), 1 + keyframe)
+    writer.flush()
+    given = [f"bag:={tmp_path / 'bag'}", "autostart:=false", "resume:=true"]
+    rclpy.init(args=["--ros-args", *(word for item in given for word in ("-p", item))])
+    try:
+        recorder = BagRecorder()
+        due = [recorder._is_due(keyframe, keyframe) for keyframe in (5, 6, 9, 7, 8)]
+        assert due == [True, True, False, True, True]
+        recorder.worker.stop()
+        recorder.close()
+    finally:
+        rclpy.try_shutdown()
+
+
+def test_a_recorder_that_ends_while_it_is_behind_leaves_a_whole_bag_and_says_what_it_lacks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(worker, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(worker, "LAST_CALL_S", TIMEOUT_S)
+    rclpy.init(args=["--ros-args", "-p", f"bag:={tmp_path / 'bag'}", "-p", "autostart:=false"])
+    try:
+        recorder = BagRecorder()
+
+        def slowly(data: bytes) -> None:
+            time.sleep(0.02)
+            recorder._write(topics.BELIEF, data)
+
+        recorder.worker.submit(lambda _: None, None)
+        for keyframe in range(200):
+            recorder.worker.submit(slowly, belief(keyframe))
+        recorder.worker.start()
+        recorder.worker.stop()
+        recorder.close()
+        assert recorder.fault is None
+    finally:
+        rclpy.try_shutdown()
+    found = [found.keyframe for found in beliefs(tmp_path / "bag")]
+    assert found == list(range(len(found))) and 0 < len(found) < 200
+    assert f"{200 - len(found)} messages were not written" in capfd.readouterr().err
+
+
+def test_a_bag_that_is_still_being_written_is_not_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for patience in ("PATIENCE_S", "LAST_CALL_S"):
+        monkeypatch.setattr(worker, patience, 0.1)
+    rclpy.init(args=["--ros-args", "-p", f"bag:={tmp_path / 'bag'}", "-p", "autostart:=false"])
+    try:
+        recorder, hangs = BagRecorder(), threading.Event()
+        recorder._write(topics.BELIEF, belief(0))
+        recorder._writer.flush()
+        recorder.worker.submit(lambda _: hangs.wait(TIMEOUT_S), None)
+        recorder.worker.start()
+        recorder.worker.stop()
+        recorder.close()
+        assert unfinished_bag(tmp_path / "bag") and "left unfinished" in str(recorder.fault)
+        hangs.set()
+    finally:
+        rclpy.try_shutdown()
+
+
+def test_a_fault_of_writing_is_told_also_after_a_termination(tmp_path: Path) -> None:
+    rclpy.init(args=["--ros-args", "-p", f"bag:={tmp_path / 'bag'}", "-p", "autostart:=false"])
+    try:
+        recorder = BagRecorder()
+    finally:
+        rclpy.try_shutdown()
+    recorder._failed(RuntimeError("cannot publish"))
+    assert recorder.fault is None
+    recorder._failed(SemanticSlamError("no room on the disk"))
+    assert str(recorder.fault) == "no room on the disk"
+    recorder.close()
 
 
 def test_a_belief_whose_copy_overtook_others_is_recorded_in_its_turn(tmp_path: Path) -> None:
