@@ -6,7 +6,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import transport
 from semantic_slam.geometry.object_coordinates import ObjectCoordinates, object_coordinates
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
-from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, SavedMap
+from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, Provenance, SavedMap
 
 
 def map_prior_of(saved: SavedMap) -> MapPrior:
@@ -25,7 +25,8 @@ def map_prior_of(saved: SavedMap) -> MapPrior:
         for row, number in enumerate(objects.ids)
     )
     joint = joint_covariance(saved) if saved.has_cross_covariances and len(objects) > 1 else None
-    return MapPrior(items, saved.descriptor_space, joint, saved.map_id, saved.state_space)
+    ancestors = tuple(sorted(saved.ancestors))
+    return MapPrior(items, saved.descriptor_space, joint, saved.map_id, saved.state_space, ancestors)
 
 
 def joint_covariance(saved: SavedMap) -> Array:
@@ -89,6 +90,7 @@ def saved_map_of_prior(prior: MapPrior) -> SavedMap:
         has_cross_covariances=False,
         descriptor_space=prior.descriptor_space,
         state_space=prior.state_space,
+        provenance=Provenance(ancestors=tuple(sorted({*prior.ancestors, prior.map_id} - {""}))),
     )
 
 

@@ -12,7 +12,7 @@ from semantic_slam.maps.alignments import aligned, in_place
 from semantic_slam.maps.correspondence import Correspondence
 from semantic_slam.maps.landmarks import Landmarks, compared_rows
 from semantic_slam.maps.likelihood import DISPLACED_SHARE, GONE_SHARE
-from semantic_slam.maps.saved_map import SavedMap, have_one_origin
+from semantic_slam.maps.saved_map import SavedMap
 
 SEEN_IN_A_LOOK = 0.3
 """Default probability that an object in the sensor's region is detected, occlusion included."""
@@ -105,9 +105,12 @@ class Comparison:
 
 
 def are_of_one_frame(old: SavedMap, new: SavedMap) -> bool:
-    """Whether both maps share one frame according to their provenance."""
+    """Whether both maps share one frame according to their provenance.
+
+    A common ancestor is not enough: a merged map is in the frame of its first one alone.
+    """
     one, other = old.provenance.started_from, new.provenance.started_from
-    return other == old.map_id or one == new.map_id or have_one_origin(old, new)
+    return other == old.map_id or one == new.map_id or (one == other != "")
 
 
 def _only_told(old: SavedMap, new: SavedMap, rows: Index) -> Flags:

@@ -10,7 +10,7 @@ from semantic_slam.geometry.arrays import Index
 from semantic_slam.geometry.object_coordinates import object_coordinates
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.world.map_prior import parse_map_prior
+from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 from semantic_slam.maps.as_prior import independent, saved_map_of_prior
 from semantic_slam.maps.checks import MOST_OBJECTS
 from semantic_slam.maps.map_file import with_id
@@ -64,22 +64,37 @@ def map_objects(belief: HybridBelief) -> MapObjects:
 
 def provenance_of(belief: HybridBelief, run: RunConfiguration) -> Provenance:
     """Provenance of a belief."""
+    prior = _prior(run)
     return Provenance(
         source=run.source,
         revision=run.revision,
         configuration_sha256=hashlib.sha256(run.configuration.encode()).hexdigest(),
         run_id=run.run_id,
-        started_from=_started_from(run),
+        started_from=_id(prior),
         keyframe=int(belief.keyframe),
         stamp_ns=int(belief.stamp_ns),
+        ancestors=_ancestors(prior),
     )
 
 
-def _started_from(run: RunConfiguration) -> str:
-    """Id of the map that a run started from; for an ``objects.json``, the digest of its content."""
-    if not run.map_prior:
+def ancestors_of(run: RunConfiguration) -> tuple[str, ...]:
+    """Sorted ids of all maps whose information a run was given at its start. Raises InputError."""
+    return _ancestors(_prior(run))
+
+
+def _prior(run: RunConfiguration) -> MapPrior | None:
+    """Map that a run started from, None for none. Raises InputError."""
+    return parse_map_prior(run.map_prior, "map prior") if run.map_prior else None
+
+
+def _ancestors(prior: MapPrior | None) -> tuple[str, ...]:
+    return tuple(sorted({_id(prior), *prior.ancestors} - {""})) if prior else ()
+
+
+def _id(prior: MapPrior | None) -> str:
+    """Id of the map that a run started from, "" for none; for an ``objects.json``, the digest of its content."""
+    if prior is None:
         return ""
-    prior = parse_map_prior(run.map_prior, "map prior")
     if prior.map_id or len(prior.objects) > MOST_OBJECTS:
         return prior.map_id
     return with_id(saved_map_of_prior(prior)).map_id

@@ -143,8 +143,15 @@ def _description(saved: SavedMap) -> dict[str, Any]:
         "has_cross_covariances": saved.has_cross_covariances,
         "discarded_mass": saved.discarded_mass,
         "descriptor_space": saved.descriptor_space,
-        "provenance": asdict(saved.provenance),
+        "provenance": _described(saved.provenance),
     }
+
+
+def _described(provenance: Provenance) -> dict[str, Any]:
+    """Provenance as written; without ancestors none are named, so that maps of before keep their ids."""
+    told = asdict(provenance)
+    ancestors = list(told.pop("ancestors"))
+    return told | ({"ancestors": ancestors} if ancestors else {})
 
 
 def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
@@ -184,10 +191,13 @@ def _of(part: str, arrays: Arrays) -> dict[str, Any]:
 
 
 def _provenance(told: dict[str, Any]) -> Provenance:
+    """Parse a provenance; files of before name no ancestors. Raises TypeError or ValueError."""
+    whole = {"ancestors": []} | told
+    whole["ancestors"] = _texts(whole["ancestors"])
     kinds = {own.name: type(own.default) for own in fields(Provenance)}
-    if set(told) != set(kinds) or any(type(told[name]) is not kind for name, kind in kinds.items()):
+    if set(whole) != set(kinds) or any(type(whole[name]) is not kind for name, kind in kinds.items()):
         raise ValueError("its provenance is not whole")
-    return Provenance(**told)
+    return Provenance(**whole)
 
 
 def _texts(values: Any) -> tuple[str, ...]:

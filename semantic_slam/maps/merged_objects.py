@@ -8,7 +8,7 @@ from scipy.special import expit, logit
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.maps.class_priors import class_evidence, known_priors
-from semantic_slam.maps.saved_map import MapObjects, SavedMap, have_one_origin
+from semantic_slam.maps.saved_map import MapObjects, SavedMap, have_common_ancestor
 
 SURELY_NOT = 1e-9
 """Least probability of existence, and of not existing, that is taken for known: log odds stay finite."""
@@ -50,8 +50,8 @@ def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Arr
 
 
 def _share(one: SavedMap, other: SavedMap) -> float:
-    """Share of what each map knows of an object in both: half where both runs started from one map."""
-    return 0.5 if have_one_origin(one, other) else 1.0
+    """Share of what each map knows of an object in both: half where both came from one map."""
+    return 0.5 if have_common_ancestor(one, other) else 1.0
 
 
 def _numbers(one: MapObjects, other: MapObjects, later: list[int]) -> tuple[Index, tuple[str, ...]]:
@@ -82,8 +82,8 @@ def _sightings(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
 def _classes(one: SavedMap, other: SavedMap, sources: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
     """(N, C) class priors and probabilities; observations of an object in both maps are independent evidence.
 
-    The priors of the two runs are not independent; the merged prior is their mean. Where both runs started from one
-    map, its evidence is contained in both, so each counts half, as for positions.
+    The priors of the two runs are not independent; the merged prior is their mean. Where both came from one map, its
+    evidence is contained in both, so each counts half, as for positions.
     """
     size, share = len(one.class_names or other.class_names), _share(one, other)
     halves = np.where((np.array(sources).reshape(-1, 2) >= 0).all(axis=1), share, 1.0)[:, None]

@@ -1,7 +1,7 @@
 """Merging of two maps: corresponding objects are fused using the joint Gaussians of both maps.
 
-Maps that came from one map both contain its information. Their covariances are therefore doubled (covariance
-intersection with equal weights, Julier and Uhlmann, 1997), which is never overconfident whatever is shared.
+Maps that came from one map, at whatever remove, both contain its information. Their covariances are therefore doubled
+(covariance intersection with equal weights, Julier and Uhlmann, 1997), which is never overconfident whatever is shared.
 """
 
 import json
@@ -20,7 +20,7 @@ from semantic_slam.maps.differences import gone
 from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
 from semantic_slam.maps.merged_objects import MergedRows, merged_objects
-from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap, have_one_origin
+from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap, have_common_ancestor
 
 SURE = 0.9
 """Smallest probability of an alignment that is accepted."""
@@ -64,8 +64,15 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
         discarded_mass=1.0 - (1.0 - one.discarded_mass) * (1.0 - other.discarded_mass),
         descriptor_space=one.descriptor_space or other.descriptor_space,
         state_space=one.state_space,
-        provenance=Provenance(source=json.dumps({"merged": [one.map_id, other.map_id]}), revision=revision),
+        provenance=_provenance(one, other, revision),
     )
+
+
+def _provenance(one: SavedMap, other: SavedMap, revision: str) -> Provenance:
+    """Provenance of the merged map, whose ancestors are both maps and all of theirs."""
+    ids = [one.map_id, other.map_id]
+    ancestors = one.ancestors.union(other.ancestors, ids)
+    return Provenance(source=json.dumps({"merged": ids}), revision=revision, ancestors=tuple(sorted(ancestors)))
 
 
 def _check(one: SavedMap, other: SavedMap) -> None:
@@ -73,9 +80,9 @@ def _check(one: SavedMap, other: SavedMap) -> None:
     if one.map_id == other.map_id:
         raise InputError(f"both maps are {one.map_id}; name two maps")
     for first, second in ((one, other), (other, one)):
-        if second.provenance.started_from == first.map_id:
+        if first.map_id in second.ancestors:
             raise InputError(
-                f"map {second.map_id} started from map {first.map_id} and holds what that one knows; use it alone"
+                f"map {second.map_id} came from map {first.map_id} and holds what that one knows; use it alone"
             )
     spaces = {known.descriptor_space for known in (one, other) if known.objects.descriptors.shape[1]}
     if len(spaces) > 1:
@@ -117,7 +124,7 @@ def _stacked(told: Comparison) -> _Together:
     size, whole = 3 * len(own), np.zeros((3 * (len(own) + len(theirs)),) * 2)
     whole[:size, :size], whole[size:, size:] = joint_covariance(one), square
     return _Together(
-        states=np.concatenate([own, moved]), covariance=2.0 * whole if have_one_origin(one, other) else whole
+        states=np.concatenate([own, moved]), covariance=2.0 * whole if have_common_ancestor(one, other) else whole
     )
 
 

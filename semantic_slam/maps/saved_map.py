@@ -8,6 +8,7 @@ from semantic_slam.configuration.configuration import PLANAR
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.object_coordinates import ObjectCoordinates, object_coordinates
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.text_files import parse_json
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +22,18 @@ class Provenance:
     started_from: str = ""  # id of the map that the run started from
     keyframe: int = -1  # of the belief
     stamp_ns: int = 0
+    ancestors: tuple[str, ...] = ()  # sorted ids of all maps whose information it holds; older files state none
+
+    @property
+    def parents(self) -> frozenset[str]:
+        """Ids of the maps that it was started from, or merged from."""
+        try:
+            told = parse_json(self.source or "{}")
+        except ValueError:
+            told = {}
+        merged = told.get("merged") if isinstance(told, dict) else None
+        named = [own for own in merged if isinstance(own, str)] if isinstance(merged, list) else []
+        return frozenset((self.started_from, *named)) - {""}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +112,12 @@ class SavedMap:
         """Coordinates that the hypotheses' states and covariances are over."""
         return object_coordinates(self.state_space)
 
+    @property
+    def ancestors(self) -> frozenset[str]:
+        """Ids of all maps whose information this one holds: those it was started or merged from, and their own."""
+        return self.provenance.parents.union(self.provenance.ancestors)
 
-def have_one_origin(one: SavedMap, other: SavedMap) -> bool:
-    """Whether the runs of two maps started from one map, whose information both contain."""
-    return bool(one.provenance.started_from) and one.provenance.started_from == other.provenance.started_from
+
+def have_common_ancestor(one: SavedMap, other: SavedMap) -> bool:
+    """Whether both maps were started or merged, however long ago, from one map, whose information both hold."""
+    return not one.ancestors.isdisjoint(other.ancestors)

@@ -63,7 +63,7 @@ def as_json(known: SavedMap) -> dict[str, Any]:
         "map_id": known.map_id,
         "frame": "map",
         "state_space": known.state_space,
-        "provenance": asdict(known.provenance),
+        "provenance": asdict(known.provenance) | {"ancestors": sorted(known.ancestors)},
         "has_cross_covariances": known.has_cross_covariances,
         "weights": np.exp(known.hypotheses.log_weights).tolist(),
         "discarded_mass": known.discarded_mass,

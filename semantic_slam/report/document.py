@@ -13,7 +13,7 @@ from semantic_slam.evaluation.record import Record, json_object
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
-from semantic_slam.maps.from_belief import mapped_rows
+from semantic_slam.maps.from_belief import ancestors_of, mapped_rows
 from semantic_slam.report.plain_json import plain
 
 SCHEMA_VERSION = 1
@@ -169,6 +169,7 @@ def map_prior(record: Record) -> MapPrior:
         ),
         str(settings.get("space", "")),
         state_space=last.state_space,
+        ancestors=ancestors_of(record.run),
     )
 
 

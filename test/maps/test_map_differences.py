@@ -176,3 +176,65 @@ def test_maps_that_came_from_one_map_do_not_count_it_twice() -> None:
     one, other = (with_id(replace(own, provenance=source)) for own in (room(), room(first=20)))
     both = merged(one, other, "test")
     assert np.linalg.eigvalsh(both.hypotheses.covariances[0] - 0.999 * one.hypotheses.covariances[0]).min() > 0.0
+
+
+def three_of_one_map() -> list[SavedMap]:
+    """Three robots started from one map, and saw nothing: each knows what it was told, existence included."""
+    source, maps = Provenance(started_from="0123456789abcdef"), []
+    for known in (room(first=first) for first in (0, 20, 40)):
+        doubted = replace(known.objects, existence=np.full(len(ROOM), 0.9))
+        maps.append(with_id(replace(known, objects=doubted, provenance=source)))
+    return maps
+
+
+def intersected(first: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Covariance intersection with equal weights, and the floor between two maps."""
+    floor = np.diag(np.full(len(first), 0.03)) ** 2
+    return np.linalg.inv(np.linalg.inv(2.0 * first) + np.linalg.inv(2.0 * other + floor))
+
+
+@pytest.mark.parametrize("merged_first", [True, False])
+def test_three_maps_of_one_map_do_not_count_it_twice_in_whichever_order(merged_first: bool) -> None:
+    one, other, third = three_of_one_map()
+    both = with_id(merged(one, other, "test"))
+    pair = (both, third) if merged_first else (third, both)
+    told = merged(*pair, "test", same_frame=True)
+    alone, joint = (own.hypotheses.covariances[0] for own in (one, told))
+    expected = intersected(*(own.hypotheses.covariances[0] for own in pair))
+    np.testing.assert_allclose(joint, expected, atol=1e-9)
+    np.testing.assert_allclose(both.hypotheses.covariances[0], intersected(alone, alone), atol=1e-9)
+    assert np.linalg.eigvalsh(joint - 0.999 * alone).min() > 0.0, "else surer than what all were told"
+    np.testing.assert_allclose(told.objects.existence, 0.9, atol=1e-6)
+    np.testing.assert_allclose(told.objects.class_probabilities, one.objects.class_probabilities, atol=2e-5)
+    assert told.ancestors == {"0123456789abcdef", *(own.map_id for own in (one, other, third, both))}
+
+
+def test_maps_of_their_own_are_independent_until_one_is_in_both() -> None:
+    one, other, third = (room(first=first) for first in (0, 20, 40))
+    left, right = (with_id(merged(own, other, "test", same_frame=True)) for own in (one, third))
+    told = merged(left, right, "test", same_frame=True).hypotheses.covariances[0]
+    pair = [own.hypotheses.covariances[0] for own in (left, right)]
+    np.testing.assert_allclose(told, intersected(*pair), atol=1e-9)
+    apart = merged(left, third, "test", same_frame=True).hypotheses.covariances[0]
+    floor = np.diag(np.full(len(apart), 0.03)) ** 2
+    alone = np.linalg.inv(third.hypotheses.covariances[0] + floor)
+    np.testing.assert_allclose(apart, np.linalg.inv(np.linalg.inv(pair[0]) + alone), atol=1e-9)
+
+
+def test_a_map_is_not_merged_with_one_into_which_it_was_merged() -> None:
+    one, other, third = three_of_one_map()
+    both = with_id(merged(one, other, "test"))
+    later = with_id(replace(third, provenance=Provenance(started_from=both.map_id, ancestors=tuple(both.ancestors))))
+    for pair in ((both, one), (other, both), (one, later), (later, both)):
+        with pytest.raises(InputError, match="holds what that one knows; use it alone"):
+            merged(*pair, "test", same_frame=True)
+
+
+def test_a_merged_map_without_ancestors_holds_the_maps_that_it_names() -> None:
+    """Files of before state no ancestors; their two maps are in what they say of their source."""
+    one, other, _ = three_of_one_map()
+    both = merged(one, other, "test")
+    before = with_id(replace(both, provenance=replace(both.provenance, ancestors=())))
+    assert before.ancestors == {one.map_id, other.map_id}
+    with pytest.raises(InputError, match="holds what that one knows"):
+        merged(before, other, "test")

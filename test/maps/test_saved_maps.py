@@ -22,11 +22,12 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.world.map_prior import parse_map_prior
-from semantic_slam.maps.as_prior import map_prior_of
+from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
 from semantic_slam.maps.from_belief import saved_map_of_belief
 from semantic_slam.maps.from_run import saved_map_of_engine
-from semantic_slam.maps.map_file import read_map, read_map_prior, write_map
-from semantic_slam.maps.saved_map import SavedMap
+from semantic_slam.maps.map_file import FORMAT, packed, read_map, read_map_prior, with_id, write_map
+from semantic_slam.maps.merging import merged
+from semantic_slam.maps.saved_map import Provenance, SavedMap
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +131,44 @@ def test_a_map_knows_which_map_it_came_from(known: SavedMap) -> None:
     later = small_map(map_prior_of(known))
     assert later.provenance.started_from == known.map_id
     assert known.provenance.started_from != ""  # an objects.json has an id by its content
+
+
+def test_a_session_from_a_merged_map_knows_all_maps_that_it_holds(known: SavedMap, tmp_path: Path) -> None:
+    """By its file or an ``objects.json`` at the start, and in the map that it saves, with correlations or without."""
+    other = with_id(replace(known, discarded_mass=0.5, provenance=Provenance(started_from="another")))
+    both = write_map(tmp_path / "both.map", merged(known, other, "test", same_frame=True))
+    held = {known.map_id, other.map_id, known.provenance.started_from, "another"}
+    assert read_map(tmp_path / "both.map").ancestors == held
+    engine, belief = run_to_its_end(read_map_prior(tmp_path / "both.map"))
+    assert isinstance(engine.pool, InProcessPool)
+    for later in (saved_map_of_engine(engine, engine.pool, belief), saved_map_of_belief(belief, engine.run)):
+        written = write_map(tmp_path / "later.map", later)
+        assert written.provenance.started_from == both.map_id
+        assert read_map(tmp_path / "later.map").ancestors == {both.map_id, *held}
+    (tmp_path / "objects.json").write_text(map_prior_of(written).to_json(), encoding="utf-8")
+    assert read_map(tmp_path / "objects.json").ancestors == {written.map_id, both.map_id, *held}
+
+
+def test_a_map_of_before_without_ancestors_keeps_its_id(tmp_path: Path) -> None:
+    started = Provenance(started_from="0123456789abcdef", keyframe=7)
+    old = with_id(replace(saved_map_of_prior(LOOSE), provenance=started))
+    assert old.map_id == "738f270ce6971ad9", "as it was before ancestors were told"
+    assert "ancestors" not in packed(old)[1]["provenance"]
+    written = write_map(tmp_path / "old.map", old)
+    assert read_map(tmp_path / "old.map").map_id == written.map_id == old.map_id
+    assert map_prior_of(written).ancestors == ("0123456789abcdef",)
+
+
+@pytest.mark.parametrize("ancestors", ["monday", [7], None])
+def test_ancestors_that_are_no_ids_are_refused(known: SavedMap, tmp_path: Path, ancestors: object) -> None:
+    document = map_prior_of(known).document() | {"ancestors": ancestors}
+    with pytest.raises(InputError, match="ancestors is no list of map ids"):
+        parse_map_prior(json.dumps(document), "objects.json")
+    arrays, description = packed(known)
+    description["provenance"]["ancestors"] = ancestors
+    FORMAT.write(tmp_path / "odd.map", arrays, description)
+    with pytest.raises(InputError, match="names are texts"):
+        read_map(tmp_path / "odd.map")
 
 
 def test_the_previous_version_is_read_as_a_map_of_independent_objects(tmp_path: Path) -> None:

@@ -107,6 +107,7 @@ class MapPrior:
     # map; None: independent
     map_id: str = ""  # id of the FILE.map from which the prior was made
     state_space: str = PLANAR  # of the run that mapped them: planar or spatial
+    ancestors: tuple[str, ...] = ()  # sorted ids of the maps whose information it holds, besides that of map_id
 
     def to_json(self) -> str:
         """The text of an ``objects.json``."""
@@ -116,7 +117,9 @@ class MapPrior:
         """What an ``objects.json`` holds; a joint covariance is base64-encoded, as in a FILE.map."""
         space = {"descriptor_space": self.descriptor_space} if self.descriptor_space else {}
         joint = {} if self.joint_covariance is None else {"joint_covariance": _packed(self.joint_covariance)}
-        known = {"map_id": self.map_id} if self.map_id else {}
+        known: dict[str, Any] = {"map_id": self.map_id} if self.map_id else {}
+        if self.ancestors:
+            known["ancestors"] = list(self.ancestors)
         told = {"state_space": self.state_space} if self.state_space != PLANAR else {}
         rows = [_row(prior) for prior in self.objects]
         head = {"schema_version": 1, "frame": "map", **told, **known, **space, **joint}
@@ -145,7 +148,7 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
         objects = tuple(_object(row) for row in document["objects"])
         space, state_space = str(document.get("descriptor_space", "")), _state_space(document)
         joint = _joint(document.get("joint_covariance"), objects, state_space)
-        map_id = str(document.get("map_id", ""))
+        map_id, ancestors = str(document.get("map_id", "")), _ids(document.get("ancestors", []))
     except (ValueError, KeyError, TypeError, OverflowError) as fault:
         reason = " ".join(repr(fault).split())[:200]
         raise InputError(
@@ -155,7 +158,7 @@ def parse_map_prior(text: str, origin: str) -> MapPrior:
     ids = [prior.object_id for prior in objects]
     if len(set(ids)) < len(ids):
         raise InputError(f"{origin}: object ids are not unique; number the objects anew")
-    return MapPrior(objects, space, joint, map_id, state_space)
+    return MapPrior(objects, space, joint, map_id, state_space, ancestors)
 
 
 def read_map_prior(path: Path) -> MapPrior:
@@ -177,6 +180,13 @@ def _object(row: dict[str, object]) -> ObjectPrior:
         existence=_existence(row.get("existence", 1.0)),
         **_descriptor(row),
     )
+
+
+def _ids(values: object) -> tuple[str, ...]:
+    """Ids of maps. Raises ValueError where they are no texts."""
+    if not isinstance(values, list) or not all(isinstance(own, str) for own in values):
+        raise ValueError("ancestors is no list of map ids")
+    return tuple(values)
 
 
 def _state_space(document: dict[str, object]) -> str:
