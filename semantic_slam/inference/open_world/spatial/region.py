@@ -102,16 +102,12 @@ class SpatialRegion:
 
         Coordinates are distance, horizontal and vertical angle.
         """
-        distance = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)
-        parts = [(distance, seen / distance[..., None], self.min_range_m, self.max_range_m)]
-        for axis, (low, high) in enumerate(self.edges_rad.tolist()):
-            parts.append((*_angle(seen, axis), low, high))
-        sigmas = [_sigma(slope, covariance) for _, slope, _, _ in parts]
-        each = list(zip(parts, sigmas, strict=True))
+        values, slopes = _coordinates(seen)
+        sigmas = np.sqrt(np.einsum("...i,...ij,...j->...", slopes, covariance, slopes)) + LEAST_SIGMA
+        ends = [[self.min_range_m, self.max_range_m], *self.edges_rad.tolist()]
+        least, most = np.array(ends).T.reshape(2, len(ends), *[1] * (seen.ndim - 1))
         return Margins(
-            lower=np.stack([(least - value) / sigma for (value, _, least, _), sigma in each]),
-            upper=np.stack([(most - value) / sigma for (value, _, _, most), sigma in each]),
-            slopes=np.stack([slope / sigma[..., None] for (_, slope, _, _), sigma in each]),
+            lower=(least - values) / sigmas, upper=(most - values) / sigmas, slopes=slopes / sigmas[..., None]
         )
 
     def holds(self, seen: Array) -> Flags:
@@ -179,13 +175,17 @@ class SpatialRegion:
         return rays * (reach / length)[:, None], shares / shares.sum()
 
 
-def _angle(seen: Array, axis: int) -> tuple[Array, Array]:
-    """(...,) angles off the optical axis along one image axis, and their Jacobians (..., 3) by the point."""
-    aside, ahead = seen[..., axis], seen[..., 2]
+def _coordinates(seen: Array) -> tuple[Array, Array]:
+    """(3, ...) distance, and angles off the optical axis along both image axes, and (3, ..., 3) their Jacobians."""
+    values, slopes = np.empty((3, *seen.shape[:-1])), np.zeros((3, *seen.shape))
+    values[0] = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)
+    slopes[0] = seen / values[0, ..., None]
+    aside, ahead = np.moveaxis(seen[..., :2], -1, 0), seen[..., 2]
     squared = np.maximum(aside * aside + ahead * ahead, LEAST_DISTANCE_M**2)
-    slope = np.zeros(seen.shape)
-    slope[..., axis], slope[..., 2] = ahead / squared, -aside / squared
-    return np.arctan2(aside, ahead), slope
+    values[1:] = np.arctan2(aside, ahead)
+    slopes[1, ..., 0], slopes[2, ..., 1] = ahead / squared
+    slopes[1:, ..., 2] = -aside / squared
+    return values, slopes
 
 
 def _between(aside: Array, ahead: Array, low: float, high: float) -> Flags:
@@ -206,7 +206,3 @@ def _towards(unit: Array, others: Array, cosine: Array, covariance: Array) -> Ar
     mean = 0.5 * (np.trace(covariance, axis1=-2, axis2=-1) - along)
     towards = np.vecdot(away @ covariance, away) / np.where(apart, squared, 1.0)
     return np.asarray(np.where(apart, towards, mean[..., None]))
-
-
-def _sigma(slope: Array, covariance: Array) -> Array:
-    return np.asarray(np.sqrt(np.einsum("...i,...ij,...j->...", slope, covariance, slope)) + LEAST_SIGMA)
