@@ -51,14 +51,17 @@ class BodyObservation(ScoredViews, SpatialObservation):
         position = self.spaces.landmark.position
         return super().turned_start(detections, x, position(first), position(second))
 
-    def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
-        """As of a point, upright, heading as the robot's."""
-        place, new, attitude = super().object_prior(detection, x), self.new_objects, _upright(x[3:])
+    def object_priors(self, detections: Sequence[SpatialDetection], x: Array) -> list[GaussianPrior]:
+        """As of points, upright, heading as the robot's."""
+        new, attitude = self.new_objects, _upright(x[3:])
         turns = [new.sigma_tilt_rad, new.sigma_tilt_rad, new.sigma_heading_rad]
-        if isinstance(place, RangePrior):
-            return BodyRangePrior.of_body(place, attitude, np.diag(turns) ** 2)
-        sigmas = [*turns, *[new.sigma_position_m] * 3]
-        return GaussianPrior(np.concatenate([place.mean, attitude]), np.diag(sigmas) ** 2)
+        at_range = np.diag([*turns, *[new.sigma_position_m] * 3]) ** 2
+        return [
+            BodyRangePrior.of_body(place, attitude, np.diag(turns) ** 2)
+            if isinstance(place, RangePrior)
+            else GaussianPrior(np.concatenate([place.mean, attitude]), at_range)
+            for place in super().object_priors(detections, x)
+        ]
 
     def geometry_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         """GTSAM's own factor where a range was measured and the ray's error is isotropic, as with points.

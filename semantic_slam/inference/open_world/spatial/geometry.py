@@ -12,6 +12,7 @@ from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, squared_
 from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.observation import SpatialObservation
 from semantic_slam.inference.models.spatial.ray import distances, off_axis
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
@@ -39,6 +40,7 @@ class SpatialGeometry:
     def births(
         self, model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion
     ) -> list[Birth]:
+        assert isinstance(model, SpatialObservation)
         return births_in_space(self.spaces.landmark, model, detections, robot, region)
 
     def expected_births(
