@@ -13,7 +13,7 @@ import numpy as np
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, squared_norms
-from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import SpatialObservation
 from semantic_slam.inference.open_world.births import WIDTH, Birth
 from semantic_slam.inference.open_world.existence import birth
@@ -178,9 +178,11 @@ def shown_by(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> t
     These are the detections with a range: what a ray alone occludes is unknown.
     """
     ranged = [own for own in detections if own.has_range]
-    points = np.array([own.range_m * own.ray for own in ranged]).reshape(-1, 3)
+    if not ranged:
+        return np.zeros((0, 3)), np.zeros((0, 2))
+    points = np.array([own.range_m * own.ray for own in ranged])
     variances = [(own.covariance[0, 0], 0.5 * np.trace(own.covariance[1:, 1:])) for own in ranged]
-    return region.camera.seen(points), np.array(variances).reshape(-1, 2)
+    return region.camera.seen(points), np.array(variances)
 
 
 def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> Array:
@@ -189,8 +191,9 @@ def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> 
     nothing = np.zeros((len(shown), 3, 3))
     doubled = 2.0 * variances  # of both; of the same error where it is the same detection, which does not hide itself
     in_sight = np.ones(len(detections))
-    ranged = np.array([own.has_range for own in detections], dtype=bool)
-    in_sight[ranged] = np.maximum(region.not_occluded(shown, nothing, shown, doubled), LEAST_IN_SIGHT)
+    if len(shown):
+        seen = region.not_occluded(shown, nothing, shown, doubled)
+        in_sight[~_are_rays(detections)] = np.maximum(seen, LEAST_IN_SIGHT)
     return in_sight
 
 
@@ -222,8 +225,9 @@ def _born_at(
     """
     places = np.empty((len(births), len(AROUND), 3))
     is_ray = _are_rays(detections)
-    rays = SpatialDetections.of([own for own in detections if not own.has_range])
-    reached = rays.origin[:, None] + ranges_m[:, None] * rays.ray[:, None]
+    alone = [own for own in detections if not own.has_range]
+    origins, rays = (np.array(own).reshape(-1, 1, 3) for own in ([d.origin for d in alone], [d.ray for d in alone]))
+    reached = origins + ranges_m[:, None] * rays
     places[is_ray] = robot[:3] + so3.rotated(robot[3:], reached)
     for number in np.flatnonzero(~is_ray).tolist():
         own = births[number]

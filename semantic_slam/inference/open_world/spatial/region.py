@@ -1,6 +1,7 @@
 """The region in which a camera in space detects: in the image, and between two distances; and occlusion."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -49,14 +50,14 @@ class SpatialRegion:
             by_camera=settings.region_by_camera,
         )
 
-    @property
+    @cached_property
     def solid_angle(self) -> float:
         """[rad^2] of the image."""
         (left, right), (top, bottom) = np.sin(self.edges_rad)
         corners = np.arcsin([right * bottom, -left * bottom, -right * top, left * top])
         return float(corners.sum())
 
-    @property
+    @cached_property
     def edges_rad(self) -> Array:
         """(2, 2) angles of the image's edges off the optical axis: [left, right] and [top, bottom]."""
         halves = np.array([self.half_width_rad, self.half_height_rad])
@@ -163,16 +164,22 @@ class SpatialRegion:
 
         Points of the same ray are consecutive, one in each shell.
         """
-        x, y = (
-            low + (high - low) * (np.arange(count) + 0.5) / count
-            for (low, high), count in zip(np.tan(self.edges_rad), (NUM_COLUMNS, NUM_ROWS), strict=True)
-        )
-        right, down, reach = (grid.ravel() for grid in np.meshgrid(x, y, shells.ranges_m, indexing="ij"))
-        rays = np.stack([right, down, np.ones(len(right))], axis=1)
-        length = np.sqrt(squared_norms(rays))
-        count = len(shells.shares)
-        shares = length**-3 * np.tile(count * shells.shares, NUM_COLUMNS * NUM_ROWS)
-        return rays * (reach / length)[:, None], shares / shares.sum()
+        return _all_over(tuple(self.edges_rad.ravel().tolist()), shells)
+
+
+@lru_cache(maxsize=64)
+def _all_over(edges_rad: tuple[float, ...], shells: Rings) -> tuple[Array, Array]:
+    """:meth:`SpatialRegion.all_over` between the image's edges: left, right, top and bottom."""
+    x, y = (
+        low + (high - low) * (np.arange(count) + 0.5) / count
+        for (low, high), count in zip(np.tan(edges_rad).reshape(2, 2), (NUM_COLUMNS, NUM_ROWS), strict=True)
+    )
+    right, down, reach = (grid.ravel() for grid in np.meshgrid(x, y, shells.ranges_m, indexing="ij"))
+    rays = np.stack([right, down, np.ones(len(right))], axis=1)
+    length = np.sqrt(squared_norms(rays))
+    count = len(shells.shares)
+    shares = length**-3 * np.tile(count * shells.shares, NUM_COLUMNS * NUM_ROWS)
+    return rays * (reach / length)[:, None], shares / shares.sum()
 
 
 def _coordinates(seen: Array) -> tuple[Array, Array]:
