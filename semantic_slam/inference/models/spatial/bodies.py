@@ -4,7 +4,7 @@ Range and ray are those of its centre, as of a point. Gravity fixes its roll and
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import gtsam
@@ -29,17 +29,12 @@ class BodyObservation(ScoredViews, SpatialObservation):
     """Geometric likelihood of range and ray times the class model of Eq. 4.2 (``scores`` None: geometry alone)."""
 
     scores: ViewScores | None = None
-    _newest: list[tuple[Sequence[SpatialDetection], ScoredDetections]] = field(default_factory=list)
 
     spaces = POSES_IN_SPACE
 
-    def collect(self, detections: Sequence[SpatialDetection]) -> ScoredDetections:
-        """Detections as arrays; cached, as one hypothesis after the other asks for the same ones."""
-        if not self._newest or self._newest[0][0] is not detections:
-            found = ScoredDetections.of(detections)
-            found = found if self.scores is None else self.scores.with_outliers(found)
-            self._newest[:] = [(detections, found)]
-        return self._newest[0][1]
+    def _collected(self, detections: Sequence[SpatialDetection]) -> ScoredDetections:
+        found = ScoredDetections.of(detections)
+        return found if self.scores is None else self.scores.with_outliers(found)
 
     def log_likelihood(self, detections: Any, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its Jacobians."""

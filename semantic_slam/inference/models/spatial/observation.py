@@ -43,13 +43,22 @@ class SpatialObservation(PointGeometry):
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))  # (3,) of the cone, of length 1
     ray_tail: float = 0.0  # scale of the Cauchy loss of a ray alone, in standard deviations; 0: none
 
+    _newest: list[tuple[Sequence[SpatialDetection], SpatialDetections]] = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )
+
     spaces = POSES_AND_POINTS_IN_SPACE
 
     def distance(self, point: Array) -> Array:
         return distances(point)
 
     def collect(self, detections: Sequence[SpatialDetection]) -> SpatialDetections:
-        """Detections as arrays."""
+        """Detections as arrays; cached, as one hypothesis after the other asks for the same ones."""
+        if not self._newest or self._newest[0][0] is not detections:
+            self._newest[:] = [(detections, self._collected(detections))]
+        return self._newest[0][1]
+
+    def _collected(self, detections: Sequence[SpatialDetection]) -> SpatialDetections:
         return SpatialDetections.of(detections)
 
     def geometry(self, detections: SpatialDetections, x: Array, o: Array) -> Linearisation:

@@ -1,7 +1,7 @@
 """Open-world geometry in space: SE(3) for the robot, R^3 or SE(3) for objects, whose attitude gravity holds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -56,10 +56,8 @@ class SpatialGeometry:
         return expected_births_in_space(settings, component, region, robot, births, detections, second)
 
     def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
-        nothing = np.zeros((0, 3)), np.zeros((0, 2))
         places = self._places(region, objects, objects.robot[None], objects.robot_covariance[None])
-        unlit = replace(region, camera=replace(region.camera, sight=None))
-        overlap, unoccluded = _overlap(unlit, nothing, places, objects.views.unoccluded)
+        overlap, unoccluded = _overlap(region, None, places, objects.views.unoccluded)
         return objects.views.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
 
     def detections_at(
@@ -72,7 +70,7 @@ class SpatialGeometry:
         step: Step,
         seen: SeenAgain,
     ) -> tuple[Looks, Array]:
-        points, slopes = region.camera.seen(seen.points), seen.slopes @ so3.matrix(region.camera.T_body_camera[3:])
+        points, slopes = region.camera.seen(seen.points), seen.slopes @ region.camera.axes
         places = self._places(region, objects, robot, covariance)
         in_view, chance = partial(_overlap, region, shown_by(region, step.detections)), partial(_chance, rates)
         return seen._replace(points=points, slopes=slopes).looks(places, objects.views, rates.runs, in_view, chance)
@@ -127,13 +125,14 @@ class SpatialGeometry:
         spread = together @ covariance[:, None] @ np.swapaxes(together, -1, -2)
         by_remainder = relative.by_landmark @ objects.remainder @ np.swapaxes(relative.by_landmark, -1, -2)
         by_motion = relative.by_robot @ objects.motion_noise @ np.swapaxes(relative.by_robot, -1, -2)
+        whole, by_robot, by_motion = region.camera.turned(np.stack([spread + by_remainder, spread, by_motion]))
         mount = region.camera.T_body_camera
         before = se3.between(mount, se3.compose(objects.robot_before, mount))
         return Places(
             points=region.camera.seen(relative.point),
-            covariance=region.camera.turned(spread + by_remainder),
-            by_robot=region.camera.turned(spread),
-            by_motion=region.camera.turned(by_motion),
+            covariance=whole,
+            by_robot=by_robot,
+            by_motion=by_motion,
             turn=so3.matrix(before[3:]),
             shift=before[:3],
         )
@@ -148,14 +147,21 @@ def _squared_distances(points: Array) -> Array:
     return np.asarray(np.maximum(squared_norms(points), LEAST_DISTANCE_M**2))
 
 
-def _overlap(region: SpatialRegion, shown: tuple[Array, Array], places: Places, before: Array) -> tuple[Overlap, Array]:
-    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now."""
+def _overlap(
+    region: SpatialRegion, shown: tuple[Array, Array] | None, places: Places, before: Array
+) -> tuple[Overlap, Array]:
+    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now.
+
+    ``shown``: the detections of the keyframe, see :func:`shown_by`; None: nothing is known to occlude.
+    """
     overlap, lasting = places.overlap(region.margins)
-    unoccluded = region.not_occluded(places.points, places.covariance, *shown)
-    unoccluded = unoccluded * region.seen_before_surfaces(places.points, places.covariance)
+    unoccluded, of_shown = np.ones(places.points.shape[:-1]), 0.0
+    if shown is not None:
+        unoccluded = region.not_occluded(places.points, places.covariance, *shown)
+        unoccluded = unoccluded * region.seen_before_surfaces(places.points, places.covariance)
+        of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
     if region.occluder_radius_m > 0.0:
         across = 0.5 * np.trace(places.covariance, axis1=-2, axis2=-1) / _squared_distances(places.points)
-        of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
         lasts = lasting[1:].min(axis=0) * places.lasting_sight(across, of_shown)
         overlap = with_occlusion(overlap, before, unoccluded, lasts)
     return overlap, unoccluded
