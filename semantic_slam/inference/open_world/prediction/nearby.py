@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Index, places_among
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.existence import log_miss
@@ -99,9 +99,7 @@ def objects_in_reach(
     states = tracked_states(component).states[reach]
     gain = geometry_of(component.spaces).moving_along(robot.state, states)
     remainder = np.zeros((len(reach), landmark, landmark))
-    known = np.searchsorted(reach, near)
-    inside = known < len(reach)
-    inside[inside] = reach[known[inside]] == near[inside]
+    known, inside = places_among(reach, near)
     if inside.any():
         joint = predicted.pair_covariances[0, inside]
         cross = joint[:, r:, :r]  # (m, l, r) of object with robot

@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import se3, so3
-from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, squared_norms
+from semantic_slam.geometry.arrays import Array, Index, squared_norms
 from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
@@ -84,8 +84,8 @@ class SpatialGeometry:
 
     def moving_along(self, robot: Array, states: Array) -> Array:
         """Positions move along, attitudes stay."""
-        landmark, robots = self.spaces.landmark, broadcast_copy(robot, (len(states), len(robot)))
-        _, by_robot, by_point = self.spaces.robot.in_frame(robots, landmark.position(states))
+        landmark = self.spaces.landmark
+        _, by_robot, by_point = self.spaces.robot.in_frame(robot, landmark.position(states))
         displaced = -np.linalg.solve(by_point, by_robot)
         return np.asarray(np.swapaxes(landmark.position_slopes(states), 1, 2) @ displaced, dtype=np.float64)
 
@@ -119,8 +119,7 @@ class SpatialGeometry:
         """Objects in the optical frame at modes ``robot`` (K, 7) with (K, 6, 6); covariances to first order."""
         shift = self.spaces.robot.local(objects.robot, robot)
         moved = self.spaces.landmark.retract(objects.objects, np.einsum("nij,kj->kni", objects.gain, shift))
-        robots = broadcast_copy(robot[:, None], (*moved.shape[:-1], robot.shape[-1]))
-        relative = self.spaces.relative_position(robots, moved)
+        relative = self.spaces.relative_position(robot[:, None], moved)
         together = relative.by_robot + relative.by_landmark @ objects.gain
         spread = together @ covariance[:, None] @ np.swapaxes(together, -1, -2)
         by_remainder = relative.by_landmark @ objects.remainder @ np.swapaxes(relative.by_landmark, -1, -2)
