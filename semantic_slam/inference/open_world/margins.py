@@ -16,6 +16,8 @@ from semantic_slam.inference.states.views import Overlap
 
 LEAST_VARIANCE = 1e-12
 """Least variance of a direction [rad^2]."""
+NOT_DETECTED = np.array(-1)
+"""Number of the detection of a place where it has none."""
 
 
 class Margins(NamedTuple):

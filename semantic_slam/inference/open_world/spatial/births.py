@@ -189,10 +189,10 @@ def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> 
     """(D,) probability that no other detection occludes a detection, or at least a small share; 1 for a ray alone."""
     shown, variances = shown_by(region, detections)
     nothing = np.zeros((len(shown), 3, 3))
-    doubled = 2.0 * variances  # of both; of the same error where it is the same detection, which does not hide itself
+    doubled = 2.0 * variances  # of both
     in_sight = np.ones(len(detections))
     if len(shown):
-        seen = region.not_occluded(shown, nothing, shown, doubled)
+        seen = region.not_occluded(shown, nothing, shown, doubled, detected_as=np.arange(len(shown)))
         in_sight[~_are_rays(detections)] = np.maximum(seen, LEAST_IN_SIGHT)
     return in_sight
 

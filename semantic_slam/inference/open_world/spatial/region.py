@@ -8,9 +8,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Flags, squared_norms
+from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
 from semantic_slam.inference.models.spatial.camera import Camera
-from semantic_slam.inference.open_world.margins import Margins
+from semantic_slam.inference.open_world.margins import NOT_DETECTED, Margins
 from semantic_slam.inference.open_world.rings import Rings
 from semantic_slam.inference.open_world.spatial.free_ranges import seen_before_surfaces
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
@@ -125,12 +125,15 @@ class SpatialRegion:
         across = np.abs(down) * np.cos(self.half_height_rad) <= ahead * np.sin(self.half_height_rad)
         return np.asarray(aside & across)
 
-    def not_occluded(self, seen: Array, covariance: Array, shown: Array, variances: Array) -> Array:
+    def not_occluded(
+        self, seen: Array, covariance: Array, shown: Array, variances: Array, detected_as: Index = NOT_DETECTED
+    ) -> Array:
         """(...,) probability that nothing occludes ``seen`` (..., 3), with (..., 3, 3), in the optical frame.
 
         Occluders are balls of the occluder's radius about a frame's detections ``shown`` (D, 3), with ``variances`` (D,
         2) of distance and direction. Distance and angle count as independent normals; the angle varies along the arc
-        between both directions.
+        between both directions. ``detected_as`` (...,): which of ``shown`` is the detection of each point, which does
+        not hide it; -1 for none.
         """
         if self.occluder_radius_m <= 0.0 or not len(shown):
             return np.ones(seen.shape[:-1])
@@ -145,7 +148,8 @@ class SpatialRegion:
         aside = ndtr((half - turn) / sigma) - ndtr((-half - turn) / sigma)
         apart = np.sqrt(along + variances[:, 0]) + LEAST_SIGMA
         behind = ndtr((distance - ranges - 2.0 * self.occluder_radius_m) / apart)
-        return np.asarray((1.0 - aside * behind).prod(axis=-1))
+        others = detected_as[..., None] != np.arange(len(shown))
+        return np.asarray((1.0 - others * aside * behind).prod(axis=-1))
 
     def seen_before_surfaces(self, seen: Array, covariance: Array) -> Array:
         """(...,) probability that no surface of the depth image hides ``seen`` (..., 3), with (..., 3, 3)."""
