@@ -27,6 +27,7 @@ def associated_pairs(
     return SeenAgain(
         candidates=candidates,
         columns=columns,
+        detections=numbers,
         points=relative.point,
         slopes=by_object @ np.swapaxes(relative.by_landmark, -1, -2),
         at_modes=problem.open_world.learn_region,

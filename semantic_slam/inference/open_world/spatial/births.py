@@ -17,6 +17,7 @@ from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import SpatialObservation
 from semantic_slam.inference.open_world.births import WIDTH, Birth
 from semantic_slam.inference.open_world.existence import birth
+from semantic_slam.inference.open_world.margins import NOT_DETECTED
 from semantic_slam.inference.open_world.planar.detection_probability import share_after_looks
 from semantic_slam.inference.open_world.planar.expected_births import HIDES, LEAST_IN_SIGHT
 from semantic_slam.inference.open_world.rings import NUM_EVEN, Rings, rings
@@ -183,6 +184,12 @@ def shown_by(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> t
     points = np.array([own.range_m * own.ray for own in ranged])
     variances = [(own.covariance[0, 0], 0.5 * np.trace(own.covariance[1:, 1:])) for own in ranged]
     return region.camera.seen(points), np.array(variances)
+
+
+def among_shown(detections: Sequence[SpatialDetection]) -> Index:
+    """(D,) numbers of detections among those of :func:`shown_by`; -1 for a ray alone."""
+    are_rays = _are_rays(detections)
+    return np.where(are_rays, NOT_DETECTED, np.cumsum(~are_rays) - 1)
 
 
 def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> Array:

@@ -16,10 +16,15 @@ from semantic_slam.inference.models.spatial.observation import SpatialObservatio
 from semantic_slam.inference.models.spatial.ray import distances, off_axis
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.margins import Places, with_occlusion
+from semantic_slam.inference.open_world.margins import NOT_DETECTED, Places, with_occlusion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.seen_again import SeenAgain
-from semantic_slam.inference.open_world.spatial.births import births_in_space, expected_births_in_space, shown_by
+from semantic_slam.inference.open_world.spatial.births import (
+    among_shown,
+    births_in_space,
+    expected_births_in_space,
+    shown_by,
+)
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -57,7 +62,7 @@ class SpatialGeometry:
 
     def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
         places = self._places(region, objects, objects.robot[None], objects.robot_covariance[None])
-        overlap, unoccluded = _overlap(region, None, places, objects.views.unoccluded)
+        overlap, unoccluded = _overlap(region, None, places, objects.views.unoccluded, NOT_DETECTED)
         return objects.views.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
 
     def detections_at(
@@ -70,10 +75,14 @@ class SpatialGeometry:
         step: Step,
         seen: SeenAgain,
     ) -> tuple[Looks, Array]:
-        points, slopes = region.camera.seen(seen.points), seen.slopes @ region.camera.axes
+        in_optical_frame = seen._replace(
+            points=region.camera.seen(seen.points),
+            slopes=seen.slopes @ region.camera.axes,
+            detections=among_shown(step.detections)[seen.detections],
+        )
         places = self._places(region, objects, robot, covariance)
         in_view, chance = partial(_overlap, region, shown_by(region, step.detections)), partial(_chance, rates)
-        return seen._replace(points=points, slopes=slopes).looks(places, objects.views, rates.runs, in_view, chance)
+        return in_optical_frame.looks(places, objects.views, rates.runs, in_view, chance)
 
     def distances(self, states: Array, robot: Array) -> Array:
         return np.asarray(np.sqrt(squared_norms(self.spaces.landmark.position(states) - robot[:3])))
@@ -147,16 +156,17 @@ def _squared_distances(points: Array) -> Array:
 
 
 def _overlap(
-    region: SpatialRegion, shown: tuple[Array, Array] | None, places: Places, before: Array
+    region: SpatialRegion, shown: tuple[Array, Array] | None, places: Places, before: Array, detected_as: Index
 ) -> tuple[Overlap, Array]:
     """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now.
 
-    ``shown``: the detections of the keyframe, see :func:`shown_by`; None: nothing is known to occlude.
+    ``shown``: the detections of the keyframe, see :func:`shown_by`; None: nothing is known to occlude. ``detected_as``
+    (...,): which of them are the objects' own, which do not hide them; -1 for none.
     """
     overlap, lasting = places.overlap(region.margins)
     unoccluded, of_shown = np.ones(places.points.shape[:-1]), 0.0
     if shown is not None:
-        unoccluded = region.not_occluded(places.points, places.covariance, *shown)
+        unoccluded = region.not_occluded(places.points, places.covariance, *shown, detected_as)
         unoccluded = unoccluded * region.seen_before_surfaces(places.points, places.covariance)
         of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
     if region.occluder_radius_m > 0.0:
