@@ -42,6 +42,17 @@ def distinct_rows(rows: Index) -> tuple[Index, Index]:
     return found, np.array([place[row] for row in every], dtype=int)
 
 
+def places_among(ascending: Index, values: Index) -> tuple[Index, Flags]:
+    """(...,) places of ``values`` among distinct ``ascending`` numbers (n,), and whether they are there.
+
+    For a few values several times as fast as ``np.isin``.
+    """
+    places = ascending.searchsorted(values)
+    there = places < len(ascending)
+    there[there] = ascending[places[there]] == values[there]
+    return places, there
+
+
 TILE = 8
 """Number of rows that a BLAS kernel processes at a time, at most, on any processor."""
 

@@ -1,9 +1,9 @@
-"""Arrays of few rows: products that do not depend on what stands beside them, and different rows."""
+"""Arrays of few rows: products that do not depend on what stands beside them, different rows, places of values."""
 
 import numpy as np
 import pytest
 
-from semantic_slam.geometry.arrays import column_products, distinct_rows, row_products
+from semantic_slam.geometry.arrays import column_products, distinct_rows, places_among, row_products
 
 
 @pytest.mark.parametrize("columns", [1, 5, 32])
@@ -34,3 +34,13 @@ def test_distinct_rows_are_those_of_numpy() -> None:
         found, which = distinct_rows(rows[:count])
         np.testing.assert_array_equal(found, np.unique(rows[:count], axis=0))
         np.testing.assert_array_equal(found[which], rows[:count])
+
+
+def test_places_among_ascending_numbers_are_those_of_the_values_that_are_there() -> None:
+    random = np.random.default_rng(0)
+    for count in (0, 1, 6):
+        ascending = np.sort(random.permutation(12)[:count])
+        values = random.integers(-1, 13, (5, 4))
+        places, there = places_among(ascending, values)
+        np.testing.assert_array_equal(there, np.isin(values, ascending))
+        np.testing.assert_array_equal(ascending[places[there]], values[there])

@@ -35,13 +35,13 @@ class PredictedBelief:
     @cached_property
     def pair_covariances(self) -> Array:
         """(P, O, r + l, r + l) joint covariances of the robot with each object."""
-        r, landmark, count = self.layout.robot, slice(self.layout.landmark), self.mean.shape[1] - 1
-        blocks, objects = self.blocks, np.arange(1, 1 + count)
-        joint = np.empty((len(self.mean), count, self.layout.size(1), self.layout.size(1)))
-        joint[..., :r, :r] = blocks[:, None, 0, :r, 0, :r]
-        joint[..., r:, :r] = blocks[:, 1:, landmark, 0, :r]
+        r, own, shape = self.layout.robot, self.layout.landmark, (len(self.mean), self.mean.shape[1] - 1)
+        landmarks = self.covariance[:, r:, r:].reshape(*shape, own, shape[1], own)
+        joint = np.empty((*shape, r + own, r + own))
+        joint[..., :r, :r] = self.covariance[:, None, :r, :r]
+        joint[..., r:, :r] = self.covariance[:, r:, :r].reshape(*shape, own, r)
         joint[..., :r, r:] = np.swapaxes(joint[..., r:, :r], 2, 3)
-        joint[..., r:, r:] = np.moveaxis(blocks[:, objects, :, objects], 0, 1)[..., landmark, landmark]
+        joint[..., r:, r:] = np.einsum("bnpnq->bnpq", landmarks)
         return joint
 
 

@@ -16,6 +16,8 @@ from semantic_slam.inference.states.views import Overlap
 
 LEAST_VARIANCE = 1e-12
 """Least variance of a direction [rad^2]."""
+NOT_DETECTED = np.array(-1)
+"""Number of the detection of a place where it has none."""
 
 
 class Margins(NamedTuple):
@@ -55,8 +57,9 @@ class Places(NamedTuple):
 
         ``margins_of`` gives the margins of places in the frame of the sensor, with their covariances.
         """
-        now = margins_of(self.points, self.covariance)
-        before = margins_of((self.points - self.shift) @ self.turn, self.turn.T @ self.covariance @ self.turn)
+        points = np.stack([self.points, (self.points - self.shift) @ self.turn])
+        both = margins_of(points, np.stack([self.covariance, self.turn.T @ self.covariance @ self.turn]))
+        now, before = (Margins(*(part[:, number] for part in both)) for number in range(2))
         fresh = np.minimum(now.shares(self.by_motion), now.shares(self.by_robot))
         correlation = _products(before.slopes @ self.turn.T, self.covariance, now.slopes)
         lasting = np.clip(correlation * (1.0 - fresh), 0.0, 1.0)

@@ -20,9 +20,12 @@ NUM_EVEN, NUM_FALLING = 4, 8
 """Number of rings where detection does not fall off with distance, and where it does."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Rings:
-    """R rings, or in space shells, that cover the region from its nearest to its farthest distance."""
+    """R rings, or in space shells, that cover the region from its nearest to its farthest distance.
+
+    Equal to themselves alone, so that what follows from them may be kept by them.
+    """
 
     ranges_m: Array  # (R,) sample distances, one in each
     shares: Array  # (R,) of the area or volume

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.open_world.margins import Places
+from semantic_slam.inference.open_world.margins import NOT_DETECTED, Places
 from semantic_slam.inference.states.miss_runs import MissRuns
 from semantic_slam.inference.states.views import Looks, Overlap, Views
 
@@ -21,6 +21,7 @@ class SeenAgain(NamedTuple):
 
     candidates: Index  # (n,)
     columns: Index  # (n,) among the objects in reach
+    detections: Index  # (n,) numbers of the detections, which do not hide the objects that they are of
     points: Array  # (n, d) places in the body frame, at the candidates' modes
     slopes: Array  # (n, m, d) Jacobians of the detections' whitened residuals by these
     at_modes: bool  # whether they are weighed at the modes: a learned region ends where detections do, errors included
@@ -30,21 +31,24 @@ class SeenAgain(NamedTuple):
         places: Places,
         views: Views,
         runs: MissRuns,
-        in_view: Callable[[Places, Array], tuple[Overlap, Array]],
+        in_view: Callable[[Places, Array, Index], tuple[Overlap, Array]],
         chance: Callable[[Array], Array],
     ) -> tuple[Looks, Array]:
         """Looks at N objects in K candidates, by their ``places`` (K, N), and (n, G) probabilities to see the pairs.
 
         ``in_view`` gives the overlap of some places, whose objects nothing occluded before with some probability, and
-        the probability that nothing occludes them now; ``chance`` the detection probabilities in view, by the points.
+        the probability that nothing but their own detections, by number, occludes them now; ``chance`` the detection
+        probabilities in view, by the points.
         """
         shape, pairs, some = places.points.shape[:-1], (self.candidates, self.columns), views.take(self.columns)
+        detected_as = np.full(shape, NOT_DETECTED)
+        detected_as[pairs] = self.detections
         if self.at_modes:
-            looks = views.predicted(*in_view(places, views.unoccluded), chance(places.points), runs)
+            looks = views.predicted(*in_view(places, views.unoccluded, detected_as), chance(places.points), runs)
             return looks, looks.detected[pairs]
         every = places.flat_with(places.at(*pairs).measured(self.points, self.slopes))
         before = np.concatenate([np.tile(views.unoccluded, shape[0]), some.unoccluded])
-        overlap, unoccluded = in_view(every, before)
+        overlap, unoccluded = in_view(every, before, np.concatenate([detected_as.ravel(), self.detections]))
         count = shape[0] * shape[1]
         expected = Overlap(*(own[:count].reshape(shape) for own in overlap))
         found = Overlap(*(own[count:] for own in overlap))

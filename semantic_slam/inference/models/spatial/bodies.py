@@ -4,7 +4,7 @@ Range and ray are those of its centre, as of a point. Gravity fixes its roll and
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import gtsam
@@ -29,17 +29,12 @@ class BodyObservation(ScoredViews, SpatialObservation):
     """Geometric likelihood of range and ray times the class model of Eq. 4.2 (``scores`` None: geometry alone)."""
 
     scores: ViewScores | None = None
-    _newest: list[tuple[Sequence[SpatialDetection], ScoredDetections]] = field(default_factory=list)
 
     spaces = POSES_IN_SPACE
 
-    def collect(self, detections: Sequence[SpatialDetection]) -> ScoredDetections:
-        """Detections as arrays; cached, as one hypothesis after the other asks for the same ones."""
-        if not self._newest or self._newest[0][0] is not detections:
-            found = ScoredDetections.of(detections)
-            found = found if self.scores is None else self.scores.with_outliers(found)
-            self._newest[:] = [(detections, found)]
-        return self._newest[0][1]
+    def _collected(self, detections: Sequence[SpatialDetection]) -> ScoredDetections:
+        found = ScoredDetections.of(detections)
+        return found if self.scores is None else self.scores.with_outliers(found)
 
     def log_likelihood(self, detections: Any, x: Array, o: Array, classes: Classes | None) -> Array:
         """(B,) log density without its Jacobians."""
@@ -51,14 +46,17 @@ class BodyObservation(ScoredViews, SpatialObservation):
         position = self.spaces.landmark.position
         return super().turned_start(detections, x, position(first), position(second))
 
-    def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
-        """As of a point, upright, heading as the robot's."""
-        place, new, attitude = super().object_prior(detection, x), self.new_objects, _upright(x[3:])
+    def object_priors(self, detections: Sequence[SpatialDetection], x: Array) -> list[GaussianPrior]:
+        """As of points, upright, heading as the robot's."""
+        new, attitude = self.new_objects, _upright(x[3:])
         turns = [new.sigma_tilt_rad, new.sigma_tilt_rad, new.sigma_heading_rad]
-        if isinstance(place, RangePrior):
-            return BodyRangePrior.of_body(place, attitude, np.diag(turns) ** 2)
-        sigmas = [*turns, *[new.sigma_position_m] * 3]
-        return GaussianPrior(np.concatenate([place.mean, attitude]), np.diag(sigmas) ** 2)
+        at_range = np.diag([*turns, *[new.sigma_position_m] * 3]) ** 2
+        return [
+            BodyRangePrior.of_body(place, attitude, np.diag(turns) ** 2)
+            if isinstance(place, RangePrior)
+            else GaussianPrior(np.concatenate([place.mean, attitude]), at_range)
+            for place in super().object_priors(detections, x)
+        ]
 
     def geometry_factor(self, detection: SpatialDetection, keys: tuple[int, int]) -> Any:
         """GTSAM's own factor where a range was measured and the ray's error is isotropic, as with points.

@@ -1,6 +1,7 @@
 """Camera mount: its optical frame has z ahead, x to the right and y down in the image."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -19,6 +20,11 @@ class Camera:
     T_body_camera: Array = field(default_factory=lambda: LOOKS_AHEAD)  # (7,) of its optical frame
     sight: ImageSight | None = None  # edges and free ranges of its image; None: not known
 
+    @cached_property
+    def axes(self) -> Array:
+        """(3, 3) rotation from the optical frame to the body frame."""
+        return so3.matrix(self.T_body_camera[3:])
+
     def seen(self, points: Array) -> Array:
         """(..., 3) points of the body frame in the optical frame."""
         return so3.rotated(so3.inverse(self.T_body_camera[3:]), points - self.T_body_camera[:3])
@@ -29,8 +35,7 @@ class Camera:
 
     def turned(self, covariances: Array) -> Array:
         """(..., 3, 3) covariances rotated from the axes of the body to those of the optical frame."""
-        back = so3.matrix(self.T_body_camera[3:]).T
-        return np.asarray(back @ covariances @ back.T)
+        return np.asarray(self.axes.T @ covariances @ self.axes)
 
     def on(self, robots: Array) -> Array:
         """(..., 7) poses in map of the camera on robots (..., 7)."""

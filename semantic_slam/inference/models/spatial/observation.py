@@ -43,13 +43,22 @@ class SpatialObservation(PointGeometry):
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))  # (3,) of the cone, of length 1
     ray_tail: float = 0.0  # scale of the Cauchy loss of a ray alone, in standard deviations; 0: none
 
+    _newest: list[tuple[Sequence[SpatialDetection], SpatialDetections]] = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )
+
     spaces = POSES_AND_POINTS_IN_SPACE
 
     def distance(self, point: Array) -> Array:
         return distances(point)
 
     def collect(self, detections: Sequence[SpatialDetection]) -> SpatialDetections:
-        """Detections as arrays."""
+        """Detections as arrays; cached, as one hypothesis after the other asks for the same ones."""
+        if not self._newest or self._newest[0][0] is not detections:
+            self._newest[:] = [(detections, self._collected(detections))]
+        return self._newest[0][1]
+
+    def _collected(self, detections: Sequence[SpatialDetection]) -> SpatialDetections:
         return SpatialDetections.of(detections)
 
     def geometry(self, detections: SpatialDetections, x: Array, o: Array) -> Linearisation:
@@ -119,8 +128,16 @@ class SpatialObservation(PointGeometry):
 
     def object_prior(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
         """Prior at the measured position; along a ray alone, the prior of the range."""
-        if not detection.has_range:
-            return RangePrior.of(detection.log_range, detection.ray, detection.origin, x)
+        return self.object_priors([detection], x)[0]
+
+    def object_priors(self, detections: Sequence[SpatialDetection], x: Array) -> list[GaussianPrior]:
+        """:meth:`object_prior` of each detection, all at once."""
+        alone = [own for own in detections if not own.has_range]
+        rays, sensors = (np.array(own).reshape(-1, 3) for own in ([d.ray for d in alone], [d.origin for d in alone]))
+        along = iter(RangePrior.of_rays([own.log_range for own in alone], rays, sensors, x))
+        return [self._prior_at_range(own, x) if own.has_range else next(along) for own in detections]
+
+    def _prior_at_range(self, detection: SpatialDetection, x: Array) -> GaussianPrior:
         place = self.spaces.robot.displacement(x, detection.range_m * detection.ray, np.zeros(3))
         return GaussianPrior(place, self.new_objects.sigma_position_m**2 * np.eye(3))
 

@@ -6,6 +6,7 @@ object is not where it was guessed.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -36,11 +37,16 @@ class RangePrior(GaussianPrior):
     @classmethod
     def of(cls, log_range: LogRange, ray: Array, sensor: Array, robot: Array) -> "RangePrior":
         """From a ``ray`` (3,) that begins at the ``sensor`` (3,) of a ``robot`` (7,)."""
-        mounted, away = so3.rotated(robot[3:], np.stack([sensor, log_range.range_m * ray]))
-        anchor = robot[:3] + mounted
-        place = anchor + away
-        spread = (log_range.sigma * log_range.range_m) ** 2 * np.eye(3)
-        return cls(place, spread, anchor, sensor, log_range)
+        return cls.of_rays([log_range], ray[None], sensor[None], robot)[0]
+
+    @classmethod
+    def of_rays(cls, log_ranges: Sequence[LogRange], rays: Array, sensors: Array, robot: Array) -> "list[RangePrior]":
+        """The priors of n objects at once, from ``rays`` (n, 3) that begin at ``sensors`` (n, 3) of a ``robot``."""
+        ranges = [own.range_m for own in log_ranges]
+        mounted, away = so3.rotated(robot[3:], np.stack([sensors, np.array(ranges)[:, None] * rays]))
+        anchors = robot[:3] + mounted
+        spreads = [(own.sigma * range_m) ** 2 * np.eye(3) for own, range_m in zip(log_ranges, ranges, strict=True)]
+        return list(map(cls, anchors + away, spreads, anchors, sensors, log_ranges))
 
     def at(self, mean: Array, robot: Array) -> Self:
         """With the camera position of another ``robot`` (7,); the object starts at ``mean`` (s,)."""

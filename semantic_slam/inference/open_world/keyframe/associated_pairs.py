@@ -10,11 +10,12 @@ from semantic_slam.inference.world.problem import Problem
 
 
 def associated_pairs(
-    problem: Problem, prediction: Prediction, rows: Assignments, object_ids: Index, pairs: tuple[Index, ...]
+    problem: Problem, prediction: Prediction, rows: Assignments, pairs: tuple[Index, ...], columns: Index
 ) -> SeenAgain:
-    """Pairs of K candidates of one parent; ``object_ids`` (K, D) as associated.
+    """Pairs of K candidates of one parent.
 
-    ``pairs``: the candidates (n,) and detections (n,) of those that are of objects in reach that stand still.
+    ``pairs``: the candidates (n,) and detections (n,) of those that are of objects in reach that stand still, which are
+    ``columns`` (n,) among the objects in reach.
     """
     (candidates, numbers), spaces = pairs, prediction.component.spaces
     robots, objects = rows.column("robot")[candidates], rows.column("object_states")[candidates, numbers]
@@ -23,10 +24,10 @@ def associated_pairs(
     by_object = problem.model.geometry(detections, robots, objects).jacobian_object
     if (tail := problem.tail_of(prediction.component)) is not None:
         by_object[rows.column("outlier")[candidates, numbers]] /= tail.width
-    reached = prediction.component.objects.ids[prediction.in_reach]
     return SeenAgain(
         candidates=candidates,
-        columns=np.searchsorted(reached, object_ids[candidates, numbers]),
+        columns=columns,
+        detections=numbers,
         points=relative.point,
         slopes=by_object @ np.swapaxes(relative.by_landmark, -1, -2),
         at_modes=problem.open_world.learn_region,

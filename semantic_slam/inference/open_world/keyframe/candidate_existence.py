@@ -95,6 +95,8 @@ class CandidateExistence:
         """What is known of being in view, of the objects ``kept`` (O,), then of the new ones."""
         prediction = self.prediction
         (sensors, which), runs, reach = prediction.rates.sensors, prediction.rates.runs, prediction.in_reach
-        in_reach = self.looks.after(np.isin(reach, self.observed), sensors.runs).with_rates(which)
+        seen = np.zeros(len(prediction.existence), dtype=bool)
+        seen[self.observed] = True
+        in_reach = self.looks.after(seen[reach], sensors.runs).with_rates(which)
         all_objects = views_of(prediction.population).unreached(runs).updated(reach, in_reach)
         return all_objects.take(kept).joined(all_objects.started(len(self.new), runs))

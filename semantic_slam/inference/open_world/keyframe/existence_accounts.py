@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, places_among
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, log_miss
@@ -49,7 +49,8 @@ class ExistenceAccounts:
         Looks are from the candidates' modes, averaged over where the robot still may be.
         """
         reached, (sensors, which) = prediction.component.objects.ids[prediction.in_reach], prediction.rates.sensors
-        pairs = np.nonzero(np.isin(object_ids, reached) & ~moves)
+        columns, are_reached = places_among(reached, object_ids)
+        pairs = np.nonzero(are_reached & ~moves)
         looks, seen = geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
             sensors,
@@ -57,7 +58,7 @@ class ExistenceAccounts:
             candidates.column("robot"),
             candidates.column("robot_covariance"),
             self._step,
-            associated_pairs(self._problem, prediction, candidates, object_ids, pairs),
+            associated_pairs(self._problem, prediction, candidates, pairs, columns[pairs]),
         )
         found = np.zeros((*object_ids.shape, len(prediction.rates)))
         found[pairs] = seen[:, which]

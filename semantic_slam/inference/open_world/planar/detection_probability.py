@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.open_world.margins import Places, with_occlusion
+from semantic_slam.inference.open_world.margins import NOT_DETECTED, Places, with_occlusion
 from semantic_slam.inference.open_world.planar.region import NO_SCAN, SensorRegion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.seen_again import SeenAgain
@@ -89,7 +89,7 @@ def predicted_detection_probabilities(
     """Looks at existing objects from the predicted robot (K = 1), without occlusion."""
     relative = se2.between(prediction.robot, prediction.objects)[None]
     places = _places(relative, prediction, prediction.robot_covariance[None])
-    overlap, unoccluded = _overlap(region, NOTHING_SHOWN, places, prediction.views.unoccluded)
+    overlap, unoccluded = _overlap(region, NOTHING_SHOWN, places, prediction.views.unoccluded, NOT_DETECTED)
     return prediction.views.predicted(overlap, unoccluded, _chance(region, rates, places.points), rates.runs)
 
 
@@ -99,15 +99,20 @@ def _chance(region: SensorRegion, rates: DetectionRates, points: Array) -> Array
     return rates.by_direction.times(chance, points, region.direction_rad)
 
 
-def _overlap(region: SensorRegion, shown: Occluders, places: Places, before: Array) -> tuple[Overlap, Array]:
-    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now."""
+def _overlap(
+    region: SensorRegion, shown: Occluders, places: Places, before: Array, detected_as: Index
+) -> tuple[Overlap, Array]:
+    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now.
+
+    ``detected_as`` (...,): numbers of their own detections, which do not hide them; -1 for none.
+    """
     overlap, lasting = places.overlap(region.margins)
     unoccluded = np.ones(overlap.now.shape)
     if region.occluder_radius_m > 0.0:
         own = polar_variances(places.points, places.covariance)
         variances = own[..., None, :] + shown.variances
         ranges, bearings = shown.ranges_m, shown.bearings_rad
-        unoccluded = region.not_occluded(places.points, ranges, bearings, shown.free_range_scan, variances)
+        unoccluded = region.not_occluded(places.points, ranges, bearings, shown.free_range_scan, variances, detected_as)
         lasts = lasting[1] * places.lasting_sight(own[..., 1], shown.bearing_variance)
         overlap = with_occlusion(overlap, before, unoccluded, lasts)
     return overlap, unoccluded

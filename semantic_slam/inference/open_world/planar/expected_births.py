@@ -64,7 +64,9 @@ def _in_sight(region: SensorRegion, detections: Sequence[Any]) -> Array:
     bearings = shown.bearings_rad
     relative = np.nan_to_num(shown.ranges_m)[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
     apart = shown.variances[:, None] + shown.variances
-    return np.maximum(region.not_occluded(relative, shown.ranges_m, bearings, variances=apart), LEAST_IN_SIGHT)
+    itself = np.arange(len(bearings))
+    seen = region.not_occluded(relative, shown.ranges_m, bearings, variances=apart, detected_as=itself)
+    return np.maximum(seen, LEAST_IN_SIGHT)
 
 
 def _hiding(component: Component) -> Array:

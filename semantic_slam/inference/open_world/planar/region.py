@@ -7,12 +7,12 @@ import numpy as np
 from scipy.special import ndtr
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar.depth_ranges import WIDEST_RAD, covered, distance_per_depth, off_axis
 from semantic_slam.inference.models.sensed_region import SensedRegion
-from semantic_slam.inference.open_world.margins import Margins
+from semantic_slam.inference.open_world.margins import NOT_DETECTED, Margins
 
 NO_SCAN = np.zeros((0, 2))
 EXACT = np.zeros((1, 2))
@@ -136,20 +136,24 @@ class SensorRegion:
         bearings_rad: Array,
         free_range_scan: Array = NO_SCAN,
         variances: Array = EXACT,
+        detected_as: Index = NOT_DETECTED,
     ) -> Array:
         """(...,) probability that nothing occludes (..., 2) positions in the body frame.
 
         Occluders are discs of the occluder's radius at the frame's own detections (D,), except those with NaN ranges,
         and surfaces of the ``free_range_scan`` (B, 2), bearing and range of the farthest surface in a depth image.
         ``variances`` (..., D or 1, 2): of how far each position is behind each detection [m^2], and of the angle
-        between them [rad^2].
+        between them [rad^2]. ``detected_as`` (...,): number of the detection of each position, which does not hide it;
+        -1 for none.
         """
         if self.occluder_radius_m <= 0.0:
             return np.ones(relative.shape[:-1])
-        unhidden = self._unhidden_by_objects(relative, ranges_m, bearings_rad, variances)
+        unhidden = self._unhidden_by_objects(relative, ranges_m, bearings_rad, variances, detected_as)
         return unhidden * self._within(relative, free_range_scan)
 
-    def _unhidden_by_objects(self, relative: Array, ranges_m: Array, bearings_rad: Array, variances: Array) -> Array:
+    def _unhidden_by_objects(
+        self, relative: Array, ranges_m: Array, bearings_rad: Array, variances: Array, detected_as: Index
+    ) -> Array:
         """(...,) probability not to be occluded by detections; angle, distance and detections count as independent."""
         known = np.isfinite(ranges_m)
         if not known.any():
@@ -161,7 +165,8 @@ class SensorRegion:
         half = np.arcsin(np.minimum(self.occluder_radius_m / np.maximum(ranges, LEAST_SIGMA), 1.0))
         aside = ndtr((half - turn) / sigmas[..., 1]) - ndtr((-half - turn) / sigmas[..., 1])
         behind = ndtr((distance - ranges - 2.0 * self.occluder_radius_m) / sigmas[..., 0])
-        return np.asarray((1.0 - aside * behind).prod(axis=-1))
+        others = detected_as[..., None] != np.flatnonzero(known)
+        return np.asarray((1.0 - others * aside * behind).prod(axis=-1))
 
     def _within(self, relative: Array, free_range_scan: Array) -> Array:
         """(...,) 1 for positions nearer than the scanned surface, else 0; 1 outside the scan's bearings."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Index, places_among
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.existence import log_miss
@@ -94,21 +94,18 @@ def objects_in_reach(
     component: Component, robot: PredictedRobot, reach: Index, near: Index, predicted: PredictedBelief
 ) -> PredictedObjects:
     """Objects within range given the ``robot``; those without a known cross-covariance are taken to move with it."""
-    r, landmark = predicted.layout.block(0), slice(predicted.layout.landmark)
-    spread = predicted.covariance[0, r, r]
+    r, landmark = predicted.layout.robot, predicted.layout.landmark
+    spread = predicted.covariance[0, :r, :r]
     states = tracked_states(component).states[reach]
     gain = geometry_of(component.spaces).moving_along(robot.state, states)
-    remainder = np.zeros((len(reach), landmark.stop, landmark.stop))
-    known = np.searchsorted(reach, near)
-    inside = known < len(reach)
-    inside[inside] = reach[known[inside]] == near[inside]
+    remainder = np.zeros((len(reach), landmark, landmark))
+    known, inside = places_among(reach, near)
     if inside.any():
-        blocks = predicted.blocks[0]
-        numbers = 1 + np.flatnonzero(inside)
-        cross = blocks[numbers, landmark, 0, r]  # (m, l, r) of object with robot
+        joint = predicted.pair_covariances[0, inside]
+        cross = joint[:, r:, :r]  # (m, l, r) of object with robot
         own = cross @ np.linalg.inv(spread)
         gain[known[inside]] = own
-        remainder[known[inside]] = blocks[numbers, landmark, numbers, landmark] - own @ np.swapaxes(cross, 1, 2)
+        remainder[known[inside]] = joint[:, r:, r:] - own @ np.swapaxes(cross, 1, 2)
     return PredictedObjects(
         robot=robot.state,
         robot_covariance=spread,

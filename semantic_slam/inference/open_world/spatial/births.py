@@ -6,16 +6,18 @@ one end of the region to the other.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import so3
-from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
-from semantic_slam.inference.models.observation import ObservationModel
-from semantic_slam.inference.models.spatial.detection import SpatialDetection, SpatialDetections
+from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, squared_norms
+from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.observation import SpatialObservation
 from semantic_slam.inference.open_world.births import WIDTH, Birth
 from semantic_slam.inference.open_world.existence import birth
+from semantic_slam.inference.open_world.margins import NOT_DETECTED
 from semantic_slam.inference.open_world.planar.detection_probability import share_after_looks
 from semantic_slam.inference.open_world.planar.expected_births import HIDES, LEAST_IN_SIGHT
 from semantic_slam.inference.open_world.rings import NUM_EVEN, Rings, rings
@@ -30,97 +32,88 @@ AROUND = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])
 """(6, 3) sigma points of equal weight, with the mean and covariance of a standard normal."""
 
 
+class _Started(NamedTuple):
+    """What n detections say of the positions in map of the objects that they start, given the robot."""
+
+    gains: Array  # (n, 3, 6) Jacobians by the robot
+    spreads: Array  # (n, 3, 3) covariances of the stand-in priors
+    noises: Array  # (n, 3, 3) covariances given the detections
+    log_areas: list[float]  # n
+    log_stand_ins: list[float]  # n
+
+
 def births_in_space(
     landmark: StateSpace,
-    model: ObservationModel,
+    model: SpatialObservation,
     detections: Sequence[SpatialDetection],
     robot: Array,
     region: SpatialRegion,
 ) -> list[Birth]:
     """The objects that ``detections`` start, seen from the predicted ``robot`` (7,)."""
-    turn = so3.matrix(robot[3:])
-    rays = [own for own in detections if not own.has_range]
-    along = iter(_births_along_rays(landmark, model, rays, robot, turn, region))
-    return [_birth_at_range(landmark, model, own, robot, turn) if own.has_range else next(along) for own in detections]
+    turn, found = so3.matrix(robot[3:]), {}
+    for has_range in {own.has_range for own in detections}:
+        some = [own for own in detections if own.has_range == has_range]
+        started = _at_ranges(some, turn) if has_range else _along_rays(some, turn, region)
+        found[has_range] = iter(_births(landmark, model.object_priors(some, robot), started))
+    return [next(found[own.has_range]) for own in detections]
 
 
-def _birth_at_range(
-    landmark: StateSpace, model: ObservationModel, detection: SpatialDetection, robot: Array, turn: Array
-) -> Birth:
-    polar = turn @ np.column_stack([detection.ray, detection.range_m * detection.basis])
-    noise = polar @ detection.covariance @ polar.T
-    return _birth(
-        landmark,
-        model.object_prior(detection, robot),
-        gain=np.hstack([-turn @ so3.hat(detection.range_m * detection.ray), turn]),
-        spread=WIDTH**2 * noise,
-        noise=noise,
-        log_area=2.0 * float(np.log(detection.range_m)),
-        log_stand_in=float(detection.log_normaliser - 1.5 * np.log1p(WIDTH**2)),
+def _births(landmark: StateSpace, priors: list[GaussianPrior], started: _Started) -> list[Birth]:
+    """The births of n objects, whose attitudes, if they have any, are those of the priors: gravity holds them."""
+    attitudes = np.array([prior.covariance for prior in priors])
+    attitudes[:, landmark.position_rows, landmark.position_rows] = 0.0
+    by_place = landmark.position_slopes(np.array([prior.mean for prior in priors]))
+    to_object, nothing = np.swapaxes(by_place, 1, 2), np.zeros((attitudes.shape[1], 0))
+    gains = to_object @ started.gains
+    spreads, noises = (to_object @ own @ by_place + attitudes for own in (started.spreads, started.noises))
+    return [
+        Birth(
+            prior=prior,
+            gain=gains[number],
+            spread=spreads[number],
+            noise=noises[number],
+            by_error=nothing,
+            log_area=started.log_areas[number],
+            log_stand_in=started.log_stand_ins[number],
+        )
+        for number, prior in enumerate(priors)
+    ]
+
+
+def _at_ranges(detections: Sequence[SpatialDetection], turn: Array) -> _Started:
+    """By detections with a range; the stand-in priors are :data:`WIDTH` times as wide as the measurements."""
+    away = np.array([own.range_m * own.ray for own in detections])
+    polar = turn @ np.array([np.column_stack([own.ray, own.range_m * own.basis]) for own in detections])
+    noises = polar @ np.array([own.covariance for own in detections]) @ np.swapaxes(polar, 1, 2)
+    return _Started(
+        gains=np.concatenate([-turn @ so3.hat(away), broadcast_copy(turn, noises.shape)], axis=2),
+        spreads=WIDTH**2 * noises,
+        noises=noises,
+        log_areas=[2.0 * float(np.log(own.range_m)) for own in detections],
+        log_stand_ins=[float(own.log_normaliser - 1.5 * np.log1p(WIDTH**2)) for own in detections],
     )
 
 
-def _birth(
-    landmark: StateSpace,
-    prior: GaussianPrior,
-    *,
-    gain: Array,
-    spread: Array,
-    noise: Array,
-    log_area: float,
-    log_stand_in: float,
-) -> Birth:
-    """The birth of an object whose position in map has the ``gain`` (3, 6), ``spread`` and ``noise`` (3, 3).
-
-    Its attitude, if it has one, is that of the prior: gravity and not the robot holds it.
-    """
-    to_object, attitude = landmark.position_slopes(prior.mean).T, prior.covariance.copy()
-    attitude[landmark.position_rows, landmark.position_rows] = 0.0
-    return Birth(
-        prior=prior,
-        gain=to_object @ gain,
-        spread=to_object @ spread @ to_object.T + attitude,
-        noise=to_object @ noise @ to_object.T + attitude,
-        by_error=np.zeros((len(attitude), 0)),
-        log_area=log_area,
-        log_stand_in=log_stand_in,
-    )
-
-
-def _births_along_rays(
-    landmark: StateSpace,
-    model: ObservationModel,
-    detections: Sequence[SpatialDetection],
-    robot: Array,
-    turn: Array,
-    region: SpatialRegion,
-) -> list[Birth]:
-    """Births of rays alone, at the range prior; the stand-in priors are wide across the rays only."""
-    seen, count = SpatialDetections.of(detections), len(detections)
+def _along_rays(detections: Sequence[SpatialDetection], turn: Array, region: SpatialRegion) -> _Started:
+    """By rays alone, at the range prior; the stand-in priors are wide across the rays only."""
+    rays, bases = np.array([own.ray for own in detections]), np.array([own.basis for own in detections])
     ranges = np.array([own.log_range.range_m for own in detections])[:, None, None]
     sigmas = np.array([own.log_range.sigma for own in detections])[:, None, None]
-    errors = np.array([own.covariance[1:, 1:] for own in detections]).reshape(count, 2, 2)
-    shown = ranges * seen.ray[..., None]  # (D, 3, 1) from the camera
+    errors = np.array([own.covariance[1:, 1:] for own in detections])
+    shown = ranges * rays[..., None]  # (n, 3, 1) from the camera
     along = turn @ shown
     by_range = sigmas**2 * (along @ np.swapaxes(along, 1, 2))
-    aside = (ranges * turn) @ seen.basis
+    aside = (ranges * turn) @ bases
     by_ray = aside @ errors @ np.swapaxes(aside, 1, 2)
-    gains = np.concatenate([-turn @ so3.hat(seen.origin + shown[..., 0]), np.tile(turn, (count, 1, 1))], axis=2)
+    from_body = np.array([own.origin for own in detections]) + shown[..., 0]
     log_volume = float(np.log((region.max_range_m**3 - region.min_range_m**3) / 3.0))
-    return [
-        _birth(
-            landmark,
-            model.object_prior(own, robot),
-            gain=gain,
-            spread=spread,
-            noise=noise,
-            log_area=log_volume,
-            log_stand_in=float(own.log_normaliser - np.log1p(WIDTH**2)),
-        )
-        for own, gain, spread, noise in zip(
-            detections, gains, by_range + WIDTH**2 * by_ray, by_range + by_ray, strict=True
-        )
-    ]
+    return _Started(
+        gains=np.concatenate([-turn @ so3.hat(from_body), broadcast_copy(turn, by_ray.shape)], axis=2),
+        spreads=by_range + WIDTH**2 * by_ray,
+        noises=by_range + by_ray,
+        log_areas=[log_volume] * len(detections),
+        log_stand_ins=[float(own.log_normaliser - np.log1p(WIDTH**2)) for own in detections],
+    )
 
 
 def expected_births_in_space(
@@ -186,19 +179,28 @@ def shown_by(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> t
     These are the detections with a range: what a ray alone occludes is unknown.
     """
     ranged = [own for own in detections if own.has_range]
-    points = np.array([own.range_m * own.ray for own in ranged]).reshape(-1, 3)
+    if not ranged:
+        return np.zeros((0, 3)), np.zeros((0, 2))
+    points = np.array([own.range_m * own.ray for own in ranged])
     variances = [(own.covariance[0, 0], 0.5 * np.trace(own.covariance[1:, 1:])) for own in ranged]
-    return region.camera.seen(points), np.array(variances).reshape(-1, 2)
+    return region.camera.seen(points), np.array(variances)
+
+
+def among_shown(detections: Sequence[SpatialDetection]) -> Index:
+    """(D,) numbers of detections among those of :func:`shown_by`; -1 for a ray alone."""
+    are_rays = _are_rays(detections)
+    return np.where(are_rays, NOT_DETECTED, np.cumsum(~are_rays) - 1)
 
 
 def _in_sight(region: SpatialRegion, detections: Sequence[SpatialDetection]) -> Array:
     """(D,) probability that no other detection occludes a detection, or at least a small share; 1 for a ray alone."""
     shown, variances = shown_by(region, detections)
     nothing = np.zeros((len(shown), 3, 3))
-    doubled = 2.0 * variances  # of both; of the same error where it is the same detection, which does not hide itself
+    doubled = 2.0 * variances  # of both
     in_sight = np.ones(len(detections))
-    ranged = np.array([own.has_range for own in detections], dtype=bool)
-    in_sight[ranged] = np.maximum(region.not_occluded(shown, nothing, shown, doubled), LEAST_IN_SIGHT)
+    if len(shown):
+        seen = region.not_occluded(shown, nothing, shown, doubled, detected_as=np.arange(len(shown)))
+        in_sight[~_are_rays(detections)] = np.maximum(seen, LEAST_IN_SIGHT)
     return in_sight
 
 
@@ -230,8 +232,9 @@ def _born_at(
     """
     places = np.empty((len(births), len(AROUND), 3))
     is_ray = _are_rays(detections)
-    rays = SpatialDetections.of([own for own in detections if not own.has_range])
-    reached = rays.origin[:, None] + ranges_m[:, None] * rays.ray[:, None]
+    alone = [own for own in detections if not own.has_range]
+    origins, rays = (np.array(own).reshape(-1, 1, 3) for own in ([d.origin for d in alone], [d.ray for d in alone]))
+    reached = origins + ranges_m[:, None] * rays
     places[is_ray] = robot[:3] + so3.rotated(robot[3:], reached)
     for number in np.flatnonzero(~is_ray).tolist():
         own = births[number]

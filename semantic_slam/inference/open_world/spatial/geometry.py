@@ -1,24 +1,30 @@
 """Open-world geometry in space: SE(3) for the robot, R^3 or SE(3) for objects, whose attitude gravity holds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry import se3, so3
-from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, squared_norms
+from semantic_slam.geometry.arrays import Array, Index, squared_norms
 from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
+from semantic_slam.inference.models.spatial.observation import SpatialObservation
 from semantic_slam.inference.models.spatial.ray import distances, off_axis
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.births import Birth
-from semantic_slam.inference.open_world.margins import Places, with_occlusion
+from semantic_slam.inference.open_world.margins import NOT_DETECTED, Places, with_occlusion
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.seen_again import SeenAgain
-from semantic_slam.inference.open_world.spatial.births import births_in_space, expected_births_in_space, shown_by
+from semantic_slam.inference.open_world.spatial.births import (
+    among_shown,
+    births_in_space,
+    expected_births_in_space,
+    shown_by,
+)
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -39,6 +45,7 @@ class SpatialGeometry:
     def births(
         self, model: ObservationModel, detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion
     ) -> list[Birth]:
+        assert isinstance(model, SpatialObservation)
         return births_in_space(self.spaces.landmark, model, detections, robot, region)
 
     def expected_births(
@@ -54,10 +61,8 @@ class SpatialGeometry:
         return expected_births_in_space(settings, component, region, robot, births, detections, second)
 
     def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
-        nothing = np.zeros((0, 3)), np.zeros((0, 2))
         places = self._places(region, objects, objects.robot[None], objects.robot_covariance[None])
-        unlit = replace(region, camera=replace(region.camera, sight=None))
-        overlap, unoccluded = _overlap(unlit, nothing, places, objects.views.unoccluded)
+        overlap, unoccluded = _overlap(region, None, places, objects.views.unoccluded, NOT_DETECTED)
         return objects.views.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
 
     def detections_at(
@@ -70,10 +75,14 @@ class SpatialGeometry:
         step: Step,
         seen: SeenAgain,
     ) -> tuple[Looks, Array]:
-        points, slopes = region.camera.seen(seen.points), seen.slopes @ so3.matrix(region.camera.T_body_camera[3:])
+        in_optical_frame = seen._replace(
+            points=region.camera.seen(seen.points),
+            slopes=seen.slopes @ region.camera.axes,
+            detections=among_shown(step.detections)[seen.detections],
+        )
         places = self._places(region, objects, robot, covariance)
         in_view, chance = partial(_overlap, region, shown_by(region, step.detections)), partial(_chance, rates)
-        return seen._replace(points=points, slopes=slopes).looks(places, objects.views, rates.runs, in_view, chance)
+        return in_optical_frame.looks(places, objects.views, rates.runs, in_view, chance)
 
     def distances(self, states: Array, robot: Array) -> Array:
         return np.asarray(np.sqrt(squared_norms(self.spaces.landmark.position(states) - robot[:3])))
@@ -84,8 +93,8 @@ class SpatialGeometry:
 
     def moving_along(self, robot: Array, states: Array) -> Array:
         """Positions move along, attitudes stay."""
-        landmark, robots = self.spaces.landmark, broadcast_copy(robot, (len(states), len(robot)))
-        _, by_robot, by_point = self.spaces.robot.in_frame(robots, landmark.position(states))
+        landmark = self.spaces.landmark
+        _, by_robot, by_point = self.spaces.robot.in_frame(robot, landmark.position(states))
         displaced = -np.linalg.solve(by_point, by_robot)
         return np.asarray(np.swapaxes(landmark.position_slopes(states), 1, 2) @ displaced, dtype=np.float64)
 
@@ -119,19 +128,19 @@ class SpatialGeometry:
         """Objects in the optical frame at modes ``robot`` (K, 7) with (K, 6, 6); covariances to first order."""
         shift = self.spaces.robot.local(objects.robot, robot)
         moved = self.spaces.landmark.retract(objects.objects, np.einsum("nij,kj->kni", objects.gain, shift))
-        robots = broadcast_copy(robot[:, None], (*moved.shape[:-1], robot.shape[-1]))
-        relative = self.spaces.relative_position(robots, moved)
+        relative = self.spaces.relative_position(robot[:, None], moved)
         together = relative.by_robot + relative.by_landmark @ objects.gain
         spread = together @ covariance[:, None] @ np.swapaxes(together, -1, -2)
         by_remainder = relative.by_landmark @ objects.remainder @ np.swapaxes(relative.by_landmark, -1, -2)
         by_motion = relative.by_robot @ objects.motion_noise @ np.swapaxes(relative.by_robot, -1, -2)
+        whole, by_robot, by_motion = region.camera.turned(np.stack([spread + by_remainder, spread, by_motion]))
         mount = region.camera.T_body_camera
         before = se3.between(mount, se3.compose(objects.robot_before, mount))
         return Places(
             points=region.camera.seen(relative.point),
-            covariance=region.camera.turned(spread + by_remainder),
-            by_robot=region.camera.turned(spread),
-            by_motion=region.camera.turned(by_motion),
+            covariance=whole,
+            by_robot=by_robot,
+            by_motion=by_motion,
             turn=so3.matrix(before[3:]),
             shift=before[:3],
         )
@@ -146,14 +155,22 @@ def _squared_distances(points: Array) -> Array:
     return np.asarray(np.maximum(squared_norms(points), LEAST_DISTANCE_M**2))
 
 
-def _overlap(region: SpatialRegion, shown: tuple[Array, Array], places: Places, before: Array) -> tuple[Overlap, Array]:
-    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now."""
+def _overlap(
+    region: SpatialRegion, shown: tuple[Array, Array] | None, places: Places, before: Array, detected_as: Index
+) -> tuple[Overlap, Array]:
+    """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now.
+
+    ``shown``: the detections of the keyframe, see :func:`shown_by`; None: nothing is known to occlude. ``detected_as``
+    (...,): which of them are the objects' own, which do not hide them; -1 for none.
+    """
     overlap, lasting = places.overlap(region.margins)
-    unoccluded = region.not_occluded(places.points, places.covariance, *shown)
-    unoccluded = unoccluded * region.seen_before_surfaces(places.points, places.covariance)
+    unoccluded, of_shown = np.ones(places.points.shape[:-1]), 0.0
+    if shown is not None:
+        unoccluded = region.not_occluded(places.points, places.covariance, *shown, detected_as)
+        unoccluded = unoccluded * region.seen_before_surfaces(places.points, places.covariance)
+        of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
     if region.occluder_radius_m > 0.0:
         across = 0.5 * np.trace(places.covariance, axis1=-2, axis2=-1) / _squared_distances(places.points)
-        of_shown = float(shown[1][:, 1].mean()) if len(shown[1]) else 0.0
         lasts = lasting[1:].min(axis=0) * places.lasting_sight(across, of_shown)
         overlap = with_occlusion(overlap, before, unoccluded, lasts)
     return overlap, unoccluded

@@ -149,8 +149,11 @@ class PairProblem(PairSearch):
 
         No descent leads from an object that is expected behind the camera to one in front of it.
         """
-        search = super().begun()
-        search.take_lower(LevenbergMarquardt(self, self._met()))
+        met, rows = self._met(), np.arange(len(self.root))
+        twice = self.select(np.concatenate([rows, rows]))
+        both = LevenbergMarquardt(twice, np.concatenate([np.zeros(met.shape), met]))
+        search = both.select(rows)
+        search.take_lower(both.select(len(rows) + rows))
         return search
 
     def _met(self) -> Array:

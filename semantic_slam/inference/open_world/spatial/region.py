@@ -1,15 +1,16 @@
 """The region in which a camera in space detects: in the image, and between two distances; and occlusion."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
 from scipy.special import ndtr
 
 from semantic_slam.configuration import OpenWorldConfiguration
-from semantic_slam.geometry.arrays import Array, Flags, squared_norms
+from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
 from semantic_slam.inference.models.spatial.camera import Camera
-from semantic_slam.inference.open_world.margins import Margins
+from semantic_slam.inference.open_world.margins import NOT_DETECTED, Margins
 from semantic_slam.inference.open_world.rings import Rings
 from semantic_slam.inference.open_world.spatial.free_ranges import seen_before_surfaces
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
@@ -49,14 +50,14 @@ class SpatialRegion:
             by_camera=settings.region_by_camera,
         )
 
-    @property
+    @cached_property
     def solid_angle(self) -> float:
         """[rad^2] of the image."""
         (left, right), (top, bottom) = np.sin(self.edges_rad)
         corners = np.arcsin([right * bottom, -left * bottom, -right * top, left * top])
         return float(corners.sum())
 
-    @property
+    @cached_property
     def edges_rad(self) -> Array:
         """(2, 2) angles of the image's edges off the optical axis: [left, right] and [top, bottom]."""
         halves = np.array([self.half_width_rad, self.half_height_rad])
@@ -102,16 +103,12 @@ class SpatialRegion:
 
         Coordinates are distance, horizontal and vertical angle.
         """
-        distance = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)
-        parts = [(distance, seen / distance[..., None], self.min_range_m, self.max_range_m)]
-        for axis, (low, high) in enumerate(self.edges_rad.tolist()):
-            parts.append((*_angle(seen, axis), low, high))
-        sigmas = [_sigma(slope, covariance) for _, slope, _, _ in parts]
-        each = list(zip(parts, sigmas, strict=True))
+        values, slopes = _coordinates(seen)
+        sigmas = np.sqrt(np.einsum("...i,...ij,...j->...", slopes, covariance, slopes)) + LEAST_SIGMA
+        ends = [[self.min_range_m, self.max_range_m], *self.edges_rad.tolist()]
+        least, most = np.array(ends).T.reshape(2, len(ends), *[1] * (seen.ndim - 1))
         return Margins(
-            lower=np.stack([(least - value) / sigma for (value, _, least, _), sigma in each]),
-            upper=np.stack([(most - value) / sigma for (value, _, _, most), sigma in each]),
-            slopes=np.stack([slope / sigma[..., None] for (_, slope, _, _), sigma in each]),
+            lower=(least - values) / sigmas, upper=(most - values) / sigmas, slopes=slopes / sigmas[..., None]
         )
 
     def holds(self, seen: Array) -> Flags:
@@ -128,12 +125,15 @@ class SpatialRegion:
         across = np.abs(down) * np.cos(self.half_height_rad) <= ahead * np.sin(self.half_height_rad)
         return np.asarray(aside & across)
 
-    def not_occluded(self, seen: Array, covariance: Array, shown: Array, variances: Array) -> Array:
+    def not_occluded(
+        self, seen: Array, covariance: Array, shown: Array, variances: Array, detected_as: Index = NOT_DETECTED
+    ) -> Array:
         """(...,) probability that nothing occludes ``seen`` (..., 3), with (..., 3, 3), in the optical frame.
 
         Occluders are balls of the occluder's radius about a frame's detections ``shown`` (D, 3), with ``variances`` (D,
         2) of distance and direction. Distance and angle count as independent normals; the angle varies along the arc
-        between both directions.
+        between both directions. ``detected_as`` (...,): which of ``shown`` is the detection of each point, which does
+        not hide it; -1 for none.
         """
         if self.occluder_radius_m <= 0.0 or not len(shown):
             return np.ones(seen.shape[:-1])
@@ -148,7 +148,8 @@ class SpatialRegion:
         aside = ndtr((half - turn) / sigma) - ndtr((-half - turn) / sigma)
         apart = np.sqrt(along + variances[:, 0]) + LEAST_SIGMA
         behind = ndtr((distance - ranges - 2.0 * self.occluder_radius_m) / apart)
-        return np.asarray((1.0 - aside * behind).prod(axis=-1))
+        others = detected_as[..., None] != np.arange(len(shown))
+        return np.asarray((1.0 - others * aside * behind).prod(axis=-1))
 
     def seen_before_surfaces(self, seen: Array, covariance: Array) -> Array:
         """(...,) probability that no surface of the depth image hides ``seen`` (..., 3), with (..., 3, 3)."""
@@ -167,25 +168,35 @@ class SpatialRegion:
 
         Points of the same ray are consecutive, one in each shell.
         """
-        x, y = (
-            low + (high - low) * (np.arange(count) + 0.5) / count
-            for (low, high), count in zip(np.tan(self.edges_rad), (NUM_COLUMNS, NUM_ROWS), strict=True)
-        )
-        right, down, reach = (grid.ravel() for grid in np.meshgrid(x, y, shells.ranges_m, indexing="ij"))
-        rays = np.stack([right, down, np.ones(len(right))], axis=1)
-        length = np.sqrt(squared_norms(rays))
-        count = len(shells.shares)
-        shares = length**-3 * np.tile(count * shells.shares, NUM_COLUMNS * NUM_ROWS)
-        return rays * (reach / length)[:, None], shares / shares.sum()
+        return _all_over(tuple(self.edges_rad.ravel().tolist()), shells)
 
 
-def _angle(seen: Array, axis: int) -> tuple[Array, Array]:
-    """(...,) angles off the optical axis along one image axis, and their Jacobians (..., 3) by the point."""
-    aside, ahead = seen[..., axis], seen[..., 2]
+@lru_cache(maxsize=64)
+def _all_over(edges_rad: tuple[float, ...], shells: Rings) -> tuple[Array, Array]:
+    """:meth:`SpatialRegion.all_over` between the image's edges: left, right, top and bottom."""
+    x, y = (
+        low + (high - low) * (np.arange(count) + 0.5) / count
+        for (low, high), count in zip(np.tan(edges_rad).reshape(2, 2), (NUM_COLUMNS, NUM_ROWS), strict=True)
+    )
+    right, down, reach = (grid.ravel() for grid in np.meshgrid(x, y, shells.ranges_m, indexing="ij"))
+    rays = np.stack([right, down, np.ones(len(right))], axis=1)
+    length = np.sqrt(squared_norms(rays))
+    count = len(shells.shares)
+    shares = length**-3 * np.tile(count * shells.shares, NUM_COLUMNS * NUM_ROWS)
+    return rays * (reach / length)[:, None], shares / shares.sum()
+
+
+def _coordinates(seen: Array) -> tuple[Array, Array]:
+    """(3, ...) distance, and angles off the optical axis along both image axes, and (3, ..., 3) their Jacobians."""
+    values, slopes = np.empty((3, *seen.shape[:-1])), np.zeros((3, *seen.shape))
+    values[0] = np.maximum(np.sqrt(squared_norms(seen)), LEAST_DISTANCE_M)
+    slopes[0] = seen / values[0, ..., None]
+    aside, ahead = np.moveaxis(seen[..., :2], -1, 0), seen[..., 2]
     squared = np.maximum(aside * aside + ahead * ahead, LEAST_DISTANCE_M**2)
-    slope = np.zeros(seen.shape)
-    slope[..., axis], slope[..., 2] = ahead / squared, -aside / squared
-    return np.arctan2(aside, ahead), slope
+    values[1:] = np.arctan2(aside, ahead)
+    slopes[1, ..., 0], slopes[2, ..., 1] = ahead / squared
+    slopes[1:, ..., 2] = -aside / squared
+    return values, slopes
 
 
 def _between(aside: Array, ahead: Array, low: float, high: float) -> Flags:
@@ -206,7 +217,3 @@ def _towards(unit: Array, others: Array, cosine: Array, covariance: Array) -> Ar
     mean = 0.5 * (np.trace(covariance, axis1=-2, axis2=-1) - along)
     towards = np.vecdot(away @ covariance, away) / np.where(apart, squared, 1.0)
     return np.asarray(np.where(apart, towards, mean[..., None]))
-
-
-def _sigma(slope: Array, covariance: Array) -> Array:
-    return np.asarray(np.sqrt(np.einsum("...i,...ij,...j->...", slope, covariance, slope)) + LEAST_SIGMA)
