@@ -13,6 +13,8 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import TransformTree, plain_frame
 from semantic_slam.messages.standard import MAP_FRAME, PoseEstimate, is_pose
+from semantic_slam.pipeline.input_topics import offered
+from semantic_slam.pipeline.start_deadline import left_out_as_late, start_deadline_ns
 
 MAP_PRIOR_FILE = "objects.json"
 ROUNDING = 1e-12
@@ -23,7 +25,8 @@ class Preamble:
     """Static transforms, initial pose and labels, collected from the whole bag."""
 
     transforms: TransformTree = field(default_factory=TransformTree)
-    initial_pose: PoseEstimate | None = None  # in the map frame; the first one of the bag
+    initial_pose: PoseEstimate | None = None  # in the map frame; the first one of the bag, unless it comes late
+    late_pose: str = ""  # one line on a first pose that comes too late to be the start
     labels: frozenset[str] = frozenset()  # of all detections, if the class models use labels
 
 
@@ -31,15 +34,29 @@ def read_preamble(reader: BagReader) -> Preamble:
     """Static transforms and initial pose of a bag; raises InputError if the initial pose is not usable."""
     preamble = Preamble()
     try:
-        for message in reader.messages([topics.TF_STATIC, topics.INITIAL_POSE]):
-            content = reader.decode(message.cdr, message.type_name)
-            if message.topic == topics.TF_STATIC:
-                preamble.transforms.add(content)
-            elif preamble.initial_pose is None:
-                preamble.initial_pose = checked_initial_pose(from_message(content))
+        for message in reader.messages([topics.TF_STATIC]):
+            preamble.transforms.add(reader.decode(message.cdr, message.type_name))
     except TruncatedBagError:
         pass  # the run reports the damage
+    _read_initial_pose(reader, preamble)
     return preamble
+
+
+def _read_initial_pose(reader: BagReader, preamble: Preamble) -> None:
+    """Fill in the first initial pose, or why it is not used. Raises InputError if it is not usable."""
+    try:
+        first = next(reader.messages([topics.INITIAL_POSE]), None)
+    except TruncatedBagError:
+        return
+    if first is None:
+        return
+    found = offered(reader.topics)
+    frames = found.measurements or found.detections
+    deadline_ns = start_deadline_ns(reader, *({name} - {""} for name in (found.odometry, frames)))
+    if deadline_ns is not None and first.stamp_ns > deadline_ns:
+        preamble.late_pose = left_out_as_late(first.stamp_ns, deadline_ns)
+    else:
+        preamble.initial_pose = checked_initial_pose(from_message(reader.decode(first.cdr, first.type_name)))
 
 
 def checked_initial_pose(estimate: PoseEstimate, frame: str = MAP_FRAME) -> PoseEstimate:
