@@ -204,7 +204,17 @@ def test_an_initial_pose_is_the_start_unless_it_comes_after_it(tmp_path, configu
     assert [finding.what.startswith(line) for finding in found] == ([] if is_start else [True])
 
 
-def test_an_initial_pose_in_another_frame_is_bad_input(tmp_path, configuration):
+def test_a_recording_may_name_its_map_frame_as_it_likes(tmp_path, configuration):
+    """As by ``map_frame:=robot1/map`` of the manager, whose parameters are not in the bag."""
+    covariance = np.diag([4.0, 4, 0, 0, 0, 1])
+    start = PoseEstimate(frame_stamp(0), "robot1/map", np.array([0.0, 0, 0, 0, 0, 0, 1]), covariance)
+    entries = [*input_entries(1), Entry(topics.INITIAL_POSE, to_message(start), frame_stamp(0))]
+    run_bag(write_bag(tmp_path / "bag", entries), tmp_path / "belief", configuration)
+    (run,) = messages_of(tmp_path / "belief", topics.RUN_CONFIGURATION)
+    np.testing.assert_array_equal(run.initial_covariance, covariance)
+
+
+def test_an_initial_pose_in_the_frame_of_odometry_is_bad_input(tmp_path, configuration):
     start = PoseEstimate(frame_stamp(0), "odom", np.array([0.0, 0, 0, 0, 0, 0, 1]), np.eye(6))
     entries = [*input_entries(1), Entry(topics.INITIAL_POSE, to_message(start), frame_stamp(0))]
     with pytest.raises(InputError, match="initialpose: it is in 'odom'; publish it in 'map'"):
