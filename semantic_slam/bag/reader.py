@@ -1,6 +1,8 @@
 """Reading of bags: rosbag2 folders and single storage files, mcap or sqlite3, compressed, damaged or intact."""
 
 import hashlib
+import re
+import string
 import sys
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -269,10 +271,19 @@ def _contents(sources: Collection[Source]) -> Contents:
 
 
 def storage_files(path: Path) -> list[Path]:
-    """The storage files of a bag in the order of their names."""
+    """The storage files of a bag in the order in which its recorder wrote them, ``NAME_2.mcap`` before ``NAME_10``."""
     if path.is_file():
         return [path]
-    return sorted(item for item in path.iterdir() if {".mcap", ".db3"} & set(item.suffixes) and item.is_file())
+    found = [item for item in path.iterdir() if {".mcap", ".db3"} & set(item.suffixes) and item.is_file()]
+    return sorted(found, key=_split)
+
+
+def _split(path: Path) -> tuple[str, int, str]:
+    """Sort key: name of the recording, number of its storage file (-1 without one), and the whole name for ties."""
+    stem = re.split(r"\.(?:mcap|db3)", path.name)[0]
+    recording = stem.rstrip(string.digits)
+    number = stem[len(recording) :]
+    return recording, int(number) if number else -1, path.name
 
 
 def _compression(folder: Path) -> str:

@@ -6,7 +6,7 @@ from tqdm import tqdm
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration
-from semantic_slam.doctor.finding import Finding, of_fault
+from semantic_slam.doctor.finding import Finding, of_fault, warning
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.doctor.summarise import Summariser, wanted_topics
 from semantic_slam.errors import InputError
@@ -25,6 +25,9 @@ def summarise_bag(
         try:
             reader.check_definitions()
             preamble = read_preamble(reader)
+            if preamble.late_pose:
+                what, remedy = preamble.late_pose.split("; ")
+                faults.append(warning("initial pose", what, remedy))
         except InputError as fault:
             faults.append(of_fault("bag", fault))
         summary = InputSummary(

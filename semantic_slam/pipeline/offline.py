@@ -96,6 +96,8 @@ def _looked_through(bag: Path, reader: BagReader, configuration: Configuration) 
     if told := left_out(configuration, reader.topics):
         print(f"{bag}: {told}")
     preamble = read_preamble(reader)
+    if preamble.late_pose:
+        print(f"{bag}: {preamble.late_pose}")
     if are_asked_for(configuration):
         preamble.labels = labels_in(reader, found.measurements or found.detections)
     return found, preamble

@@ -1,18 +1,21 @@
 """Reads what must be known before the first keyframe: static transforms, the initial pose, the map prior."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
-from semantic_slam.errors import MessageError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.pose import planar_from_covariance
 from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
 from semantic_slam.messages.sensor import TransformTree, plain_frame
 from semantic_slam.messages.standard import MAP_FRAME, PoseEstimate, is_pose
+from semantic_slam.pipeline.input_topics import offered
+from semantic_slam.pipeline.start_deadline import left_out_as_late, start_deadline_ns
 
 MAP_PRIOR_FILE = "objects.json"
 ROUNDING = 1e-12
@@ -23,7 +26,10 @@ class Preamble:
     """Static transforms, initial pose and labels, collected from the whole bag."""
 
     transforms: TransformTree = field(default_factory=TransformTree)
-    initial_pose: PoseEstimate | None = None  # in the map frame; the first one of the bag
+    initial_pose: PoseEstimate | None = (
+        None  # in the map frame, however it is named; the first one of the bag, unless it comes late
+    )
+    late_pose: str = ""  # one line on a first pose that comes too late to be the start
     labels: frozenset[str] = frozenset()  # of all detections, if the class models use labels
 
 
@@ -31,19 +37,47 @@ def read_preamble(reader: BagReader) -> Preamble:
     """Static transforms and initial pose of a bag; raises InputError if the initial pose is not usable."""
     preamble = Preamble()
     try:
-        for message in reader.messages([topics.TF_STATIC, topics.INITIAL_POSE]):
-            content = reader.decode(message.cdr, message.type_name)
-            if message.topic == topics.TF_STATIC:
-                preamble.transforms.add(content)
-            elif preamble.initial_pose is None:
-                preamble.initial_pose = checked_initial_pose(from_message(content))
+        for message in reader.messages([topics.TF_STATIC]):
+            preamble.transforms.add(reader.decode(message.cdr, message.type_name))
     except TruncatedBagError:
         pass  # the run reports the damage
+    _read_initial_pose(reader, preamble)
     return preamble
 
 
-def checked_initial_pose(estimate: PoseEstimate, frame: str = MAP_FRAME) -> PoseEstimate:
-    """The initial pose with a normalised quaternion; raises MessageError if it is not finite or not in the map frame.
+def _read_initial_pose(reader: BagReader, preamble: Preamble) -> None:
+    """Fill in the first initial pose, or why it is not used. Raises InputError if it is not usable."""
+    try:
+        first = next(reader.messages([topics.INITIAL_POSE]), None)
+    except TruncatedBagError:
+        return
+    if first is None:
+        return
+    found = offered(reader.topics)
+    frames = found.measurements or found.detections
+    deadline_ns = start_deadline_ns(reader, *({name} - {""} for name in (found.odometry, frames)))
+    if deadline_ns is not None and first.stamp_ns > deadline_ns:
+        preamble.late_pose = left_out_as_late(first.stamp_ns, deadline_ns)
+        return
+    estimate = from_message(reader.decode(first.cdr, first.type_name))
+    preamble.initial_pose = checked_initial_pose(estimate, _recorded_frame(reader, found.odometry, estimate))
+
+
+def _recorded_frame(reader: BagReader, odometry: str, estimate: PoseEstimate) -> str:
+    """The map frame of a recording: any that the pose states, since the system that was recorded had named it.
+
+    The frame of odometry is none: a pose in that says nothing of the map.
+    """
+    of_odometry = None
+    with suppress(InputError):  # the run reports the damage, or a message that does not decode
+        for message in reader.messages([odometry] if odometry else []):
+            of_odometry = plain_frame(reader.decode(message.cdr, message.type_name).header.frame_id)
+            break
+    return MAP_FRAME if plain_frame(estimate.frame_id) in ("", of_odometry) else estimate.frame_id
+
+
+def checked_initial_pose(estimate: PoseEstimate, frame: str) -> PoseEstimate:
+    """The initial pose with a normalised quaternion; raises MessageError if it is not finite or not in ``frame``, map.
 
     Also raises MessageError unless the covariance over x, y and yaw is positive definite; publishers that do not know
     it send zeros.

@@ -33,11 +33,14 @@ from semantic_slam.messages.topics import (
     CAMERA_INFO,
     CLASSIFIER_PROGRESS,
     CLOCK,
+    INITIAL_POSE,
     MANAGER_PROGRESS,
+    ODOMETRY,
     PLAYER_PROGRESS,
     TYPES,
 )
 from semantic_slam.messages.typestore import message_class, serialize
+from semantic_slam.pipeline.start_deadline import left_out_as_late, start_deadline_ns
 from semantic_slam.ros.node.changes import Values, follow_changes
 from semantic_slam.ros.node.health import dropped_status
 from semantic_slam.ros.node.parameters import declare_changeable, declare_fixed, number, refuse_undeclared
@@ -192,17 +195,24 @@ class BagPlayer(PipelineNode):
         """Where to start in the bag; earlier frames count as sent."""
         if not (self._done_stamp_ns and self._goes_on):
             return FROM_THE_START
-        frames = [topic for topic, item in self._playlist.items.items() if item.is_frame]
-        start = resumption(filter(self._is_frame, bag.messages(frames)), self._done_stamp_ns)
+        start = resumption(filter(self._is_frame, bag.messages(self._playlist.frames)), self._done_stamp_ns)
         self._sent = start.frame
         self.get_logger().info(f"{self._bag}: goes on with frame {start.frame}")
         return start
 
     def _send_latched(self, bag: BagReader) -> None:
-        """Send latched topics (initial pose, static transforms) first, and wait until they are acknowledged."""
+        """Send latched topics (initial pose, static transforms) first, and wait until they are acknowledged.
+
+        Poses that come too late to be the start are not sent: sent ahead of the frames, they would become it.
+        """
         latched = [topic for topic, item in self._playlist.items.items() if item.is_latched]
+        deadline_ns = start_deadline_ns(bag, self._playlist.named(ODOMETRY), self._playlist.frames)
         for message in bag.messages(latched) if latched else ():
-            self._outlets[message.topic].send(message.cdr)
+            is_pose = self._playlist.items[message.topic].name == INITIAL_POSE
+            if is_pose and deadline_ns is not None and message.stamp_ns > deadline_ns:
+                self.get_logger().info(f"{self._bag}: {left_out_as_late(message.stamp_ns, deadline_ns)}")
+            else:
+                self._outlets[message.topic].send(message.cdr)
         for topic in latched:
             self._outlets[topic].wait_for_acknowledgement()
 
@@ -281,7 +291,7 @@ class BagPlayer(PipelineNode):
         bar.update(self._credit.frames_done - bar.n)
 
     def _progress_bar(self, bag: BagReader) -> tqdm:
-        frames = sum(bag.counts[topic] for topic, item in self._playlist.items.items() if item.is_frame)
+        frames = sum(bag.counts[topic] for topic in self._playlist.frames)
         return tqdm(total=frames, unit="frame", desc=self._bag.name, file=sys.stderr, dynamic_ncols=True)
 
 

@@ -1,6 +1,7 @@
 """Bags are read back as written, by us and by others' readers, and up to the damage when they are damaged."""
 
 import hashlib
+import shutil
 from itertools import islice
 
 import numpy as np
@@ -11,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from semantic_slam.bag.definitions import register
-from semantic_slam.bag.reader import BagReader, TruncatedBagError
+from semantic_slam.bag.reader import BagReader, TruncatedBagError, storage_files
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.errors import InputError
 from semantic_slam.messages.codec import from_message, to_message
@@ -155,6 +156,27 @@ def test_a_fault_keeps_what_was_written_before(tmp_path):
 def cut(path, share):
     data = path.read_bytes()
     path.write_bytes(data[: int(len(data) * share)])
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".mcap.zstd"])
+def test_the_parts_of_a_split_recording_are_in_the_order_of_their_numbers(tmp_path, suffix):
+    """Parts 0 to 10 without a metadata.yaml, which would tell their order; as text, 10 comes before 2."""
+    for number in (10, 2, 0, 9, 1):
+        (tmp_path / f"rosbag2_2024_01_02_{number}{suffix}").touch()
+    found = [item.name.removesuffix(suffix) for item in storage_files(tmp_path)]
+    assert found == [f"rosbag2_2024_01_02_{number}" for number in (0, 1, 2, 9, 10)]
+
+
+def test_a_killed_recorders_parts_are_read_in_the_order_of_time(tmp_path):
+    (tmp_path / "split").mkdir()
+    for number in range(11):
+        with BagWriter(tmp_path / "part") as writer:
+            writer.write("odom", odometry(number + 1), number + 1)
+        (part,) = (tmp_path / "part").glob("*.mcap")
+        part.rename(tmp_path / "split" / f"split_{number}.mcap")
+        shutil.rmtree(tmp_path / "part")
+    with BagReader(tmp_path / "split") as reader:
+        assert [message.stamp_ns for message in reader.messages()] == list(range(1, 12))
 
 
 @pytest.mark.parametrize("form", ["folder", "file", "folder without metadata"])

@@ -182,13 +182,13 @@ def test_a_map_that_is_no_text_or_nested_without_end_is_one_line(tmp_path: Path)
 def test_an_initial_pose_without_a_covariance_is_refused(covariance: np.ndarray) -> None:
     estimate = PoseEstimate(1, "map", np.array([0.0, 0, 0, 0, 0, 0, 1]), covariance)
     with pytest.raises(MessageError, match="initialpose"):
-        checked_initial_pose(estimate)
+        checked_initial_pose(estimate, "map")
 
 
 def test_an_initial_pose_as_rviz_publishes_it_is_taken() -> None:
     covariance = np.diag([0.25, 0.25, 0.0, 0.0, 0.0, 0.0685])
     estimate = PoseEstimate(1, "map", np.array([1.0, 2.0, 0, 0, 0, 0, 2.0]), covariance)
-    assert checked_initial_pose(estimate).pose[6] == 1.0
+    assert checked_initial_pose(estimate, "map").pose[6] == 1.0
 
 
 def measured(count: int) -> SemanticMeasurements:

@@ -11,6 +11,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from worlds.bags.bag_factory import (
     OBJECTS,
     SPEED_M,
+    START,
     Entry,
     frame_stamp,
     input_entries,
@@ -28,6 +29,7 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.cli import bag_to_report
 from semantic_slam.configuration import load_configuration
+from semantic_slam.doctor.bag_summary import summarise_bag
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference import expander
 from semantic_slam.inference.pool import InProcessPool
@@ -36,12 +38,15 @@ from semantic_slam.inference.world.map_prior import MapPrior, read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.images import decode_image
-from semantic_slam.messages.standard import PoseEstimate
+from semantic_slam.messages.standard import NANOSECONDS, PoseEstimate
 from semantic_slam.messages.typestore import serialize, typestore
 from semantic_slam.pipeline import recorded_views
 from semantic_slam.pipeline.offline import run_bag
+from semantic_slam.pipeline.start_deadline import TOLERANCE_NS
 
 NUM_FRAMES = 4
+LATEST = START + TOLERANCE_NS
+"""Log time of the last pose that is the start: the first frame is logged at START, and odometry before it."""
 
 
 @pytest.fixture(scope="module")
@@ -183,16 +188,33 @@ def test_disparities_of_a_stereo_pair_are_depth(tmp_path, configuration):
     assert np.isnan(measured["stereo"][-1].ranges_m).all() and np.isfinite(measured["depth"][-1].ranges_m).all()
 
 
-def test_the_initial_pose_of_the_bag_comes_first(tmp_path, configuration):
+@pytest.mark.parametrize(("log_ns", "is_start"), [(START - NANOSECONDS, True), (LATEST, True), (LATEST + 1, False)])
+def test_an_initial_pose_is_the_start_unless_it_comes_after_it(tmp_path, configuration, capsys, log_ns, is_start):
+    """A recorder may get a latched pose after the first frame, which is behind the first odometry."""
     pose, covariance = np.array([0.0, 0, 0, 0, 0, 0, 1]), np.diag([4.0, 4, 0, 0, 0, 1])
     start = PoseEstimate(frame_stamp(0), "map", pose, covariance)
-    entries = [*input_entries(2), Entry(topics.INITIAL_POSE, to_message(start), frame_stamp(2))]  # anywhere in the bag
+    entries = [*input_entries(2), Entry(topics.INITIAL_POSE, to_message(start), log_ns)]
+    bag = write_bag(tmp_path / "bag", entries)
+    run_bag(bag, tmp_path / "belief", configuration)
+    (run,) = messages_of(tmp_path / "belief", topics.RUN_CONFIGURATION)
+    assert np.array_equal(run.initial_covariance, covariance) == is_start
+    line = f"/initialpose: the pose of {log_ns / 1e9:.3f} s is not used, as it comes 1.0 s after odometry"
+    assert (f"{bag}: {line}" in capsys.readouterr().out) != is_start
+    _, found = summarise_bag(bag, configuration, None)
+    assert [finding.what.startswith(line) for finding in found] == ([] if is_start else [True])
+
+
+def test_a_recording_may_name_its_map_frame_as_it_likes(tmp_path, configuration):
+    """As by ``map_frame:=robot1/map`` of the manager, whose parameters are not in the bag."""
+    covariance = np.diag([4.0, 4, 0, 0, 0, 1])
+    start = PoseEstimate(frame_stamp(0), "robot1/map", np.array([0.0, 0, 0, 0, 0, 0, 1]), covariance)
+    entries = [*input_entries(1), Entry(topics.INITIAL_POSE, to_message(start), frame_stamp(0))]
     run_bag(write_bag(tmp_path / "bag", entries), tmp_path / "belief", configuration)
     (run,) = messages_of(tmp_path / "belief", topics.RUN_CONFIGURATION)
     np.testing.assert_array_equal(run.initial_covariance, covariance)
 
 
-def test_an_initial_pose_in_another_frame_is_bad_input(tmp_path, configuration):
+def test_an_initial_pose_in_the_frame_of_odometry_is_bad_input(tmp_path, configuration):
     start = PoseEstimate(frame_stamp(0), "odom", np.array([0.0, 0, 0, 0, 0, 0, 1]), np.eye(6))
     entries = [*input_entries(1), Entry(topics.INITIAL_POSE, to_message(start), frame_stamp(0))]
     with pytest.raises(InputError, match="initialpose: it is in 'odom'; publish it in 'map'"):

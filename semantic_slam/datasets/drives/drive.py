@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.frames import BODY_FRAME
+from semantic_slam.datasets.late_truth import tell_late_truth
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import pose_vector_from_planar
@@ -116,9 +117,14 @@ def write_drive(
     """Write the bag ``out``, up to the ``max_keyframes``-th frame; truth in the frame of the first true pose.
 
     ``title`` stands before the progress bar. The first true pose is the last one that is not after the odometry's
-    first. ``pictures`` are stamps, topics and messages of the camera, at stamps that grow.
+    first; a line says so where truth begins later. ``pictures`` are stamps, topics and messages of the camera, at
+    stamps that grow.
     """
     drive = in_frame_of_start(drive)
+    if drive.truth is not None:
+        truth_ns = int(drive.truth.stamps_ns[0])
+        ends = np.stack([drive.odometry.poses[0], drive.odometry.since(truth_ns).poses[0]])
+        tell_late_truth(title, truth_ns - int(drive.odometry.stamps_ns[0]), *pose_vector_from_planar(ends))
     frames = drive.frames[:max_keyframes]
     end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else None
     per_frame = 1 if drive.associations is None else 2

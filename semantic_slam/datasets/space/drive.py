@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.datasets.drives.drive import UNKNOWN, Message, Written, detected, write_messages
 from semantic_slam.datasets.frames import BODY_FRAME, CAMERA_FRAME
+from semantic_slam.datasets.late_truth import tell_late_truth
 from semantic_slam.datasets.space.path import SpatialPath
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
@@ -59,8 +60,12 @@ def write_spatial_drive(
     """Write the bag ``out``, up to the ``max_keyframes``-th frame.
 
     ``title`` stands before the progress bar. ``others`` are messages of the camera and whatever else the robot has, at
-    stamps that grow.
+    stamps that grow. A line says so where the truth begins later than odometry.
     """
+    if drive.truth is not None:
+        truth_ns = int(drive.truth.stamps_ns[0])
+        first, then = drive.odometry.poses[0], drive.odometry.since(truth_ns).poses[0]
+        tell_late_truth(title, truth_ns - int(drive.odometry.stamps_ns[0]), first, then)
     frames = drive.frames[:max_keyframes]
     end_ns = frames[-1].stamp_ns if max_keyframes is not None and frames else None
     streams = [iter([_start(drive)]), _poses(drive.odometry, topics.ODOMETRY, "odom"), iter(others)]

@@ -22,13 +22,14 @@ class LabelMap:
     unwanted: Counter[str] = field(default_factory=Counter)  # dropped because the file maps them to null
     unknown: Counter[str] = field(default_factory=Counter)  # dropped because the file does not list them
 
-    def apply(self, detections: Detections) -> Detections:
-        """The detections whose labels are wanted, renamed."""
+    def apply(self, detections: Detections) -> tuple[Detections, list[int]]:
+        """The detections whose labels are wanted, renamed, and which rows these were."""
         if self.mapping is None:
-            return detections
+            return detections, list(range(len(detections)))
         kept = [index for index, label in enumerate(detections.labels) if self._wanted(label)]
         labels = tuple(str(self.mapping[detections.labels[index]]) for index in kept)
-        return replace(renamed(detections.take(np.array(kept, dtype=np.intp)), self.mapping), labels=labels)
+        taken = renamed(detections.take(np.array(kept, dtype=np.intp)), self.mapping)
+        return replace(taken, labels=labels), kept
 
     def _wanted(self, label: str) -> bool:
         assert self.mapping is not None

@@ -17,10 +17,12 @@ from semantic_slam.datasets.user_bag.image_formats import compress_colour, compr
 from semantic_slam.datasets.user_bag.label_map import LabelMap
 from semantic_slam.datasets.user_bag.sensor_frames import SensorFrames
 from semantic_slam.datasets.user_bag.topics import Selection, Topic
+from semantic_slam.datasets.user_bag.true_identities import TrueIdentities
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import CODECS, to_message
+from semantic_slam.messages.codec import CODECS, from_message, to_message
 from semantic_slam.messages.disparity import is_disparity
+from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.tf_odometry import TfOdometry
 from semantic_slam.reasons import count
@@ -50,12 +52,13 @@ class Converter:
         base_frame: str,
     ) -> None:
         self.written: Counter[str] = Counter()  # by topic of the new bag
-        self.dropped: Counter[str] = Counter()  # by reason
+        self._dropped: Counter[str] = Counter()  # by reason
         self.ignored: Counter[str] = Counter()  # by topic of the old bag
         self._reader = reader
         self._writer = writer
         self._selection = selection
         self._labels = labels
+        self._identities = TrueIdentities() if labels.mapping is not None else None  # None: all rows are kept
         self._fixed = self._fixed_transforms()
         self._tf = TfOdometry(odom_frame, base_frame, self._fixed)
         self._joints = read_camera_joints(reader, selection, base_frame, self._fixed)
@@ -73,8 +76,13 @@ class Converter:
         try:
             handler(message)
         except InputError as fault:  # one message; the others may be good
-            count(self.dropped, str(fault))
+            count(self._dropped, str(fault))
         return message.topic == self._selection.detections.name
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Numbers of messages that are not in the new bag, by reason."""
+        return self._dropped + (self._identities.dropped if self._identities else Counter())
 
     def check_complete(self) -> None:
         """Raise InputError when nothing usable came from a topic that was chosen."""
@@ -132,6 +140,8 @@ class Converter:
             for name in PASSED_ON
             if self._reader.topics.get(absolute(name)) == topics.TYPES[name]
         }
+        if self._identities is not None and topics.GROUND_TRUTH_ASSOCIATIONS in handlers:
+            handlers[topics.GROUND_TRUTH_ASSOCIATIONS] = self._associations
         if self._joints is not None and self._joints.carry_camera:
             handlers[topics.TF] = self._copy_to(topics.TF)
         is_tf = selection.odometry.type_name == topics.TYPES[topics.TF]
@@ -187,13 +197,25 @@ class Converter:
     def _detections(self, message: RawMessage) -> None:
         detections = with_class_names(READERS[message.type_name](self._decode(message)), self._class_names)
         detections = in_body(detections, message.type_name, self._tf.base_frame, self._sensors.pose)
-        self._write(topics.DETECTIONS, self._labels.apply(detections), message.stamp_ns)
+        wanted, kept = self._labels.apply(detections)
+        self._write(topics.DETECTIONS, wanted, message.stamp_ns)
+        if self._identities is not None:
+            self._write_identities(self._identities.frame(detections.stamp_ns, len(detections), kept), message.stamp_ns)
+
+    def _associations(self, message: RawMessage) -> None:
+        """True identities of the detections that the label file keeps."""
+        assert self._identities is not None
+        self._write_identities(self._identities.associations(from_message(self._decode(message))), message.stamp_ns)
+
+    def _write_identities(self, identities: GroundTruthAssociations | None, stamp_ns: int) -> None:
+        if identities is not None:
+            self._write(topics.GROUND_TRUTH_ASSOCIATIONS, identities, stamp_ns)
 
     def _odometry_from_tf(self, message: RawMessage) -> None:
         for estimate in self._tf.read(self._decode(message)):
             self._write(topics.ODOMETRY, estimate, message.stamp_ns)
         if self._tf.num_repeated:
-            self.dropped[f"{topics.TF}: odometry of a stamp that it had before"] = self._tf.num_repeated
+            self._dropped[f"{topics.TF}: odometry of a stamp that it had before"] = self._tf.num_repeated
 
     def _decode(self, message: RawMessage) -> Any:
         return self._reader.decode(message.cdr, message.type_name)

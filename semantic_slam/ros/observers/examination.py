@@ -2,7 +2,7 @@
 
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
+from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.configuration import load_configuration
 from semantic_slam.datasets.user_bag.detection_formats import READERS
@@ -26,6 +27,7 @@ from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message
+from semantic_slam.messages.standard import MAP_FRAME
 from semantic_slam.messages.topics import LATCHED, TYPES
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.pipeline.gravity.imu_use import unused_because
@@ -52,6 +54,7 @@ def examine_running_system(
     with observer(ros_arguments) as look:
         graph = look.observe(seconds, wanted)
         parameters = {} if configuration else _parameters(look)
+        map_frame = str(_asked(look, MANAGER, ["map_frame"]).get("map_frame", ""))
     kinds = published(graph)
     types = {topic: TYPES[RELATIVE[topic]] if _is_foreign(topic, kind) else kind for topic, kind in kinds.items()}
     prior, unread = (given, []) if given else prior_of_manager(parameters.get("map_prior") or "")
@@ -67,7 +70,7 @@ def examine_running_system(
     faults = [
         *unread,
         *unheard(graph, look.heard),
-        *_read_preamble(look, summary.preamble),
+        *fill_preamble(summary.preamble, look.messages, map_frame),
         *unread_imu(summary, parameters),
     ]
     Summariser(summary, deserialize).take(look.messages)
@@ -150,16 +153,22 @@ def _is_foreign(topic: str, kind: str) -> bool:
     return topic == absolute(topics.DETECTIONS) and kind in READERS
 
 
-def _read_preamble(look: Observer, preamble: Preamble) -> list[Finding]:
-    """Fill ``preamble`` with the received static transforms and initial pose; returns findings on them."""
+def fill_preamble(preamble: Preamble, messages: Iterable[RawMessage], map_frame: str) -> list[Finding]:
+    """Fill ``preamble`` with static transforms and the initial pose among the messages; returns findings on them.
+
+    ``map_frame`` is that of the running manager. Where it is "", for there is none, a pose may be in the frame map of
+    any namespace.
+    """
     faults = []
-    for message in look.messages:
+    for message in messages:
         try:
             if message.topic == topics.TF_STATIC:
                 preamble.transforms.add(deserialize(message.cdr, message.type_name))
             elif message.topic == absolute(topics.INITIAL_POSE):
-                content = deserialize(message.cdr, message.type_name)
-                preamble.initial_pose = checked_initial_pose(from_message(content))
+                estimate = from_message(deserialize(message.cdr, message.type_name))
+                is_map = estimate.frame_id.endswith(f"/{MAP_FRAME}")
+                expected = map_frame or (estimate.frame_id if is_map else MAP_FRAME)
+                preamble.initial_pose = checked_initial_pose(estimate, expected)
         except InputError as fault:
             faults.append(of_fault("initial pose", fault))
     return faults

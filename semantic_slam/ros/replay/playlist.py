@@ -69,6 +69,15 @@ class Playlist:
                 package = types[topic].split("/")[0]
                 self.notes.append(f"{topic} is not replayed: package {package} is not installed{effect}")
 
+    @property
+    def frames(self) -> list[str]:
+        """Topics of the bag whose messages are the frames counted by flow control."""
+        return [topic for topic, item in self.items.items() if item.is_frame]
+
+    def named(self, name: str) -> list[str]:
+        """Topics of the bag that are published under a relative name."""
+        return [topic for topic, item in self.items.items() if item.name == name]
+
 
 def _inputs(kinds: Mapping[str, str], has_measurements: bool) -> set[str]:
     """Topics, of those replayed with these types, that our nodes subscribe to, all by absolute name.

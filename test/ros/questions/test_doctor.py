@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import rclpy
 import yaml
@@ -19,6 +20,7 @@ from worlds.bags.bag_factory import T_BASE_CAMERA, Entry, input_entries, of_topi
 from worlds.processes.installed import ROOT
 from worlds.processes.node_runs import processes
 
+from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
 from semantic_slam.configuration import from_dict
 from semantic_slam.doctor.checks import graph as graph_checks
@@ -27,7 +29,8 @@ from semantic_slam.doctor.graph import Endpoint, Graph, Said
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
-from semantic_slam.messages.standard import NANOSECONDS, time_message
+from semantic_slam.messages.codec import to_message
+from semantic_slam.messages.standard import NANOSECONDS, PoseEstimate, time_message
 from semantic_slam.messages.typestore import serialize
 from semantic_slam.pipeline.input_topics import offered
 from semantic_slam.pipeline.preamble import Preamble
@@ -103,6 +106,11 @@ def configuration(folder: Path) -> Path:
     return path
 
 
+def pose_in(frame_id: str) -> Any:
+    """Message of a pose at the origin of a frame."""
+    return to_message(PoseEstimate(1, frame_id, np.array([0.0, 0, 0, 0, 0, 0, 1]), np.eye(6)))
+
+
 def lines(found: list[Finding]) -> list[str]:
     return [finding.line for finding in found]
 
@@ -118,9 +126,15 @@ def test_drivers_that_fit_together_are_healthy_before_the_start(tmp_path: Path) 
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_manager_alone_with_drivers_that_do_not_fit_is_told_what_it_lacks(tmp_path: Path) -> None:
-    """A lossless manager without a map or a backend; odometry is best effort and half a minute old."""
+    """A lossless manager without a map or a backend; odometry is best effort and half a minute old.
+
+    The manager's map is that of robot1, and the pose is given in the map of another robot.
+    """
     with processes(tmp_path) as nodes, drivers(late_s=30.0, left_out=(topics.DETECTIONS,)) as node:
-        nodes.start(NodeSpec("hypothesis_manager_node", "hypothesis_manager", {"lossless": True}))
+        parameters = {"lossless": True, "map_frame": "robot1/map"}
+        nodes.start(NodeSpec("hypothesis_manager_node", "hypothesis_manager", parameters))
+        pose = ros_type(topics.TYPES[topics.INITIAL_POSE])
+        node.create_publisher(pose, topics.INITIAL_POSE, qos.latched()).publish(serialize(pose_in("robot2/map")))
         give_up = time.monotonic() + START_S
         while "hypothesis_manager" not in node.get_node_names() and time.monotonic() < give_up:
             nodes.check()
@@ -133,6 +147,7 @@ def test_a_manager_alone_with_drivers_that_do_not_fit_is_told_what_it_lacks(tmp_
         ("nodes", "nobody publishes /classifier/measurements", "classifier_node"),
         ("topics", "no topic detections", "start its publisher, or remap it"),
         ("clocks", "/odom: stamped 30.0 s early", "use_sim_time"),
+        ("initial pose", "it is in 'robot2/map'", "publish it in 'robot1/map'"),
     ):
         assert any(line.startswith(f"error: {check}: ") and all(word in line for word in words) for line in found)
 
@@ -165,6 +180,26 @@ def test_a_clock_that_is_found_late_costs_no_initial_pose(monkeypatch: pytest.Mo
     arrivals = {message.topic: message.stamp_ns for message in look.messages[::-1]}
     assert arrivals.pop(absolute(topics.INITIAL_POSE)) > 0
     assert arrivals and set(arrivals.values()) == {0}  # the clock stands
+
+
+@pytest.mark.parametrize(
+    ("map_frame", "stated", "is_taken"),
+    [
+        ("robot1/map", "robot1/map", True),
+        ("robot1/map", "map", False),
+        ("", "map", True),
+        ("", "robot1/map", True),
+        ("", "odom", False),
+    ],
+)
+def test_an_initial_pose_is_in_the_managers_map_frame_or_without_one_in_any_map(
+    map_frame: str, stated: str, is_taken: bool
+) -> None:
+    topic = absolute(topics.INITIAL_POSE)
+    message = RawMessage(topic, topics.TYPES[topics.INITIAL_POSE], 1, serialize(pose_in(stated)))
+    preamble = Preamble()
+    faults = examination.fill_preamble(preamble, [message], map_frame)
+    assert (preamble.initial_pose is not None, len(faults)) == (is_taken, 1 - is_taken)
 
 
 def test_a_map_that_cannot_be_read_ends_it_where_it_was_named_and_is_a_finding_of_the_manager(tmp_path: Path) -> None:
