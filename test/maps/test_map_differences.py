@@ -14,6 +14,7 @@ from semantic_slam.maps.differences import MapDifference, difference
 from semantic_slam.maps.map_file import with_id
 from semantic_slam.maps.merging import merged
 from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap
+from semantic_slam.maps.telling import as_json
 from semantic_slam.maps.telling_changes import change_lines, changes_as_json
 
 NAMES = ("chair", "desk", "lamp", "plant")
@@ -236,5 +237,6 @@ def test_a_merged_map_without_ancestors_holds_the_maps_that_it_names() -> None:
     both = merged(one, other, "test")
     before = with_id(replace(both, provenance=replace(both.provenance, ancestors=())))
     assert before.ancestors == {one.map_id, other.map_id}
+    assert as_json(before)["provenance"]["ancestors"] == sorted(before.ancestors)
     with pytest.raises(InputError, match="holds what that one knows"):
         merged(before, other, "test")
