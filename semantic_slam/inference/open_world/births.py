@@ -16,10 +16,21 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.planar.polar import from_polar
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.states.gaussian import GaussianPrior
 
 WIDTH = 5.0
 """Standard deviation of the stand-in prior, in those of the measurement: wide, yet well conditioned."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineOfSight:
+    """Where the thing lies, in map, that a detection without a range is of: on a ray, with an error of direction."""
+
+    origin: Array  # (p,) metres
+    direction: Array  # (p,) unit vector
+    variance: float  # rad^2 about each axis across the ray
+    log_extent: float  # log of the region's area [m^2] per radian or, in space, of its volume [m^3] per square radian
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,11 +44,10 @@ class Birth:
     by_error: Array  # (3, 2) Jacobian of its position by the detection's whitened error
     log_area: float  # log evidence of the detection under a birth intensity of one
     log_stand_in: float  # log evidence of the detection under the stand-in prior ``spread``
+    line: LineOfSight | None = None  # None: the detection has a range
 
 
-def births_of(
-    model: ObservationModel, detections: Sequence[Any], robot: Array, field_of_view_rad: float
-) -> list[Birth]:
+def births_of(model: ObservationModel, detections: Sequence[Any], robot: Array, region: SensorRegion) -> list[Birth]:
     """The births by ``detections``, seen from the predicted pose ``robot`` (3,).
 
     For a detection with a range an intensity of one is one object per square metre of the region; its evidence per
@@ -49,7 +59,7 @@ def births_of(
     given = list(zip(detections, priors, gains, strict=True))
     at_ranges = iter(_at_ranges([own for own in given if own[0].has_range]))
     return [
-        next(at_ranges) if detection.has_range else _along_bearing(detection, robot, prior, gain, field_of_view_rad)
+        next(at_ranges) if detection.has_range else _along_bearing(detection, robot, prior, gain, region)
         for detection, prior, gain in given
     ]
 
@@ -81,7 +91,7 @@ def _at_ranges(given: Sequence[tuple[Any, GaussianPrior, Array]]) -> list[Birth]
     ]
 
 
-def _along_bearing(detection: Any, robot: Array, prior: GaussianPrior, gain: Array, field_of_view_rad: float) -> Birth:
+def _along_bearing(detection: Any, robot: Array, prior: GaussianPrior, gain: Array, region: SensorRegion) -> Birth:
     """The birth by a bearing alone.
 
     The prior, of variance p in all directions, is the stand-in prior. Given the bearing, the variance across it is
@@ -105,6 +115,19 @@ def _along_bearing(detection: Any, robot: Array, prior: GaussianPrior, gain: Arr
         spread=spread,
         noise=noise,
         by_error=by_error,
-        log_area=-float(np.log(field_of_view_rad)),
+        log_area=-float(np.log(region.field_of_view_rad)),
         log_stand_in=stand_in,
+        line=_line(detection, robot, region),
+    )
+
+
+def _line(detection: Any, robot: Array, region: SensorRegion) -> LineOfSight:
+    """The line of sight of a bearing alone, from the pose ``robot`` (3,)."""
+    cos, sin = np.cos(robot[2]), np.sin(robot[2])
+    ahead = detection.bearing_rad + robot[2]
+    return LineOfSight(
+        origin=robot[:2] + np.array([[cos, -sin], [sin, cos]]) @ detection.origin,
+        direction=np.array([np.cos(ahead), np.sin(ahead)]),
+        variance=float(detection.covariance[1, 1]),
+        log_extent=float(np.log(region.area_m2 / region.field_of_view_rad)),
     )

@@ -10,8 +10,13 @@ import numpy as np
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.open_world.births import Birth, LineOfSight
 from semantic_slam.inference.smoothing.component import Component, tracked_states
+from semantic_slam.inference.states.kinds.state_space import StateSpace
+from semantic_slam.inference.states.tracked_objects import TrackedStates
+
+NEAREST_M = 1e-3
+"""Least distance [m] of a thing from the sensor that sees it."""
 
 
 def second_boxes(
@@ -26,16 +31,41 @@ def second_boxes(
     expected = chances.sum(axis=0)
     if settings.second_box_share <= 0.0 or not births:
         return expected, np.zeros((len(births), len(expected)))
-    return expected, second_box_densities(settings, component, births) @ chances
+    densities = second_box_densities(settings, component.spaces.landmark, tracked_states(component), births)
+    return expected, densities @ chances
 
 
-def second_box_densities(settings: OpenWorldConfiguration, component: Component, births: Sequence[Birth]) -> Array:
-    """(D, O) densities [1/m^2 or, in space, 1/m^3] of duplicate boxes of each object at D detections."""
-    tracked = tracked_states(component)
-    landmark = component.spaces.landmark
+def second_box_densities(
+    settings: OpenWorldConfiguration, landmark: StateSpace, tracked: TrackedStates, births: Sequence[Birth]
+) -> Array:
+    """(D, O) densities [1/m^2 or, in space, 1/m^3] of duplicate boxes of each object at D detections.
+
+    That of a detection without a range is the density of directions, spread evenly over the region along its ray.
+    """
+    objects = landmark.position(tracked.states)
     places, own = landmark.position(np.array([born.prior.mean for born in births])), landmark.position_rows
     size = places.shape[1]
     noise = np.array([np.trace(born.noise[own, own]) / size for born in births])
     variances = settings.second_box_m**2 + noise[:, None] + tracked.sigmas**2  # (D, O)
-    squared = ((places[:, None] - landmark.position(tracked.states)) ** 2).sum(axis=-1)
-    return np.asarray(np.exp(-0.5 * squared / variances) / (2.0 * np.pi * variances) ** (0.5 * size))
+    squared = ((places[:, None] - objects) ** 2).sum(axis=-1)
+    found = np.asarray(np.exp(-0.5 * squared / variances) / (2.0 * np.pi * variances) ** (0.5 * size))
+    lines = {row: born.line for row, born in enumerate(births) if born.line is not None}
+    if lines:
+        slopes = landmark.position_slopes(tracked.states)
+        spreads = slopes @ tracked.covariances @ np.swapaxes(slopes, 1, 2)
+        spreads += settings.second_box_m**2 * np.eye(size)
+        found[list(lines)] = [_along(line, objects, spreads) for line in lines.values()]
+    return found
+
+
+def _along(line: LineOfSight, places: Array, spreads: Array) -> Array:
+    """(O,) densities along a line of sight of things at ``places`` (O, p) with covariances ``spreads`` (O, p, p)."""
+    away = places - line.origin
+    ahead, size = away @ line.direction, places.shape[1]
+    angles = np.arctan2(np.linalg.norm(away - ahead[:, None] * line.direction, axis=1), ahead)
+    squared = np.maximum((away**2).sum(axis=1), NEAREST_M**2)
+    depth = np.einsum("oi,oij,oj->o", away, spreads, away) / squared
+    across = (np.trace(spreads, axis1=1, axis2=2) - depth) / (size - 1)
+    variances = across / squared + line.variance
+    per_angle = np.exp(-0.5 * angles**2 / variances) / (2.0 * np.pi * variances) ** (0.5 * (size - 1))
+    return np.asarray(per_angle * np.exp(-line.log_extent))

@@ -59,17 +59,35 @@ class StretchAccount:
     @cached_property
     def by_object(self) -> Array:
         """(O, G) log likelihoods of later detections and misses, with the object's existence integrated out."""
-        there, now = self._there, np.any(self.seen[:, self.begin :], axis=1, keepdims=True)
-        missed = np.log(np.maximum(there * np.exp(self.log_if_there) + 1.0 - there, LEAST_PROBABILITY))
-        return np.asarray(np.where(now, np.log(there) + self.log_if_there, missed))
+        there = self._there * np.exp(self.log_if_there)
+        missed = np.log(np.maximum(there + 1.0 - self._there, LEAST_PROBABILITY))
+        return np.asarray(np.where(self._again, np.log(self._there) + self.log_if_there, missed))
+
+    @cached_property
+    def existence(self) -> Array:
+        """(O, G) existence probability at the end: certain of an object that was detected again."""
+        there = self._there * np.exp(self.log_if_there)
+        return np.where(self._again, 1.0, there / np.maximum(there + 1.0 - self._there, LEAST_PROBABILITY))
 
     @cached_property
     def _there(self) -> Array:
-        """(O, G) existence probability: 1 for an object seen twice or started in the stretch, else that of a birth."""
+        """(O, G) existence probability before the stretch or, of an object first detected in it, at its birth.
+
+        Before the stretch it is 1 for an object detected twice, else that of a birth on unseen ground.
+        """
         density = self.rates.birth_density * self.rates.probability
-        once = birth(density, self.rates.clutter_per_frame / self.region.area_m2)[1]
-        sure = (self.seen.sum(axis=1) > 1) | (self._starts >= self.begin)
-        return np.where(sure[:, None], 1.0, once)
+        once = birth(density, self._clutter)[1]
+        before = self.seen[:, : self.begin].sum(axis=1)
+        found = np.where((before > 1)[:, None], 1.0, once)
+        for rows, intensities, _ in self._born:
+            found[rows] = birth(intensities, self._clutter)[1]
+        return found
+
+    @cached_property
+    def _again(self) -> Flags:
+        """(O, 1) whether detected in the stretch other than for the first time."""
+        in_stretch = self.seen[:, self.begin :].sum(axis=1)
+        return np.asarray(in_stretch > (self._starts >= self.begin))[:, None]
 
     @cached_property
     def _starts(self) -> Index:
@@ -86,11 +104,23 @@ class StretchAccount:
     @property
     def _log_born(self) -> Array:
         """(G,) log likelihood of the first detections in the stretch (births): their number and their places."""
-        total, least = np.zeros(len(self.rates)), self.settings.least_undetected_share
-        clutter = self.rates.clutter_per_frame / self.region.area_m2
-        for keyframe in range(self.begin, len(self.path)):
-            own = self.places[self._starts == keyframe]
-            trail, robot = self.path[:keyframe], self.path[keyframe]
-            expected, found = first_detections(self.region, self.rates, trail, robot, own, least)
-            total += np.log(birth(found, clutter)[0]).sum(axis=0) - expected
+        total = np.zeros(len(self.rates))
+        for _, intensities, expected in self._born:
+            total += np.log(birth(intensities, self._clutter)[0]).sum(axis=0) - expected
         return total
+
+    @cached_property
+    def _born(self) -> list[tuple[Index, Array, Array]]:
+        """Per keyframe of the stretch: rows of objects first detected (n,), intensities there (n, G), expected (G,)."""
+        least, found = self.settings.least_undetected_share, []
+        for keyframe in range(self.begin, len(self.path)):
+            rows = np.flatnonzero(self._starts == keyframe)
+            trail, robot = self.path[:keyframe], self.path[keyframe]
+            expected, intensities = first_detections(self.region, self.rates, trail, robot, self.places[rows], least)
+            found.append((rows, intensities, expected))
+        return found
+
+    @property
+    def _clutter(self) -> Array:
+        """(G,) intensity of false alarms [1/m^2]."""
+        return np.asarray(self.rates.clutter_per_frame / self.region.area_m2)

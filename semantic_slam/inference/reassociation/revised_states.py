@@ -21,9 +21,9 @@ def revised_objects(
 ) -> HypothesisObjects:
     """The objects after reassociation, each with the state of the object that its newest detection was of before.
 
-    An object that was seen again later exists for sure. The existence of one without detections in the stretch is
-    updated by the ratio of miss likelihoods, as the path, and with it what was in view, has changed. ``log_weights``
-    (G,): the new weights of the settings.
+    The existence of one whose newest detection is another now follows from the account. That of one without detections
+    in the stretch is updated by the ratio of miss likelihoods, as the path, and with it what was in view, has changed.
+    ``log_weights`` (G,): the new weights of the settings.
     """
     source = dict(zip(after.ids.tolist(), after.ids.tolist(), strict=True))
     source |= dict(zip(atoms.objects.tolist(), atoms.sighted.objects.tolist(), strict=True))
@@ -31,7 +31,7 @@ def revised_objects(
     rows = objects.rows(newest)
     existence = objects.existence_given[rows].copy()
     seen_last = before.last_seen[rows] != after.last_seen
-    existence[seen_last] = 1.0
+    existence[seen_last] = after.existence[seen_last]
     missed = ~seen_last & ~after.seen[:, after.begin :].any(axis=1)
     odds = existence[missed] * np.exp(after.log_if_there - before.log_if_there[rows])[missed]
     existence[missed] = odds / np.maximum(odds + 1.0 - existence[missed], LEAST_PROBABILITY)

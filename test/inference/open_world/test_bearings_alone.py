@@ -11,10 +11,12 @@ from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.open_world.births import births_of
+from semantic_slam.inference.open_world.planar.region import SensorRegion
 
 SIGMA_BEARING, RANGE_M, SIGMA_M = 0.03, 3.0, 1.0
 FARTHEST_M, DETECTED, CLUTTER, BIRTHS = 60.0, 0.9, 0.5, 1e-4
 SHARE = 0.8
+REGION = SensorRegion(min_range_m=0.0, max_range_m=FARTHEST_M, field_of_view_rad=2.0)
 
 
 def beliefs(point: tuple[float, float], motions: list[tuple[float, float, float]], **settings: object) -> HybridBelief:
@@ -106,7 +108,7 @@ def test_the_object_of_a_bearing_is_its_prior_given_the_bearing(
         feature=np.zeros(0),
         feature_covariance=np.zeros((0, 0)),
     )
-    (born,) = births_of(PlanarObservation(None, PlanarVisibility()), [detection], robot, 2.0)
+    (born,) = births_of(PlanarObservation(None, PlanarVisibility()), [detection], robot, REGION)
     slope = np.array([-np.sin(bearing), np.cos(bearing)]) / RANGE_M
     prior = born.spread[:2, :2]
     innovation = slope @ prior @ slope + sigma_bearing**2

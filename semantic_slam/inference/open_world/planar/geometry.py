@@ -44,7 +44,7 @@ class PlanarGeometry:
     def births(
         self, model: ObservationModel, detections: Sequence[Any], robot: Array, region: SensorRegion
     ) -> list[Birth]:
-        return births_of(model, detections, robot, region.field_of_view_rad)
+        return births_of(model, detections, robot, region)
 
     def expected_births(
         self,

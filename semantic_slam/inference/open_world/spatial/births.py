@@ -15,7 +15,7 @@ from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, Flags, Index, broadcast_copy, squared_norms
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.observation import SpatialObservation
-from semantic_slam.inference.open_world.births import WIDTH, Birth
+from semantic_slam.inference.open_world.births import WIDTH, Birth, LineOfSight
 from semantic_slam.inference.open_world.existence import birth
 from semantic_slam.inference.open_world.margins import NOT_DETECTED
 from semantic_slam.inference.open_world.planar.detection_probability import share_after_looks
@@ -40,6 +40,7 @@ class _Started(NamedTuple):
     noises: Array  # (n, 3, 3) covariances given the detections
     log_areas: list[float]  # n
     log_stand_ins: list[float]  # n
+    lines: Sequence[LineOfSight | None]  # n, None with a range
 
 
 def births_in_space(
@@ -50,10 +51,10 @@ def births_in_space(
     region: SpatialRegion,
 ) -> list[Birth]:
     """The objects that ``detections`` start, seen from the predicted ``robot`` (7,)."""
-    turn, found = so3.matrix(robot[3:]), {}
+    found = {}
     for has_range in {own.has_range for own in detections}:
         some = [own for own in detections if own.has_range == has_range]
-        started = _at_ranges(some, turn) if has_range else _along_rays(some, turn, region)
+        started = _at_ranges(some, robot) if has_range else _along_rays(some, robot, region)
         found[has_range] = iter(_births(landmark, model.object_priors(some, robot), started))
     return [next(found[own.has_range]) for own in detections]
 
@@ -75,13 +76,15 @@ def _births(landmark: StateSpace, priors: list[GaussianPrior], started: _Started
             by_error=nothing,
             log_area=started.log_areas[number],
             log_stand_in=started.log_stand_ins[number],
+            line=started.lines[number],
         )
         for number, prior in enumerate(priors)
     ]
 
 
-def _at_ranges(detections: Sequence[SpatialDetection], turn: Array) -> _Started:
+def _at_ranges(detections: Sequence[SpatialDetection], robot: Array) -> _Started:
     """By detections with a range; the stand-in priors are :data:`WIDTH` times as wide as the measurements."""
+    turn = so3.matrix(robot[3:])
     away = np.array([own.range_m * own.ray for own in detections])
     polar = turn @ np.array([np.column_stack([own.ray, own.range_m * own.basis]) for own in detections])
     noises = polar @ np.array([own.covariance for own in detections]) @ np.swapaxes(polar, 1, 2)
@@ -91,11 +94,13 @@ def _at_ranges(detections: Sequence[SpatialDetection], turn: Array) -> _Started:
         noises=noises,
         log_areas=[2.0 * float(np.log(own.range_m)) for own in detections],
         log_stand_ins=[float(own.log_normaliser - 1.5 * np.log1p(WIDTH**2)) for own in detections],
+        lines=[None] * len(detections),
     )
 
 
-def _along_rays(detections: Sequence[SpatialDetection], turn: Array, region: SpatialRegion) -> _Started:
+def _along_rays(detections: Sequence[SpatialDetection], robot: Array, region: SpatialRegion) -> _Started:
     """By rays alone, at the range prior; the stand-in priors are wide across the rays only."""
+    turn = so3.matrix(robot[3:])
     rays, bases = np.array([own.ray for own in detections]), np.array([own.basis for own in detections])
     ranges = np.array([own.log_range.range_m for own in detections])[:, None, None]
     sigmas = np.array([own.log_range.sigma for own in detections])[:, None, None]
@@ -113,6 +118,15 @@ def _along_rays(detections: Sequence[SpatialDetection], turn: Array, region: Spa
         noises=by_range + by_ray,
         log_areas=[log_volume] * len(detections),
         log_stand_ins=[float(own.log_normaliser - np.log1p(WIDTH**2)) for own in detections],
+        lines=[
+            LineOfSight(
+                origin=robot[:3] + turn @ own.origin,
+                direction=turn @ own.ray,
+                variance=0.5 * float(np.trace(own.covariance[1:, 1:])),
+                log_extent=log_volume,
+            )
+            for own in detections
+        ],
     )
 
 

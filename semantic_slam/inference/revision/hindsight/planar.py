@@ -12,6 +12,7 @@ from semantic_slam.inference.open_world.planar.region import SensorRegion, senso
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.second_boxes import second_box_densities
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
+from semantic_slam.inference.smoothing.component import tracked_states
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +33,8 @@ class PlanarHindsight(Hindsight):
             return np.zeros(0)
         born = settings.least_undetected_share * rates.probability * rates.birth_density
         alone = float(rates.average(born + rates.clutter_per_frame / self._region.area_m2))
-        second = second_box_densities(settings, self.component, births)[:, self._rows]
+        landmark, tracked = self.problem.spaces.landmark, tracked_states(self.component)
+        second = second_box_densities(settings, landmark, tracked, births)[:, self._rows]
         second = np.where(owners[:, None] == np.arange(len(self.ids)), 0.0, second)  # the object is taken to be none
         intensity = alone + settings.second_box_share * self.detected * second.sum(axis=1)
         ranged = np.array([detection.has_range for detection in step.detections], dtype=bool)
