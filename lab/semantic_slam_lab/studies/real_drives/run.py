@@ -78,8 +78,8 @@ def outcome_of(task: Task) -> Outcome:
 def _outcome_of(task: Task) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="real_drives_") as folder:
         bag, beliefs = Path(folder) / "drive", Path(folder) / "beliefs"
-        task.drive.write_bag(bag, with_robots=task.method == WITH_ROBOTS, max_keyframes=task.max_keyframes)
         try:
+            task.drive.write_bag(bag, with_robots=task.method == WITH_ROBOTS, max_keyframes=task.max_keyframes)
             return _by_batch(task, bag, beliefs) if task.method == BATCH else _by_engine(task, bag, beliefs)
         except SemanticSlamError as error:
             nothing = np.zeros((0, 2))

@@ -90,3 +90,10 @@ def test_the_factor_on_odometry_that_a_run_reports_is_that_of_its_own_noise(
     found = outcome_of(Task(drive=drive, method=method, base=base(), chosen=Chosen(odometry_factor=4.0)))
     assert not found.fault
     assert found.metrics["odometry_factor"] == factor
+
+
+def test_a_drive_that_cannot_be_read_fails_by_itself(drive: Drive) -> None:
+    (drive.folder / "Robot1_Measurement.dat").write_text("not a number\n")
+    found = outcome_of(Task(drive=drive, method="ours", base=base()))
+    assert "Robot1_Measurement.dat" in found.fault
+    assert not found.metrics and found.chosen is None
