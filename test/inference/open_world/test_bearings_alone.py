@@ -10,7 +10,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.open_world.births import births_of
+from semantic_slam.inference.open_world.planar.births import births_of
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 
 SIGMA_BEARING, RANGE_M, SIGMA_M = 0.03, 3.0, 1.0

@@ -13,7 +13,7 @@ from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
 from semantic_slam.inference.models.spatial.log_range import LogRange
 from semantic_slam.inference.models.spatial.observation import SpatialObservation
-from semantic_slam.inference.open_world.births import births_of
+from semantic_slam.inference.open_world.planar.births import births_of
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.open_world.second_boxes import second_box_densities
 from semantic_slam.inference.open_world.spatial.births import births_in_space

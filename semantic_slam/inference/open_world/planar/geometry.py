@@ -13,7 +13,8 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.planar.frames import object_in_body
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.open_world.births import Birth, births_of
+from semantic_slam.inference.open_world.births import Birth
+from semantic_slam.inference.open_world.planar.births import births_of
 from semantic_slam.inference.open_world.planar.detection_probability import (
     Occluders,
     detection_probabilities,
