@@ -11,7 +11,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.building.class_prior import class_prior
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.states.gaussian import JointPrior
+from semantic_slam.inference.states.gaussian import JointPrior, TwinPrior
 from semantic_slam.inference.world.displaced_objects import Displaced, with_displaced
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior, parse_map_prior
 from semantic_slam.inference.world.objects import ObjectEntry
@@ -46,7 +46,7 @@ def known_objects(
     return KnownObjects(
         prior=prior,
         entries=tuple(_entry(item, run.class_names, sensing.object_prior, remedy) for item in prior.objects),
-        joint=_joint(prior, sensing),
+        joint=_joint(prior, displaced, sensing),
         unmapped_ids=frozenset(item.object_id for item in unmapped),
         displaced=displaced,
     )
@@ -108,8 +108,8 @@ def _entry(item: ObjectPrior, class_names: tuple[str, ...], prior: PriorReader, 
     )
 
 
-def _joint(prior: MapPrior, sensing: Sensing) -> JointPrior | None:
-    """Joint prior of the mapped objects, if the map states one; placeholders and twins come after and are not in it."""
+def _joint(prior: MapPrior, displaced: Displaced, sensing: Sensing) -> JointPrior | None:
+    """Joint prior of the mapped objects and of their twins, if the map states one; placeholders are not in it."""
     if prior.joint_covariance is None or len(prior.joint_covariance) <= 3:
         return None
     if prior.state_space != sensing.spaces.name:
@@ -119,4 +119,10 @@ def _joint(prior: MapPrior, sensing: Sensing) -> JointPrior | None:
         )
     mapped = prior.objects[: len(prior.joint_covariance) // 3]
     poses = np.array([item.pose for item in mapped])
-    return JointPrior(tuple(item.object_id for item in mapped), sensing.joint_prior(poses, prior.joint_covariance))
+    joint = sensing.joint_prior(poses, prior.joint_covariance)
+    twins = tuple(
+        TwinPrior(other, item.object_id, sensing.object_prior(item.pose, displaced.covariance).covariance)
+        for item in mapped
+        if (other := displaced.elsewhere.get(item.object_id)) is not None
+    )
+    return JointPrior(tuple(item.object_id for item in mapped), joint, twins)

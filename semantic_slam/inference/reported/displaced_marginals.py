@@ -14,11 +14,11 @@ from semantic_slam.inference.evidence.displaced import Displacement
 from semantic_slam.inference.reported.component_marginals import existence_of
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import object_key
-from semantic_slam.inference.world.objects import ObjectEntry, ReportedObjects
+from semantic_slam.inference.world.objects import ReportedObjects
 from semantic_slam.inference.world.problem import Problem
 
 MOST = 8
-"""Number of objects that are weighed jointly: those farthest from where the map has them.
+"""Number of objects that are weighed jointly: those farthest from where the map has them, given the others.
 
 Of the others, those that the hypothesis assumes to be moved get 1, and the rest keep the prior.
 """
@@ -28,56 +28,50 @@ def displaced_marginals(
     problem: Problem, components: Sequence[Component], reported: ReportedObjects
 ) -> dict[str, Array]:
     """(H, O) probabilities ``moved``, NaN for objects that are not mapped; {} without a displacement model."""
-    apart = problem.unmapped_ids | problem.displaced.on_map.keys()
-    mapped = [entry for entry in problem.objects if entry.object_id not in apart]
     share = problem.closed_world.displaced_share
-    if share <= 0.0 or problem.association.tracks_objects or not components or not mapped:
+    if share <= 0.0 or problem.association.tracks_objects or not components or not problem.mapped:
         return {}
     moved = np.full((len(components), len(reported.ids)), np.nan)
-    places = [reported.row_of[entry.object_id] for entry in mapped]
+    places = [reported.row_of[entry.object_id] for entry in problem.mapped]
     for row, component in enumerate(components):
-        moved[row, places] = _moved(problem, component, mapped)
+        moved[row, places] = _moved(problem, component)
     return {"moved": moved}
 
 
-def _moved(problem: Problem, component: Component, mapped: Sequence[ObjectEntry]) -> Array:
+def _moved(problem: Problem, component: Component) -> Array:
     """(n,) probabilities that the mapped objects were moved, in one component. Raises LostComponentError."""
-    landmark, settings = problem.spaces.landmark, problem.closed_world
-    taken = _taken(problem, component, mapped)
-    ids = [
-        problem.displaced.elsewhere[e.object_id] if is_moved else e.object_id
-        for e, is_moved in zip(mapped, taken, strict=True)
-    ]
-    keys = [object_key(number) for number in ids]
+    landmark, settings, known = problem.spaces.landmark, problem.closed_world, problem.places_on_map
+    taken = _taken(problem, component)
+    elsewhere = problem.displaced.elsewhere
+    keys = [object_key(elsewhere[n] if is_moved else n) for n, is_moved in zip(known.ids, taken, strict=True)]
     states = component.states(keys)[:, : landmark.storage_size]
-    means = np.array([entry.prior.mean for entry in mapped])
-    slopes = landmark.position_slopes(means)
-    priors = slopes @ np.array([entry.prior.covariance for entry in mapped]) @ np.swapaxes(slopes, 1, 2)
-    offsets = landmark.position(states) - landmark.position(means)
-    distances = np.sqrt(np.einsum("ni,nij,nj->n", offsets, np.linalg.inv(priors), offsets))
-    moved = np.where(taken, 1.0, settings.displaced_share)
-    far = _farthest(distances)
+    offsets = landmark.position(states) - known.means
+    weighed = _farthest(known.distances(offsets))
+    rows = known.context(weighed)
     size = landmark.tangent_size
-    joint = component.joint_covariance([keys[i] for i in far]).reshape(len(far), size, len(far), size)
-    by_state = landmark.position_slopes(states[far])
+    joint = component.joint_covariance([keys[i] for i in rows]).reshape(len(rows), size, len(rows), size)
+    by_state = landmark.position_slopes(states[rows])
     covariance = np.einsum("aip,apbq,bjq->aibj", by_state, joint, by_state)
-    moved[far] = Displacement(
-        offset=offsets[far],
-        covariance=covariance.reshape(len(far) * by_state.shape[1], -1),
-        prior=priors[far],
-        taken=taken[far],
+    wide = np.repeat(taken[rows], by_state.shape[1]) * settings.displaced_sigma_m**2
+    moved = np.where(taken, 1.0, settings.displaced_share)
+    moved[weighed] = Displacement(
+        offset=offsets[rows],
+        covariance=covariance.reshape(len(wide), -1),
+        prior=known.covariance(rows) + np.diag(wide),
+        taken=taken[rows],
+        weighed=np.arange(len(weighed)),
         share=settings.displaced_share,
         sigma_m=settings.displaced_sigma_m,
     ).probabilities()
     return moved
 
 
-def _taken(problem: Problem, component: Component, mapped: Sequence[ObjectEntry]) -> Flags:
+def _taken(problem: Problem, component: Component) -> Flags:
     """(n,) mapped objects that the history of a component assumes to be displaced."""
-    elsewhere = problem.displaced.elsewhere
-    if not elsewhere:
-        return np.zeros(len(mapped), dtype=bool)
-    return np.array([existence_of(component, entry.object_id) == 0.0 for entry in mapped], dtype=bool)
+    ids = problem.places_on_map.ids
+    if not problem.displaced.elsewhere:
+        return np.zeros(len(ids), dtype=bool)
+    return np.array([existence_of(component, number) == 0.0 for number in ids], dtype=bool)
 
 
 def _farthest(distances: Array) -> Index:

@@ -14,7 +14,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.moments import transport
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.evidence.window import Window
-from semantic_slam.inference.models.joint_prior import joint_prior_factors
+from semantic_slam.inference.models.joint_prior import joint_prior_factors, twin_factors
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.noise.clock_offset import line_at
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
@@ -82,13 +82,14 @@ class Component:
     ) -> "Component":
         """The prior of Eq. 4.3, ``joint`` over some objects; descriptor variables enter with an object's first view."""
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        together = joint.object_ids if joint is not None else ()
+        together = joint.every_id if joint is not None else frozenset[int]()
         for key, prior in [(robot_key(-1), robot), *((object_key(n), prior) for n, prior in objects.items())]:
             if key == robot_key(-1) or number_of(key) not in together:
                 graph.add(spaces.of(key).prior_factor(key, prior.mean, prior.covariance))
             spaces.of(key).insert(values, key, prior.mean)
         if joint is not None:
-            for factor in joint_prior_factors([object_key(n) for n in together], joint.covariance, values):
+            keys = [object_key(n) for n in joint.object_ids]
+            for factor in (*joint_prior_factors(keys, joint.covariance, values), *twin_factors(joint.twins, values)):
                 graph.add(factor)
         smoother = Smoother.of(spaces, SemanticFactorMaker(spaces, model, latent), graph, values)
         ids, stated = sorted(objects), existence or {}

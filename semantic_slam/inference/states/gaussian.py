@@ -25,8 +25,23 @@ class GaussianPrior:
 
 
 @dataclass(frozen=True)
+class TwinPrior:
+    """Prior of an object that another one would be if it had been moved: it is about that one, wherever that is."""
+
+    object_id: int
+    of: int  # id of the other object, which has the same mean
+    covariance: Array  # (l, l) given the other, in the tangent space at the mean
+
+
+@dataclass(frozen=True)
 class JointPrior:
-    """Joint covariance of the priors of n objects, in the tangent spaces at their means."""
+    """Joint covariance of the priors of n objects, in the tangent spaces at their means, and twins of some of them."""
 
     object_ids: tuple[int, ...]  # n
     covariance: Array  # (n l, n l)
+    twins: tuple[TwinPrior, ...] = ()
+
+    @property
+    def every_id(self) -> frozenset[int]:
+        """Ids of all objects whose prior it holds."""
+        return frozenset(self.object_ids) | {twin.object_id for twin in self.twins}

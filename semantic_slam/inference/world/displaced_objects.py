@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar
 from semantic_slam.inference.world.map_prior import MapPrior
 
@@ -19,6 +20,7 @@ class Displaced:
     """Object ids of the displaced twins of mapped objects."""
 
     elsewhere: Mapping[int, int] = field(default_factory=dict)  # id of the mapped object -> id of its displaced twin
+    covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))  # of a twin about the mapped object
 
     @cached_property
     def on_map(self) -> dict[int, int]:
@@ -35,7 +37,7 @@ def with_displaced(prior: MapPrior, share: float, sigma_m: float, first: int) ->
     """The map with a displaced twin for each object: ``share`` of them were moved, by ``sigma_m`` along x and along y.
 
     An object and its twin split the existence probability that the map states. Twins have ids from ``first`` on. With a
-    share of 0 nothing is added.
+    share of 0 nothing is added. Where the map states a joint covariance, a twin is about its object, wherever that is.
     """
     if share <= 0.0:
         return prior, Displaced()
@@ -52,4 +54,4 @@ def with_displaced(prior: MapPrior, share: float, sigma_m: float, first: int) ->
         for row, item in enumerate(prior.objects)
     ]
     numbers = {own.object_id: other.object_id for own, other in zip(there, elsewhere, strict=True)}
-    return replace(prior, objects=(*there, *elsewhere)), Displaced(numbers)
+    return replace(prior, objects=(*there, *elsewhere)), Displaced(numbers, moved)

@@ -42,6 +42,7 @@ from semantic_slam.inference.world.departures import Departures
 from semantic_slam.inference.world.displaced_objects import Displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.places_on_map import PlacesOnMap
 from semantic_slam.inference.world.slips import Slips
 from semantic_slam.inference.world.starts import ANYWHERE, Starts
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel
@@ -97,6 +98,17 @@ class Problem:
     def map_ids(self) -> frozenset[int]:
         """Ids of the map's objects."""
         return frozenset(entry.object_id for entry in self.objects)
+
+    @cached_property
+    def mapped(self) -> tuple[ObjectEntry, ...]:
+        """The objects of the map itself, without placeholders of unmapped ones and displaced twins."""
+        apart = self.unmapped_ids | self.displaced.on_map.keys()
+        return tuple(entry for entry in self.objects if entry.object_id not in apart)
+
+    @cached_property
+    def places_on_map(self) -> PlacesOnMap:
+        """Where the map has these objects; there must be some."""
+        return PlacesOnMap.of(self.spaces.landmark, self.mapped, self.joint)
 
     @property
     def bagging(self) -> Bagging:

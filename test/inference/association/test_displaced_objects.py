@@ -1,6 +1,7 @@
 """What a map has elsewhere: weighed as an object about its place on the map, in its stead."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -99,6 +100,24 @@ def test_what_stands_a_metre_off_is_named_where_it_is_and_does_not_pull_the_robo
     assert said.moved[0] > 0.9 and said.moved[1] < SHARE and np.isnan(unsaid.moved).all()
     np.testing.assert_allclose(said.object_poses[0, :2], displaced, atol=0.15)
     assert np.hypot(*said.poses[0, :2]) < 0.5 * np.hypot(*unsaid.poses[0, :2])
+
+
+@pytest.mark.parametrize("common", [0.3, 1.0])
+@pytest.mark.parametrize("moved", [[0.0, 0.0], [0.0, 0.7]])
+def test_what_was_moved_is_told_from_a_map_that_is_off_as_a_whole(common: float, moved: list[float]) -> None:
+    """All of a map's places have an error in common, as a FILE.map states it, which moves nothing on the map."""
+    places = np.array([[3.0, 1.5], [3.0, -1.5], [4.5, 0.5], [2.0, 0.0]])
+    count, own, share = len(places), 0.05, np.diag([common**2, common**2, 0.0])
+    items = [ObjectPrior.planar(n, *at, sigma_m=np.hypot(own, common), sigma_rad=0.1) for n, at in enumerate(places)]
+    joint = np.kron(np.eye(count), np.diag([own**2, own**2, 0.01])) + np.kron(np.ones((count, count)), share)
+    seen = places + np.array([common, 0.0])
+    seen[0] += moved
+    frames = [[Detection.at(*at, covariance=0.05**2 * np.eye(2)) for at in seen]] * 3
+    quick = replace(_configuration(), pruning=Configuration().pruning)
+    belief = beliefs_at_rest(frames, quick, MapPrior(tuple(items), joint_covariance=joint))[-1]
+    assert (belief.moved[0] > 0.98) == any(moved)
+    assert belief.moved[1:].max() < 0.01 and (any(moved) or belief.moved[0] < 0.01)
+    np.testing.assert_allclose(belief.object_poses[:, :2], seen, atol=0.1)
 
 
 def test_no_history_has_an_object_at_two_places() -> None:
