@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from semantic_slam_lab.fuzz.limits import CPU_S, MEBIBYTE, MEMORY_BYTES
+from semantic_slam_lab.kills.comparison import kept
 from semantic_slam_lab.studies.result import Claim, Table, required, write_result
 
 
@@ -117,7 +118,7 @@ def write_forged(out: Path, found: Forged, seed: int) -> None:
     result = {
         "messages": found.num_messages,
         "forgeries": [list(row) for row in found.table.rows],
-        "largest_difference": found.largest_difference,
+        "largest_difference": kept(found.largest_difference),
         "findings": list(found.findings),
     }
     _write(out, "forged_messages", seed, result, found.claim, found.table)

@@ -1,21 +1,9 @@
-"""What is said of runs whose nodes are killed, or sent more than they can use."""
+"""What is said of live nodes that are sent more than they can use."""
 
 from collections.abc import Sequence
 
 import pytest
-from semantic_slam_lab.kills.claims import claim_of_everything, claim_of_nodes
-from semantic_slam_lab.kills.trials import EVERYTHING, Trial
 from semantic_slam_lab.overload.outcome import SETTLED, Row, claims_of
-
-EQUAL = Trial("backend_0", (10, 20), 67, 67, 0.0)
-OFF = Trial(EVERYTHING, (7,), 67, 67, 1e-6)
-
-
-def test_kills_hold_where_every_number_is_equal() -> None:
-    claims = claim_of_nodes([EQUAL, OFF]), claim_of_everything([EQUAL, OFF])
-    assert [claim is not None and claim.holds for claim in claims] == [True, False]
-    assert claims[0] is not None and "2 kills in 1 demos" in claims[0].measured
-    assert claim_of_everything([EQUAL]) is None
 
 
 def rows(late_s: float, resident_mb: Sequence[float], counted: int) -> list[Row]:
