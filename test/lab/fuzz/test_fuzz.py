@@ -59,6 +59,15 @@ def test_what_is_too_slow_or_too_large_is_a_finding_though_readers_catch_every_e
     assert large is not None and "MiB more" in large.what
 
 
+def test_what_is_refused_may_cost_no_more_than_what_is_accepted() -> None:
+    def refuses_late(chance: np.random.Generator) -> None:
+        np.ones(MEMORY_BYTES // 8 + (20 << 17))
+        raise InputError("file: fault; remedy")
+
+    found = outcome("a", refuses_late, 0, 0)
+    assert found is not None and found.what.startswith("TooLargeError") and "file: fault; remedy" in found.trace
+
+
 def test_a_case_is_its_seed() -> None:
     drawn: list[bytes] = []
 
