@@ -1,7 +1,7 @@
 """What fuzzing has run and found, for the console and to be kept."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,11 @@ class Fuzzed:
     def num_cases(self) -> int:
         """Number of cases of all targets."""
         return self.cases.total()
+
+    def note_all(self, cases: Iterable[tuple[str, Finding | None]]) -> None:
+        """Count cases by their targets, and keep what was found."""
+        for target, finding in cases:
+            self.note(target, finding)
 
     def note(self, target: str, finding: Finding | None) -> None:
         """Count a case of a target, and keep what was found."""

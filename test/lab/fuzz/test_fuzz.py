@@ -124,6 +124,34 @@ def test_a_worker_that_hangs_is_killed_and_the_next_has_a_folder_of_its_own_of_w
     assert list(left.iterdir()) == []
 
 
+def test_a_case_that_hangs_when_the_time_is_over_is_waited_for_and_a_finding(
+    capfd: pytest.CaptureFixture[str], left: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def blocking(folder: Path) -> Case:
+        begun: list[int] = []
+
+        def case(chance: np.random.Generator) -> None:
+            begun.append(0)
+            if len(begun) == 4:
+                time.sleep(60.0)
+
+        return case
+
+    monkeypatch.setattr(harness, "HANG_S", 3.0)
+    arguments = argparse.Namespace(out=None, seconds=1.0, seed=0, jobs=1, target=None, index=None)
+    assert run({"blocking": blocking}, arguments) == 1
+    finding, last = capfd.readouterr().out.splitlines()
+    assert finding.startswith("blocking --index 3 ") and "nothing for 3 s" in finding
+    assert last == "4 cases, 1 findings"
+    assert list(left.iterdir()) == []
+
+
+def test_a_case_that_ends_well_after_the_time_is_counted(capfd: pytest.CaptureFixture[str], left: Path) -> None:
+    arguments = argparse.Namespace(out=None, seconds=0.5, seed=0, jobs=2, target=None, index=None)
+    assert run({"slow": lambda folder: lambda chance: time.sleep(1.5)}, arguments) == 0
+    assert capfd.readouterr().out.splitlines() == ["2 cases, 0 findings"]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", TARGETS)
 def test_the_first_cases_of_every_target_find_nothing(name: str, tmp_path: Path) -> None:
