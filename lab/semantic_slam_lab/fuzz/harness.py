@@ -45,7 +45,7 @@ def parse(targets: dict[str, Target]) -> argparse.Namespace:
 
 
 def run(targets: dict[str, Target], arguments: argparse.Namespace) -> int:
-    """All workers until the time is over: the exit code."""
+    """All workers until the time is over and the cases that they are at then have ended: the exit code."""
     chosen = {name: targets[name] for name in arguments.target or targets}
     if arguments.index is not None:
         return _again(chosen, arguments)
@@ -60,15 +60,16 @@ def run(targets: dict[str, Target], arguments: argparse.Namespace) -> int:
 
 
 def _all_work(targets: dict[str, Target], arguments: argparse.Namespace, folder: Path) -> Fuzzed:
-    """What workers have run in the time, and what they have found."""
+    """What workers have begun in the time, and what they have found."""
     give_up = time.monotonic() + arguments.seconds
     workers = [Worker(targets, arguments.seed, number, arguments.jobs, folder) for number in range(arguments.jobs)]
     found = Fuzzed()
     try:
         while time.monotonic() < give_up:
             for worker in workers:
-                for name, finding in worker.poll(0.2):
-                    found.note(name, finding)
+                found.note_all(worker.poll(0.2))
+        for worker in workers:
+            found.note_all(worker.last())
     finally:
         for worker in workers:
             worker.stop()
@@ -111,6 +112,15 @@ class Worker:
             self._process.kill()
             self._process.join()
             yield self._died(f"nothing for {HANG_S:.0f} s")
+
+    def last(self) -> Iterator[tuple[str, Finding | None]]:
+        """As :meth:`poll`, until the case that it is at has ended or hangs."""
+        yield from self.poll(0.0)
+        told = False
+        while not told:
+            for place in self.poll(0.2):
+                told = True
+                yield place
 
     def _died(self, what: str) -> tuple[str, Finding]:
         name, index = _place(self._targets, self._next)

@@ -11,6 +11,8 @@ from types import FrameType
 
 import numpy as np
 
+from semantic_slam.errors import SemanticSlamError
+
 MEBIBYTE = 1 << 20
 CPU_S = 8.0
 """Most CPU of a case where inverting ``INVERSES`` small matrices takes ``INVERSES_S``; slower machines have more.
@@ -40,15 +42,23 @@ def bound_address_space() -> None:
 
 @contextmanager
 def limited() -> Iterator[None]:
-    """A context that raises TooSlowError or TooLargeError for what its body takes."""
+    """A context that raises TooSlowError or TooLargeError for what its body takes, be it refused or not."""
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak begins anew
     before = _status_bytes("VmRSS")
     signal.signal(signal.SIGPROF, _too_slow)
     signal.setitimer(signal.ITIMER_PROF, CPU_S * slowness())
     try:
         yield
+    except SemanticSlamError:  # what is refused has cost as much; any other exception is a finding by itself
+        _check_memory(before)
+        raise
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
+    _check_memory(before)
+
+
+def _check_memory(before: int) -> None:
+    """Raises TooLargeError where the peak since ``limited`` began is too far above ``before``, in bytes."""
     grown = _status_bytes("VmHWM") - before
     if grown > MEMORY_BYTES:
         raise TooLargeError(f"{grown // MEBIBYTE} MiB more")

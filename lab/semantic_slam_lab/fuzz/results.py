@@ -1,12 +1,13 @@
 """What fuzzing has run and found, for the console and to be kept."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from semantic_slam_lab.fuzz.limits import CPU_S, MEBIBYTE, MEMORY_BYTES
+from semantic_slam_lab.kills.comparison import kept
 from semantic_slam_lab.studies.result import Claim, Table, required, write_result
 
 
@@ -32,6 +33,11 @@ class Fuzzed:
     def num_cases(self) -> int:
         """Number of cases of all targets."""
         return self.cases.total()
+
+    def note_all(self, cases: Iterable[tuple[str, Finding | None]]) -> None:
+        """Count cases by their targets, and keep what was found."""
+        for target, finding in cases:
+            self.note(target, finding)
 
     def note(self, target: str, finding: Finding | None) -> None:
         """Count a case of a target, and keep what was found."""
@@ -117,7 +123,7 @@ def write_forged(out: Path, found: Forged, seed: int) -> None:
     result = {
         "messages": found.num_messages,
         "forgeries": [list(row) for row in found.table.rows],
-        "largest_difference": found.largest_difference,
+        "largest_difference": kept(found.largest_difference),
         "findings": list(found.findings),
     }
     _write(out, "forged_messages", seed, result, found.claim, found.table)

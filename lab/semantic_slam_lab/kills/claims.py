@@ -11,25 +11,30 @@ COLUMNS = ("killed", "times", "at keyframes", "beliefs", "of", "largest differen
 
 
 def claim_of_nodes(trials: Sequence[Trial]) -> Claim | None:
-    """That demos go on whichever node is killed; None where none was killed alone."""
+    """That demos go on whichever node is killed, each of them at least once; None where there is no such demo."""
     own = [trial for trial in trials if trial.killed != EVERYTHING]
     names = list(dict.fromkeys(trial.killed for trial in own))
-    return _claim(f"kill -9 of {', '.join(names)}, each at every {EVERY}th keyframe: the same beliefs", own)
+    text = f"kill -9 of {', '.join(names)}, each at every {EVERY}th keyframe: the same beliefs"
+    return _claim(text, own, all(trial.at for trial in own))
 
 
-def claim_of_everything(trials: Sequence[Trial]) -> Claim | None:
-    """That demos go on when everything was killed at once; None where it was not."""
+def claim_of_everything(trials: Sequence[Trial], asked: int) -> Claim | None:
+    """That demos go on when everything was killed at once, ``asked`` times in all; None where there is no such demo."""
     own = [trial for trial in trials if trial.killed == EVERYTHING]
-    return _claim("kill -9 of everything at once, the demo, too, at random instants: the same beliefs", own)
+    text = "kill -9 of everything at once, the demo, too, at random instants: the same beliefs"
+    return _claim(text, own, _num_kills(own) == asked)
 
 
-def _claim(text: str, trials: Sequence[Trial]) -> Claim | None:
+def _claim(text: str, trials: Sequence[Trial], were_killed: bool) -> Claim | None:
     if not trials:
         return None
     worst = max(trial.largest_difference for trial in trials)
-    kills = sum(len(trial.at) for trial in trials)
-    measured = f"{kills} kills in {len(trials)} demos, largest difference of any number {worst:.2g}"
-    return Claim(text, SOURCE, "", measured, worst <= TOLERANCE)
+    measured = f"{_num_kills(trials)} kills in {len(trials)} demos, largest difference of any number {worst:.2g}"
+    return Claim(text, SOURCE, "", measured, were_killed and worst <= TOLERANCE)
+
+
+def _num_kills(trials: Sequence[Trial]) -> int:
+    return sum(len(trial.at) for trial in trials)
 
 
 def table_of(trials: Sequence[Trial]) -> Table:

@@ -2,15 +2,16 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from semantic_slam.errors import SemanticSlamError
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam_lab.kills.comparison import largest_difference
+from semantic_slam_lab.kills.comparison import kept, largest_difference
 from semantic_slam_lab.kills.demo import Demo, watched
 
 EVERYTHING = "everything"
@@ -27,7 +28,12 @@ class Trial:
     at: tuple[int, ...]  # newest keyframes at the kills
     beliefs: int
     of: int  # beliefs of the demo that was left in peace
-    largest_difference: float  # over all their numbers
+    largest_difference: float  # over all their numbers; infinite where they cannot be compared
+
+    @property
+    def kept(self) -> dict[str, Any]:
+        """For result.json."""
+        return asdict(self) | {"largest_difference": kept(self.largest_difference)}
 
     @property
     def line(self) -> str:

@@ -17,7 +17,7 @@ class Listener:
     """What the nodes say: the newest keyframe, how late it was, and what was dropped of what was sent."""
 
     def __init__(self, node: Node) -> None:
-        self.keyframe, self.late_s, self.latest_s = -1, 0.0, 0.0
+        self.keyframe, self.late_s, self._latest_s = -1, 0.0, 0.0
         self._dropped: dict[str, int] = {}
         receive(node, topics.BELIEF, self._note, qos.everything())
         receive(node, topics.DIAGNOSTICS, self._count, qos.everything())
@@ -27,10 +27,15 @@ class Listener:
         """Detections and measurements that came faster than they could be used."""
         return sum(self._dropped.values())
 
+    def take_latest_s(self) -> float:
+        """By how much the latest of the beliefs since the last call was late; 0 where none came."""
+        latest_s, self._latest_s = self._latest_s, 0.0
+        return latest_s
+
     def _note(self, data: bytes) -> None:
         self.keyframe = int(deserialize(data, topics.TYPES[topics.BELIEF]).keyframe)
         self.late_s = time.time() - header_stamp_ns(data) / 1e9
-        self.latest_s = max(self.latest_s, self.late_s)
+        self._latest_s = max(self._latest_s, self.late_s)
 
     def _count(self, data: bytes) -> None:
         for status in deserialize(data, topics.TYPES[topics.DIAGNOSTICS]).status:

@@ -4,12 +4,18 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 
+from semantic_slam.errors import InputError
 from semantic_slam.ros.wire.qos import SENSOR_DEPTH
 from semantic_slam_lab.studies.result import Claim, Table
 
 SOURCE = "this project"
+ROW_S = 5.0
+"""From one row to the next."""
+LEAST_S = 3 * ROW_S
+"""Shorter runs have fewer than the two rows between which beliefs have to come."""
 GROWN = 1.1
 QUEUED = 2 * SENSOR_DEPTH
 """Frames that may wait before classifier and manager."""
@@ -26,7 +32,8 @@ class Row:
     seconds: float
     sent: int
     keyframe: int
-    late_s: float
+    late_s: float  # the newest belief, when it came
+    latest_s: float  # the latest of the beliefs since the row before, when it came
     dropped: int
     resident_mb: Mapping[str, float]
 
@@ -42,17 +49,26 @@ def resident_mb(pid: int) -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
+def check_seconds(seconds: float) -> None:
+    """Raises InputError for a run that is too short to show anything."""
+    if not seconds >= LEAST_S:
+        raise InputError(f"--seconds {seconds:g}: too short to show anything; give at least {LEAST_S:g}")
+
+
 def claims_of(rows: Sequence[Row]) -> list[Claim]:
-    """Delay, drops and memory."""
+    """Delay, drops and memory. Raises InputError for fewer than two rows."""
+    if len(rows) < 2:
+        raise InputError(f"{len(rows)} rows, and delay shows between two; give a greater --seconds")
     taken, last = max(behind(rows)), rows[-1]
     missing = [row.sent - (row.keyframe + 1) - row.dropped for row in rows]
     untold = QUEUED + UNTOLD_S * last.sent / last.seconds
     return [
         Claim(
-            f"a belief is never later than what {QUEUED} frames take, as many as may wait before two nodes",
+            f"beliefs come all along, and none is later than what {QUEUED} frames take, as many as may wait before two"
+            " nodes",
             SOURCE,
             "",
-            f"{taken:.0f} frames; {max(row.late_s for row in rows):.1f} s at most",
+            _silence(rows) or f"{taken:.0f} frames; {max(row.latest_s for row in rows):.1f} s at most",
             taken <= QUEUED,
         ),
         Claim(
@@ -77,11 +93,23 @@ def claims_of(rows: Sequence[Row]) -> list[Claim]:
 
 
 def behind(rows: Sequence[Row]) -> list[float]:
-    """How many frames are used, at the rate between two rows, in the time by which the belief is late."""
+    """How many frames are used, at the rate between two rows, in the time by which the latest belief is late there.
+
+    Infinite where no belief came: what is stuck is later than anything.
+    """
     return [
-        later.late_s * (later.keyframe - earlier.keyframe) / (later.seconds - earlier.seconds)
+        later.latest_s * (later.keyframe - earlier.keyframe) / (later.seconds - earlier.seconds)
+        if later.keyframe > earlier.keyframe
+        else inf
         for earlier, later in pairwise(rows)
     ]
+
+
+def _silence(rows: Sequence[Row]) -> str:
+    """When no belief came from one row to the next, for the first time; "" where one always did."""
+    stuck = (pair for pair in pairwise(rows) if pair[1].keyframe <= pair[0].keyframe)
+    first = next(stuck, None)
+    return f"none from {first[0].seconds:.0f} to {first[1].seconds:.0f} s" if first else ""
 
 
 def growth(rows: Sequence[Row]) -> dict[str, float]:
@@ -94,7 +122,8 @@ def growth(rows: Sequence[Row]) -> dict[str, float]:
 
 def table_of(rows: Sequence[Row]) -> Table:
     """A row for each instant."""
-    columns = ("seconds", "sent", "keyframe", "late [s]", "dropped", *(f"{name} [MB]" for name in rows[0].resident_mb))
+    memory = (f"{name} [MB]" for name in rows[0].resident_mb)
+    columns = ("seconds", "sent", "keyframe", "late [s]", "latest [s]", "dropped", *memory)
     return Table(
         "Over time",
         columns,
@@ -104,6 +133,7 @@ def table_of(rows: Sequence[Row]) -> Table:
                 str(row.sent),
                 str(row.keyframe),
                 f"{row.late_s:.1f}",
+                f"{row.latest_s:.1f}",
                 str(row.dropped),
                 *(f"{megabytes:.0f}" for megabytes in row.resident_mb.values()),
             )

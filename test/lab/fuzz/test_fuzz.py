@@ -59,6 +59,15 @@ def test_what_is_too_slow_or_too_large_is_a_finding_though_readers_catch_every_e
     assert large is not None and "MiB more" in large.what
 
 
+def test_what_is_refused_may_cost_no_more_than_what_is_accepted() -> None:
+    def refuses_late(chance: np.random.Generator) -> None:
+        np.ones(MEMORY_BYTES // 8 + (20 << 17))
+        raise InputError("file: fault; remedy")
+
+    found = outcome("a", refuses_late, 0, 0)
+    assert found is not None and found.what.startswith("TooLargeError") and "file: fault; remedy" in found.trace
+
+
 def test_a_case_is_its_seed() -> None:
     drawn: list[bytes] = []
 
@@ -113,6 +122,34 @@ def test_a_worker_that_hangs_is_killed_and_the_next_has_a_folder_of_its_own_of_w
     *findings, last = capfd.readouterr().out.splitlines()
     assert len(findings) == 1 and "nothing for" in findings[0] and int(last.split()[0]) > 2
     assert list(left.iterdir()) == []
+
+
+def test_a_case_that_hangs_when_the_time_is_over_is_waited_for_and_a_finding(
+    capfd: pytest.CaptureFixture[str], left: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def blocking(folder: Path) -> Case:
+        begun: list[int] = []
+
+        def case(chance: np.random.Generator) -> None:
+            begun.append(0)
+            if len(begun) == 4:
+                time.sleep(60.0)
+
+        return case
+
+    monkeypatch.setattr(harness, "HANG_S", 3.0)
+    arguments = argparse.Namespace(out=None, seconds=1.0, seed=0, jobs=1, target=None, index=None)
+    assert run({"blocking": blocking}, arguments) == 1
+    finding, last = capfd.readouterr().out.splitlines()
+    assert finding.startswith("blocking --index 3 ") and "nothing for 3 s" in finding
+    assert last == "4 cases, 1 findings"
+    assert list(left.iterdir()) == []
+
+
+def test_a_case_that_ends_well_after_the_time_is_counted(capfd: pytest.CaptureFixture[str], left: Path) -> None:
+    arguments = argparse.Namespace(out=None, seconds=0.5, seed=0, jobs=2, target=None, index=None)
+    assert run({"slow": lambda folder: lambda chance: time.sleep(1.5)}, arguments) == 0
+    assert capfd.readouterr().out.splitlines() == ["2 cases, 0 findings"]
 
 
 @pytest.mark.long

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from semantic_slam_lab.studies.drawn_worlds.calibration import p_values, rejected, reliability
 from semantic_slam_lab.studies.drawn_worlds.errors import RepeatedErrors
+from semantic_slam_lab.studies.drawn_worlds.pages import claims_of
 from semantic_slam_lab.studies.drawn_worlds.path import PHASE_S
 from semantic_slam_lab.studies.drawn_worlds.path import Path as Drive
 from semantic_slam_lab.studies.drawn_worlds.ranks import Stated
 from semantic_slam_lab.studies.drawn_worlds.study import configuration, run
+from semantic_slam_lab.studies.drawn_worlds.truths import RIGHT, TRUTHS, WITHIN_PRIOR
 from semantic_slam_lab.studies.drawn_worlds.worlds import drawn_world
 
 from semantic_slam.configuration import DetectionErrorsConfiguration
@@ -111,12 +113,51 @@ def test_ranges_of_a_drawn_world_may_be_depths_of_another_metre() -> None:
     assert np.std(ratios) == pytest.approx(0.1, rel=0.4)
 
 
+def test_what_is_called_within_the_prior_is_and_nothing_else() -> None:
+    base = configuration()
+    levels = set(base.odometry.noise_factors) & set(base.perception.noise_factors)
+    greatest = max(*base.odometry.noise_factors, *base.perception.noise_factors)
+    for name, truth in TRUTHS.items():
+        allowed = [
+            truth.noise is None or truth.noise**2 in levels,
+            truth.correlated_share in (None, base.detection_errors.correlated_share),
+            truth.outliers == base.detection_errors.outlier_share,
+            truth.turn_rad_per_m is None or truth.turn_rad_per_m <= 2.0 * base.odometry.sigma_bias_rad_per_m,
+        ]
+        assert all(allowed) == (name == RIGHT or name in WITHIN_PRIOR)
+    assert max(truth.noise or 0.0 for truth in TRUTHS.values()) ** 2 > greatest
+
+
+@pytest.mark.parametrize(
+    ("right", "outliers", "holds"),
+    [
+        (0.94, 0.91, [True, True]),
+        (0.90, 0.91, [False, True]),
+        (0.99, 0.91, [False, True]),
+        (0.94, 0.89, [True, False]),
+    ],
+)
+def test_regions_are_to_hold_as_often_as_stated_where_all_is_as_stated(
+    right: float, outliers: float, holds: list[bool]
+) -> None:
+    result = {
+        "rejected": [],
+        "reliability": {},
+        "region95_held": {RIGHT: right, "2 % outliers": outliers, "noise understated 2x": 0.95},
+        "region95_held_sigma": {RIGHT: 0.01, "2 % outliers": 0.02, "noise understated 2x": 0.02},
+    }
+    claims = claims_of(result)[2:]
+    assert [claim.holds for claim in claims] == holds
+    assert "± 1.0%" in claims[0].measured and "noise understated 2x (within the prior) 95%" in claims[1].measured
+
+
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_study_leaves_result_and_page(tmp_path: Path) -> None:
     files = run(tmp_path, quick=True, jobs=1, seed=0)
     assert {file.name for file in files} == {"result.json", "result.html"}
     result = json.loads((tmp_path / "result.json").read_text())
-    assert result["num_worlds"]["as stated"] == 2
+    assert result["num_worlds"] == {truth: 2 if truth == RIGHT else 1 for truth in TRUTHS}
+    assert result["region95_held_sigma"].keys() == TRUTHS.keys()
     assert {"robot x", "robot yaw", "existence"} <= result["ranks"].keys()
     assert (tmp_path / "ranks.png").stat().st_size > 5000

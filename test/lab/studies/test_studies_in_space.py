@@ -1,12 +1,18 @@
 """Studies of hand-held cameras: what is simulated is what an importer reads, and references are where rays meet."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
+from semantic_slam_lab.documentation.studies.real_in_space import lines
+from semantic_slam_lab.documentation.writing.kept_results import KeptResults
 from semantic_slam_lab.simulation.desks import CAMERA, Office, write_office
 from semantic_slam_lab.studies.desks.run import Walked, nearest
 from semantic_slam_lab.studies.desks.study import claims_of
+from semantic_slam_lab.studies.real_in_space import study as real_in_space
 from semantic_slam_lab.studies.real_in_space.reference import meeting_point, true_poses
+from semantic_slam_lab.studies.real_in_space.study import CABINET, WITH_DEPTH
 
 from semantic_slam.datasets.space.levelling import OPTICAL
 from semantic_slam.datasets.tum_rgbd.folder import read_tum_folder
@@ -64,3 +70,35 @@ def test_the_worst_walk_counts() -> None:
     assert [claim.holds for claim in claims] == [False, True, True, True, True, True, True, False, True, True]
     assert nearest(np.array([[0.0, 0.1, 0.0], [3.0, 0.0, 0.0]]), np.zeros((1, 3))) == {0: 0}
     assert nearest(np.zeros((0, 3)), np.zeros((1, 3))) == {}
+
+
+def run_in_space(*errors_m: float | None) -> dict[str, Any]:
+    """A run whose path is as good as odometry's and whose objects are off by so much; None: missing."""
+    return {
+        **{"errors_m": list(errors_m), "num_objects": 5, "ghosts": 0, "num_keyframes": 9, "cpu_s": 1.0},
+        **{"ate_m": 0.1, "odometry_ate_m": 0.1, "ate_aligned_m": 0.1, "nees_mean": 6.0},
+    }
+
+
+@pytest.mark.parametrize(
+    ("kitchen", "cabinet", "holds"),
+    [
+        ([0.01] * 5, [0.01], (True, True)),
+        ([0.01] * 4, [], (False, False)),  # one of five, and the cabinet, were not even looked for
+        ([], [0.01, 0.01], (False, False)),
+        ([0.01, 0.01, None, 0.01, 0.01], [None], (False, False)),
+        ([0.01, 0.01, 0.08, 0.01, 0.01], [0.11], (False, False)),
+    ],
+)
+def test_real_things_are_all_to_be_asked_for_and_found_near(
+    kitchen: list[float | None], cabinet: list[float | None], holds: tuple[bool, bool]
+) -> None:
+    claims = real_in_space.claims_of({WITH_DEPTH: run_in_space(*kitchen), CABINET: run_in_space(*cabinet)})
+    assert tuple(claim.holds for claim in claims if "each" in claim.text) == holds
+    if len(kitchen) < 5:
+        assert f"{len(kitchen)} of 5 asked for" in claims[0].measured
+
+
+def test_a_page_shows_what_is_missing_as_a_dash() -> None:
+    kept = KeptResults({"real_in_space": {"lines": {"kitchen": run_in_space(0.04, None)}}})
+    assert "| kitchen | 0.04, – | 5 |" in lines(kept)

@@ -19,7 +19,7 @@ def lines(results: KeptResults) -> str:
     """A row for each drive and what is known of depth."""
     rows = []
     for name, row in results.results[STUDY]["lines"].items():
-        errors = ", ".join(f"{own:.2f}" for own in row["errors_m"])
+        errors = ", ".join(value(own, ".2f") for own in row["errors_m"])
         rows.append((name, errors, *(value(row[key], style) for key, (_, style) in COLUMNS.items())))
     return table(("drive", "errors of objects [m]", *(own for own, _ in COLUMNS.values())), rows)
 

@@ -8,27 +8,20 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.configuration import Configuration, load_configuration, to_dict
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.shipped import configuration_file
 from semantic_slam_lab.repetitions import keyed_generator, repeat
 from semantic_slam_lab.studies.drawn_worlds.calibration import p_values, rejected, reliability
 from semantic_slam_lab.studies.drawn_worlds.pages import claims_of, figures_of, tables_of
 from semantic_slam_lab.studies.drawn_worlds.ranks import Outcome, outcome_of
-from semantic_slam_lab.studies.drawn_worlds.worlds import Truth, drawn_world
+from semantic_slam_lab.studies.drawn_worlds.truths import RIGHT, TRUTHS
+from semantic_slam_lab.studies.drawn_worlds.worlds import drawn_world
 from semantic_slam_lab.studies.result import write_result
 
 NAME = "drawn_worlds"
 WORLDS, QUICK_WORLDS = 300, 2
 WRONG_WORLDS, QUICK_WRONG_WORLDS = 40, 1
 KEYFRAMES, QUICK_KEYFRAMES = 20, 3
-RIGHT = "as stated"
-TRUTHS = {
-    RIGHT: Truth(),
-    "noise understated 2x": Truth(noise=2.0),
-    "correlation 0.95": Truth(correlated_share=0.95),
-    "2 % outliers": Truth(outliers=0.02),
-    "yaw bias 0.1 rad/m": Truth(turn_rad_per_m=0.1),
-}
-"""What worlds are drawn from, which the engine is not told of."""
 
 
 def configuration() -> Configuration:
@@ -69,11 +62,22 @@ def _written(out: Path, found: dict[str, list[Outcome]], quick: bool, seed: int)
         "revision": revision(),
         "quick": quick,
         "num_worlds": {truth: len(outcomes) for truth, outcomes in found.items()},
-        "region95_held": {truth: float(np.mean([own.held for own in outcomes])) for truth, outcomes in found.items()},
+        "region95_held": {truth: float(np.mean(_held(outcomes))) for truth, outcomes in found.items()},
+        "region95_held_sigma": {truth: _sigma(_held(outcomes)) for truth, outcomes in found.items()},
         **_calibration(found[RIGHT], seed),
     }
     out.mkdir(parents=True, exist_ok=True)
     return write_result(out, result, claims_of(result), tables_of(result), figures_of(out, result))
+
+
+def _held(outcomes: list[Outcome]) -> Array:
+    """(N,) of each world, the share of its keyframes."""
+    return np.array([own.held for own in outcomes])
+
+
+def _sigma(shares: Array) -> float:
+    """Standard error of the mean of (N,) shares of independent worlds; 1 where a single one tells nothing of it."""
+    return float(shares.std(ddof=1) / np.sqrt(len(shares))) if len(shares) > 1 else 1.0
 
 
 def _calibration(outcomes: list[Outcome], seed: int) -> dict[str, Any]:

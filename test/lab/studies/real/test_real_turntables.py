@@ -1,6 +1,7 @@
 """The study of photographs: which views train, which objects look alike, and what its claims compare."""
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from semantic_slam_lab.commands import run_study
 from semantic_slam_lab.studies.real_turntables.claims import claims_of
 from semantic_slam_lab.studies.real_turntables.latent_models import Parts
-from semantic_slam_lab.studies.real_turntables.latent_scores import told_by_nearest
+from semantic_slam_lab.studies.real_turntables.latent_scores import share_inside, told_by_nearest
 from semantic_slam_lab.studies.real_turntables.lookalikes import drawn, lookalike_pairs
 from semantic_slam_lab.studies.real_turntables.measurement import trained_measurement
 from semantic_slam_lab.studies.real_turntables.photographs import Photographs, collected, read_photographs
@@ -143,6 +144,41 @@ def test_dropout_of_the_head_is_keyed() -> None:
     assert samples.mean(axis=0).argmax() == labels[3]
 
 
+@pytest.mark.parametrize(("nees", "is_calibrated"), [(1.0, True), (1.4, False), (0.5, False)])
+def test_an_azimuth_that_is_too_sure_or_not_sure_enough_is_seen_in_lots_of_one_view_per_object(
+    nees: float, is_calibrated: bool
+) -> None:
+    """Pools of 36 objects, 18 views each, errors of one object correlated by 0.3; the claim may err in one of eight."""
+    held = []
+    for seed in range(16):
+        generator = np.random.default_rng(seed)
+        errors = np.sqrt(0.3) * generator.normal(size=(36, 1)) + np.sqrt(0.7) * generator.normal(size=(36, 18))
+        pool = nees * errors**2
+        own = latent(nees=pool.mean(), nees_one_view_in_band=share_inside(list(pool), generator))
+        (claim,) = (claim for claim in claims_of(outcome(own)) if claim.text.startswith("MAP: azimuth NEES"))
+        held.append(claim.holds)
+    assert np.mean(np.array(held) == is_calibrated) >= 0.875
+
+
+def latent(**numbers: float) -> dict[str, Any]:
+    """A latent model's numbers."""
+    return {
+        **{"peak_within_10deg": 0.96, "objects_told": 36, "nees": 1.0, "nees_band": [0.5927, 1.5121]},
+        **{"nees_one_view_in_band": 0.95, "new_nees": 20.0, "new_nees_widened": 1.2, "new_objects": 2.0},
+        "objects": {"a": {"can_be_told": False}},
+        **numbers,
+    }
+
+
+def outcome(own: dict[str, Any], classified: dict[str, dict[str, float]] | None = None) -> dict[str, Any]:
+    """A result whose latent models are both ``own``."""
+    return {
+        "classification": {"model": classified or methods(1.0, 0.0, 0.0)},
+        "ambiguity": [{"pair": "a / b", "front": 0.0, "behind": 0.4}],
+        "latent": {"map": own, "energy": own},
+    }
+
+
 def methods(final: float, ours: float, theirs: float) -> dict[str, dict[str, float]]:
     columns = ("log_mgr_final_p75", "log_mgr_final_p95", "log_mgr_overall_p75", "log_mgr_overall_p95")
     values = {"ours": ours, "model_based": theirs, "simple_bayes": theirs}
@@ -158,17 +194,6 @@ def methods(final: float, ours: float, theirs: float) -> dict[str, dict[str, flo
     ],
 )
 def test_claims_compare_with_model_based(final: float, ours: float, theirs: float, held: list[bool]) -> None:
-    own = {
-        **{"peak_within_10deg": 0.96, "objects_told": 3, "nees": 3.0, "nees_band": [0.5, 1.6]},
-        **{"nees_one_view_in_band": 0.9, "new_nees": 20.0, "new_nees_widened": 1.2, "new_objects": 2.0},
-        "objects": {"a": {"can_be_told": False}},
-    }
-    claims = claims_of(
-        {
-            "classification": {"model": methods(final, ours, theirs)},
-            "ambiguity": [{"pair": "a / b", "front": 0.0, "behind": 0.4}],
-            "latent": {"map": own, "energy": own},
-        }
-    )
+    claims = claims_of(outcome(latent(nees_one_view_in_band=0.89), methods(final, ours, theirs)))
     assert [claim.holds for claim in claims[:4]] == held
     assert [claim.holds for claim in claims[4:]] == [True, True, False, True, True, False, True]
