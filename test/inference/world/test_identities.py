@@ -69,6 +69,6 @@ def _run(places: Mapping[str, tuple[float, float]], known: MapPrior, iterated: b
     )
     for k in range(3):
         seen = [Detection.at(x - 0.1 * k, y, track_id=name) for name, (x, y) in places.items()]
-        motion = {"motion": (0.1, 0.0, 0.0), "motion_sigmas": (0.02, 0.02, 0.01)} if k else {}
-        belief = engine.process(Keyframe.planar(k, detections=seen, **motion))
+        moved, sigmas = ((0.1, 0.0, 0.0), (0.02, 0.02, 0.01)) if k else ((0.0, 0.0, 0.0), None)
+        belief = engine.process(Keyframe.planar(k, motion=moved, motion_sigmas=sigmas, detections=seen))
     return belief
