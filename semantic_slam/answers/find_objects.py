@@ -37,12 +37,18 @@ def find_objects(belief: HybridBelief, question: Question, looks: Appearances | 
     """Find matching objects in a belief; vector queries need their appearances ``looks``. Raises InputError.
 
     A vector shows one object: the probabilities of the objects sum to 1 - unknown. A name may match many: then unknown
-    is the probability that none matches, and 1 - unknown that at least one does.
+    is the probability that none matches, and 1 - unknown that at least one does. For a class it is that over the
+    hypotheses, and within each, as for a name with text vectors, objects match independently of each other.
     """
     existence = np.clip(np.nan_to_num(belief.existence), 0.0, 1.0)
-    probabilities = _probabilities(belief, question, looks, existence) * inside(belief, question.region)
-    is_one_thing = question.vector is not None
-    unknown = 1.0 - probabilities.sum() if is_one_thing else np.prod(1.0 - probabilities)
+    in_region = inside(belief, question.region)
+    probabilities = _probabilities(belief, question, looks, existence) * in_region
+    if question.vector is not None:
+        unknown = 1.0 - probabilities.sum()
+    elif question.text_vectors:
+        unknown = np.prod(1.0 - probabilities)
+    else:
+        unknown = _none_of_class(belief, question.name, existence * in_region)
     rows = [
         row for row in np.argsort(-probabilities, kind="stable") if probabilities[row] >= question.least_probability
     ]
@@ -72,6 +78,16 @@ def _probabilities(belief: HybridBelief, question: Question, looks: Appearances 
         meant = meant_by(question.name, question.text_vectors, ids, existence, looks, question.mapped)
         return np.asarray(existence * meant)
     return np.asarray(existence * _of_class(belief, question.name))
+
+
+def _none_of_class(belief: HybridBelief, name: str, here: Array) -> float:
+    """Probability that no object is of a class: the mean over the hypotheses, each with its own class probabilities.
+
+    Where hypotheses take one object or the other for the only chair, there is one in all of them. ``here`` (O,) is the
+    probability of each object that it exists and lies in the region, which beliefs do not state by hypothesis.
+    """
+    of_class = np.nan_to_num(belief.hypothesis_class_probabilities[:, :, belief.class_names.index(name)])  # (H, O)
+    return float(np.exp(belief.log_weights) @ np.prod(1.0 - here * of_class, axis=1))
 
 
 def _of_class(belief: HybridBelief, name: str) -> Array:

@@ -19,7 +19,10 @@ class KnownObject(ObjectEstimate):
 
 
 def get_object(belief: HybridBelief, which: int | str) -> KnownObject:
-    """All that the belief knows of one object, given by its number or its name. Raises InputError if there is none."""
+    """All that the belief knows of one object, given by its number or its name. Raises InputError if there is none.
+
+    A text means the object of that name; if there is none, the one with that number.
+    """
     row = row_named(belief, which) if isinstance(which, str) else row_of(belief, which)
     return KnownObject(
         **vars(belief.objects[row]),

@@ -71,12 +71,18 @@ def _left(belief: HybridBelief, existence: Array, known: dict[int, ObjectPrior])
 def _moved_away(
     belief: HybridBelief, existence: Array, known: dict[int, ObjectPrior], inside_now: Array, region: Region | None
 ) -> Array:
-    """(O,) probabilities that map objects were in the region and were moved out of it."""
-    moved = np.zeros(len(existence))
+    """(O,) probabilities that map objects were in the region and were moved out of it.
+
+    An object is outside now because it was moved there, or because it was outside before and was not moved: the former
+    has P(outside) - (1 - P(moved)) P(it stood outside). Where it was moved to does not depend on where it stood.
+    """
+    gone = np.zeros(len(existence))
     for row, number in enumerate(belief.object_ids.tolist()):
         if number in known and belief.moved[row] > 0.0:
-            moved[row] = belief.moved[row] * _stood(known[number], region) * (1.0 - inside_now[row])
-    return existence * moved
+            moved, stood = float(belief.moved[row]), _stood(known[number], region)
+            moved_outside = (1.0 - inside_now[row]) - (1.0 - moved) * (1.0 - stood)
+            gone[row] = stood * np.clip(moved_outside, 0.0, moved)
+    return existence * gone
 
 
 def _no_longer_held(own: ObjectPrior, region: Region | None) -> PlacedObject:

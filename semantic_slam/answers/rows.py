@@ -16,12 +16,11 @@ def row_of(belief: HybridBelief, object_id: int) -> int:
 
 
 def row_named(belief: HybridBelief, name: str) -> int:
-    """Row of an object given by its name, or by its number in digits. Raises InputError."""
-    for row, own in enumerate(belief.object_names):
-        if name in (own, str(int(belief.object_ids[row]))):
-            return row
-    known = ", ".join(
-        f"{int(n)} ({own})" if own != str(int(n)) else own
-        for n, own in zip(belief.object_ids, belief.object_names, strict=True)
-    )
+    """Row of an object given by its name, or where none has that name, by its number in digits. Raises InputError."""
+    numbers = [str(n) for n in belief.object_ids.tolist()]
+    for told in (list(belief.object_names), numbers):
+        if name in told:
+            return told.index(name)
+    every = zip(numbers, belief.object_names, strict=True)
+    known = ", ".join(f"{number} ({own})" if own != number else own for number, own in every)
     raise InputError(f"the map has no object '{name}'; ask for one of {known or 'none: nothing was mapped'}")

@@ -16,7 +16,9 @@ def parse(words: list[str] | None = None) -> Namespace:
         " from its belief bag, which takes as long as it did, without the pictures.",
     )
     parser.add_argument("belief", type=Path, metavar="REPORT_OR_BELIEF_BAG", help="folder of a report, or belief bag")
-    parser.add_argument("--object", required=True, metavar="ID", help="number or name of the object")
+    parser.add_argument(
+        "--object", required=True, metavar="ID", help="name of the object, or its number where none has that name"
+    )
     parser.add_argument(
         "--classes",
         nargs=2,

@@ -28,7 +28,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument("--vector", type=Path, metavar="FILE", help="vector of a picture: .npy, .json, or one as below")
     parser.add_argument("--place", action="store_true", help="what is in the region, and what is gone from there")
     parser.add_argument(
-        "--object", default="", metavar="ID", help="all that is known of the one of that number or name"
+        "--object", default="", metavar="ID", help="all that is known of the one of that name, or else of that number"
     )
     parser.add_argument(
         "--text-vectors", type=Path, metavar="FILE", help="named vectors of texts: .npz, .safetensors or .json"

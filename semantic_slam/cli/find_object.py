@@ -11,7 +11,7 @@ PROBABILITIES = ("existence", "moving", "moved", "missing")
 
 
 def ask(belief: Path, which: str) -> None:
-    """Print all that is known of the object with this number or name; raises InputError."""
+    """Print all that is known of the object with this name, or else this number; raises InputError."""
     from semantic_slam.answers.get_object import get_object
     from semantic_slam.evaluation.belief_bag import read_record
 

@@ -6,26 +6,53 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from semantic_slam.configuration.configuration import PLANAR
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.world.identities import objects_by_identity
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+
 
 def match_objects(
-    true_ids: Collection[str],
-    prior_ids: Collection[int],
-    named_objects: Mapping[str, int],
-    pairs: Sequence[tuple[str, int]],
+    true_ids: Collection[str], told: Mapping[str, int], pairs: Sequence[tuple[str, int]]
 ) -> dict[str, int]:
     """Object id of every true object that has a counterpart.
 
-    A true id is the decimal text of an object id where a map prior gave the ids (``prior_ids``). Otherwise an
-    object of that name is taken (``named_objects``: track ids given with the detections), and otherwise the
-    one-to-one assignment that shares most detections: ``pairs`` holds (true id, object id) of every detection.
+    ``told`` holds the objects that are known by true id. The others are matched one to one so that they share most
+    detections: ``pairs`` holds (true id, object id) of every detection.
     """
-    by_number = {str(number): number for number in prior_ids}
-    matched = {true: by_number[true] for true in true_ids if true in by_number}
-    for true in true_ids:
-        if true not in matched and named_objects.get(true) not in (None, *matched.values()):
-            matched[true] = named_objects[true]
-    free = [pair for pair in pairs if pair[0] in set(true_ids) - set(matched) and pair[1] not in matched.values()]
+    unmatched, matched = set(true_ids), dict[str, int]()
+    for true, number in told.items():
+        if true in unmatched and number not in matched.values():
+            matched[true] = number
+            unmatched.remove(true)
+    free = [pair for pair in pairs if pair[0] in unmatched and pair[1] not in matched.values()]
     return matched | _majority(free)
+
+
+def told_by_map(prior: MapPrior, true_places: Mapping[str, Array]) -> dict[str, int]:
+    """Object ids of true ids that the names and numbers of a map tell; ``true_places`` [m] by true id, (3,) in map.
+
+    A run numbers the objects of its map as it meets them, and a tracker its tracks: such a number may be the true id of
+    another object. So where an object is named with a number, it counts only if no other true object is nearer to the
+    object's place on the map; and where its true place is not known, only on a map that no run is known to have saved.
+    """
+    objects = {item.object_id: item for item in prior.objects}
+    meant = objects_by_identity({number: item.name for number, item in objects.items()})
+    axes = 2 if prior.state_space == PLANAR else 3
+    is_saved = bool(prior.map_id or prior.ancestors)
+
+    def counts(true: str, item: ObjectPrior) -> bool:
+        if not item.name.isdecimal():
+            return True
+        return _is_nearest(true, item.pose[:axes], true_places) if true in true_places else not is_saved
+
+    return {true: number for true, number in meant.items() if counts(true, objects[number])}
+
+
+def _is_nearest(true: str, place: Array, true_places: Mapping[str, Array]) -> bool:
+    """Whether no other true object is nearer to a place, (2,) or (3,) in map [m]."""
+    distances = {own: float(np.linalg.norm(at[: len(place)] - place)) for own, at in true_places.items()}
+    return distances[true] <= min(distances.values())
 
 
 def _majority(pairs: Iterable[tuple[str, int]]) -> dict[str, int]:

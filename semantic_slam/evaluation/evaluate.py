@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from semantic_slam.evaluation import classification, mixture, trajectory
 from semantic_slam.evaluation.association import pair_score
-from semantic_slam.evaluation.correspondence import match_objects
+from semantic_slam.evaluation.correspondence import match_objects, told_by_map
 from semantic_slam.evaluation.history import (
     UNKNOWN,
     UNMATCHED,
@@ -100,7 +100,6 @@ def _reckon(start: Array, odometry: Array, row: int) -> Array:
 
 
 def _matches(record: Record, truth: GroundTruth, history: list[Ids | None]) -> dict[str, int]:
-    prior = parse_map_prior(record.run.map_prior, "run configuration") if record.run.map_prior else None
     pairs = [
         (true, int(number))
         for belief, found in zip(record.beliefs, history, strict=True)
@@ -110,15 +109,27 @@ def _matches(record: Record, truth: GroundTruth, history: list[Ids | None]) -> d
     ]
     true_ids = {true for names in truth.associations.values() for true in names if true}
     true_ids |= set(truth.objects.object_ids) if truth.objects else set()
-    is_given = json_object(record.run.configuration).get("association") == "given"  # names elsewhere are the engine's
-    last = record.beliefs[-1] if record.beliefs and is_given else None
-    named = (
-        {name: int(number) for name, number in zip(last.object_names, last.object_ids, strict=True) if name}
-        if last
-        else {}
-    )
-    prior_ids = [item.object_id for item in prior.objects] if prior else []
-    return match_objects(sorted(true_ids), prior_ids, named, pairs)
+    return match_objects(sorted(true_ids), _told(record, truth), pairs)
+
+
+def _told(record: Record, truth: GroundTruth) -> dict[str, int]:
+    """Object ids by true id, as the names of a run with given identities and those of the map prior tell."""
+    named: dict[str, int] = {}
+    if record.beliefs and json_object(record.run.configuration).get("association") == "given":
+        last = record.beliefs[-1]  # elsewhere names are not those of the bag's identities
+        named = {name: int(n) for name, n in zip(last.object_names, last.object_ids, strict=True) if name}
+    if not record.run.map_prior:
+        return named
+    by_map = told_by_map(parse_map_prior(record.run.map_prior, "run configuration"), _true_places(truth))
+    return named | {true: number for true, number in by_map.items() if true not in named}
+
+
+def _true_places(truth: GroundTruth) -> dict[str, Array]:
+    """(3,) place in map [m] by true id, where it is known."""
+    if truth.objects is None:
+        return {}
+    rows = zip(truth.objects.object_ids, truth.objects.poses[:, :3], strict=True)
+    return {true: place for true, place in rows if np.isfinite(place).all()}
 
 
 def _true_names(belief: HybridBelief, truth: GroundTruth) -> list[str]:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -40,16 +41,57 @@ def texts() -> dict[str, np.ndarray]:
     return {name: cone + own + random.normal(size=SIZE) for name, own in zip(NAMES, meant, strict=True)}
 
 
+def classified(weights, chairs, existence):
+    """Chairs and cups: (H,) ``weights`` and (H, O) probabilities of a chair, and (O,) of existence."""
+    classes = np.stack([chairs, 1.0 - chairs], axis=2)
+    return replace(
+        map_of(chairs.shape[1]),
+        class_names=("chair", "cup"),
+        log_weights=np.log(weights),
+        hypothesis_class_probabilities=classes,
+        class_probabilities=np.einsum("h,hoc->oc", weights, classes),
+        existence=existence,
+    )
+
+
 def test_a_class_is_found_as_probably_as_it_exists_and_is_of_that_class():
-    classes = {"class_names": ("chair", "cup"), "class_probabilities": np.array([[0.9, 0.1], [0.2, 0.8]])}
-    shape = {"hypothesis_class_probabilities": np.zeros((1, 2, 2)), "existence": np.array([0.5, 1.0])}
-    found = find_objects(replace(map_of(2), **classes, **shape), Question(name="chair"))
+    known = classified(np.ones(1), np.array([[0.9, 0.2]]), np.array([0.5, 1.0]))
+    found = find_objects(known, Question(name="chair"))
     assert [(own.object_id, own.probability) for own in found.objects] == [(0, pytest.approx(0.45)), (1, 0.2)]
     assert found.unknown == pytest.approx(0.55 * 0.8)
 
 
+def test_no_object_is_of_a_class_with_the_probability_over_all_hypotheses_and_classes():
+    """By enumeration: under each hypothesis every object may be there or not, and a chair or a cup."""
+    weights, chairs = np.array([0.6, 0.3, 0.1]), np.array([[0.95, 0.05, 0.1], [0.05, 0.9, 0.1], [0.4, 0.4, 0.2]])
+    existence = np.array([1.0, 0.9, 0.5])
+    none = 0.0
+    for weight, of_chair in zip(weights, chairs, strict=True):
+        for there, chair in product(product((True, False), repeat=3), repeat=2):
+            if not any(np.logical_and(there, chair)):
+                none += (
+                    weight
+                    * np.prod(np.where(there, existence, 1.0 - existence))
+                    * np.prod(np.where(chair, of_chair, 1.0 - of_chair))
+                )
+    found = find_objects(classified(weights, chairs, existence), Question(name="chair"))
+    assert found.unknown == pytest.approx(none)
+    known = {own.object_id: own.probability for own in found.objects}
+    assert [known[n] for n in range(3)] == pytest.approx(list(existence * (weights @ chairs)))
+
+
+def test_a_chair_that_is_one_object_or_the_other_is_surely_there_and_one_object_is_unknown_as_it_is_improbable():
+    sure = classified(np.array([0.681, 0.319]), np.array([[1.0, 0.0], [0.0, 1.0]]), np.ones(2))
+    assert find_objects(sure, Question(name="chair")).unknown == pytest.approx(0.0, abs=1e-12)
+    doubted = classified(np.array([0.4, 0.6]), np.array([[1.0], [0.3]]), np.array([0.5]))
+    found = find_objects(doubted, Question(name="chair", region=(0.0, -1.0, 1.0, 1.0)))  # half of its place
+    assert found.objects[0].probability == pytest.approx(0.58 / 4, abs=1e-3)
+    assert found.unknown == pytest.approx(1.0 - found.objects[0].probability)
+
+
 def test_an_object_at_the_edge_of_a_region_lies_in_it_by_half():
-    known = replace(map_of(1), class_names=("cup",), class_probabilities=np.ones((1, 1)))
+    classes = {"class_probabilities": np.ones((1, 1)), "hypothesis_class_probabilities": np.ones((1, 1, 1))}
+    known = replace(map_of(1), class_names=("cup",), **classes)
     found = find_objects(known, Question(name="cup", region=(0.0, -1.0, 1.0, 1.0)))
     assert found.objects[0].probability == pytest.approx(0.5, abs=1e-3)
     assert found.unknown == pytest.approx(0.5, abs=1e-3)

@@ -49,6 +49,13 @@ def test_an_object_is_told_by_its_name_or_its_number_as_text(belief: HybridBelie
     assert get_object(belief, "door").object_id == get_object(belief, "7").object_id == get_object(belief, 7).object_id
 
 
+def test_a_text_is_the_name_of_an_object_before_it_is_the_number_of_another(belief: HybridBelief) -> None:
+    """As on the map of a run that took its names from a tracker."""
+    tracked = replace(belief, object_ids=np.array([0, 1, 2], dtype=np.uint32), object_names=("2", "7", "0"))
+    assert [get_object(tracked, name).object_id for name in ("2", "7", "0", "1")] == [0, 1, 2, 1]
+    assert [get_object(tracked, number).name for number in range(3)] == ["2", "7", "0"]
+
+
 def test_what_a_run_does_not_estimate_is_not_a_number() -> None:
     known = get_object(map_of(1), 0)
     assert np.isnan([known.moving, known.moved, known.missing, known.mutual_information]).all()

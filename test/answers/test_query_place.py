@@ -58,6 +58,35 @@ def test_what_was_moved_is_gone_from_where_the_map_has_it():
     assert [(own.object_id, own.here, own.gone) for own in there] == [(1, pytest.approx(1.0), pytest.approx(0.0))]
 
 
+@pytest.mark.parametrize("moved", [0.0, 0.3, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("stood", [1.0, 0.5])
+def test_what_may_have_been_moved_is_gone_with_the_sum_over_all_that_may_have_happened(
+    moved: float, stood: float
+) -> None:
+    """Stood in the region or 9 m off; not moved, or moved 3 m off with 0.8 and to another place in the region."""
+    to_outside, exists = 0.8, 0.9
+    happened = [
+        (0.0, (1.0 - moved) * stood),
+        (9.0, (1.0 - moved) * (1.0 - stood)),
+        (3.0, moved * to_outside),
+        (0.2, moved * (1.0 - to_outside)),
+    ]
+    x_m, shares = np.array([[x, share] for x, share in happened if share > 0.0]).T
+    belief = replace(
+        map_of(1),
+        existence=np.array([exists]),
+        moved=np.array([moved]),
+        place_objects=np.zeros(len(x_m), dtype=np.uint32),
+        place_probabilities=shares,
+        place_means=np.column_stack([x_m, np.zeros((len(x_m), 2))]),
+        place_covariances=np.array([1e-6 * np.eye(3)] * len(x_m)),
+    )
+    at_edge = ORIGIN[2] if stood == 0.5 else 0.0  # half of the map's Gaussian lies in the region
+    (found,) = query_place(belief, ORIGIN, 0.0, mapped(at_edge, existence=exists))
+    assert found.here == pytest.approx(exists * ((1.0 - moved) * stood + moved * (1.0 - to_outside)))
+    assert found.gone == pytest.approx(exists * moved * stood * to_outside)
+
+
 def test_what_the_map_has_and_the_belief_has_given_up_should_be_here_and_is_not():
     doubted = replace(map_of(1), existence=np.array([0.2]))
     placed = query_place(doubted, None, 0.0, mapped(0.0, 5.0, existence=0.9))

@@ -10,7 +10,6 @@ from worlds.belief_factory import small_belief
 
 from semantic_slam.evaluation import classification, history, mixture, trajectory
 from semantic_slam.evaluation.association import pair_score
-from semantic_slam.evaluation.correspondence import match_objects
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.entropy import association_entropy, component_entropy
@@ -98,15 +97,6 @@ def test_lineage_that_is_not_recorded() -> None:
         small_belief(2, ids=[3], parents=[2], weights=[1.0], objects=[4], associations=[[0]]),
     ]
     assert history.lineage(beliefs) == [-1, 0]
-
-
-def test_correspondence_by_number_name_and_majority() -> None:
-    assert match_objects(["3", "5"], [3, 5, 8], {}, []) == {"3": 3, "5": 5}
-    # Objects made from track ids: numbers mean nothing, names do.
-    assert match_objects(["1", "2"], [], {"1": 2, "2": 1}, []) == {"1": 2, "2": 1}
-    # Neither: object 0 shares three detections with "a", one with "b"; "b" gets what is left.
-    pairs = [("a", 0)] * 3 + [("b", 0), ("b", 1), ("a", 1), ("c", -1)]
-    assert match_objects(["a", "b", "c"], [], {}, pairs) == {"a": 0, "b": 1}
 
 
 def test_class_scores() -> None:

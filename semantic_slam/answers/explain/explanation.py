@@ -65,9 +65,10 @@ class Explanation:
 
 
 def explain(path: str | Path, object_name: str, classes: tuple[str, str] | None = None) -> Explanation:
-    """Explain the belief about an object (by number or name) in a belief bag or a report's folder. Raises InputError.
+    """Explain the belief about an object in a belief bag or a report's folder. Raises InputError.
 
-    The run's inference is repeated. ``classes``: two to compare; None: the most likely one and its nearest rival.
+    ``object_name``: its name, or its number where none has that name. The run's inference is repeated.
+    ``classes``: two to compare; None: the most likely one and its nearest rival.
     """
     bag = belief_bag(path)
     record = read_record(bag)

@@ -30,6 +30,7 @@ from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.reference.places import EvenPlaces
 from semantic_slam.inference.reference.scores import KeyframeScores
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.world.identities import objects_by_identity
 from semantic_slam.inference.world.objects import ObjectEntry
 
 
@@ -49,7 +50,7 @@ class Reference:
         self._configuration, self._places, self._scores = configuration, places, scores
         self._association = strategy_of(configuration)
         self._rates = DetectionRates.of(configuration.open_world)
-        self._named = {name for entry in objects for name in (entry.name, str(entry.object_id))}
+        self._named = set(objects_by_identity({entry.object_id: entry.name for entry in objects}))
 
     def log_density(self, step: Step, belief: HybridBelief) -> float:
         """Log density of the step's detections, in nats; ``belief`` is the posterior after them.

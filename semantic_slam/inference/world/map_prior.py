@@ -17,6 +17,7 @@ from semantic_slam.foreign_numbers import is_finite
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.object_coordinates import object_coordinates
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
+from semantic_slam.inference.world.identities import default_name
 from semantic_slam.text_files import parse_json, read_text
 
 ID_LIMIT = 2**32
@@ -64,7 +65,7 @@ class ObjectPrior:
         pose = pose_vector_from_planar(np.array([x_m, y_m, yaw_rad]))
         return cls(
             object_id=object_id,
-            name=name or f"object_{object_id}",
+            name=name or default_name(object_id),
             pose=pose,
             covariance=covariance,
             class_probabilities=class_probabilities or {},
@@ -82,7 +83,7 @@ class ObjectPrior:
         _check_sigmas(object_id, sigma_m=sigma_m)
         return cls(
             object_id=object_id,
-            name=name or f"object_{object_id}",
+            name=name or default_name(object_id),
             pose=np.array([*position, 0.0, 0.0, 0.0, 1.0], dtype=np.float64),
             covariance=np.diag([sigma_m**2] * 3 + [0.0] * 3),
             class_probabilities={},

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.displaced_objects import Displaced
+from semantic_slam.inference.world.identities import objects_by_identity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,9 +80,8 @@ class ObjectRegistry:
         self._displaced = Displaced() if displaced is None else displaced
         self._unknown = class_shares
         self._known = {entry.object_id: (entry.name, entry.class_prior) for entry in entries}
-        named = [entry for entry in entries if entry.object_id not in self._displaced.on_map]
-        self._by_name = {entry.name: entry.object_id for entry in named}
-        self._by_name |= {str(entry.object_id): entry.object_id for entry in named}
+        own = {entry.object_id: entry.name for entry in entries if entry.object_id not in self._displaced.on_map}
+        self._by_name = objects_by_identity(own)
         self._first_new = array("q", [max(self._known, default=-1) + 1])  # first reserved id of each keyframe
         self._labels: list[tuple[str, ...]] = []  # labels of each keyframe's detections; () where none has one
         self._alive: frozenset[int] = frozenset()
@@ -106,7 +106,10 @@ class ObjectRegistry:
         return self._reported if alive else self._listed(())
 
     def identify(self, name: str) -> int:
-        """Object id of an identity given with a detection; a new identity becomes a new object, "" gives -1 (none)."""
+        """Object id of an identity given with a detection, see :func:`objects_by_identity`.
+
+        A new identity becomes a new object; "" gives -1 (none).
+        """
         if not name:
             return -1
         if name not in self._by_name:

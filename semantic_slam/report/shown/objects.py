@@ -8,6 +8,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.world.identities import has_own_name
 from semantic_slam.maps.from_belief import MOVES
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.drawing.charts import time_plot
@@ -131,8 +132,8 @@ def _error_m(analysis: Analysis, last: HybridBelief, row: int) -> float:
 
 def object_label(belief: HybridBelief, row: int) -> str:
     """The object's name where it says more than its number."""
-    name, number = belief.object_names[row], str(belief.object_ids[row])
-    return number if name in ("", number, f"object_{number}") else f"{number} · {name}"
+    name, number = belief.object_names[row], int(belief.object_ids[row])
+    return f"{number} · {name}" if has_own_name(number, name) else str(number)
 
 
 def true_positions(analysis: Analysis) -> dict[int, NDArray[np.float64]]:

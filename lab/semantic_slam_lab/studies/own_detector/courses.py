@@ -153,4 +153,4 @@ class Drive:
             for row, found in zip(belief.detection_ids.tolist(), objects, strict=False)
             if (true := self.truth.associations[belief.stamp_ns][row])
         ]
-        return match_objects(tuple(self.true_classes), (), {}, pairs)
+        return match_objects(tuple(self.true_classes), {}, pairs)
