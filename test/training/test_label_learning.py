@@ -17,9 +17,11 @@ from semantic_slam.shipped import configuration_file
 from semantic_slam.training.labels import candidates
 from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.fit import as_they_are, with_known_classes
+from semantic_slam.training.labels.judgement import judged
 from semantic_slam.training.labels.learn import RunTracks, learn
 from semantic_slam.training.labels.maximisation import BeforeFit
 from semantic_slam.training.labels.passes import FOLDS, STRETCHES
+from semantic_slam.training.labels.report import lines_of, report_of
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.training.runs import read_runs
 from semantic_slam.viewpoint.detection_values import UNTOLD
@@ -88,6 +90,30 @@ def test_what_no_fit_has_told_knows_the_classes_that_a_run_would():
     )
 
 
+def report_as_they_are(model: LabelModel, tracks: list[Track]) -> dict:
+    """What is reported of models that are not fitted, as if they were kept, from a run in space."""
+    own = as_they_are([model] * len(FOLDS), tracks)
+    told = judged(own, tracks)
+    return report_of(own, True, told, told) | {"detection": {"runs": 1, "runs_in_space": 1}}
+
+
+def test_objects_of_a_map_are_reported_and_do_not_tell_how_frequent_their_classes_are():
+    random = np.random.default_rng(0)
+    classes = [0, 0, 1]
+    tracks = [track(n, random.choice(4, 15, p=THETA[row]), around(random, 15)) for n, row in enumerate(classes)]
+    mapped = [
+        replace(own, log_prior=np.log(np.where(np.arange(4) == row, 1.0, 1e-9)))
+        for own, row in zip(tracks, classes, strict=True)
+    ]
+    report = report_as_they_are(START, mapped)
+    assert [own["objects"] for own in report["classes"].values()] == pytest.approx([2.0, 1.0, 0.0], abs=1e-3)
+    first, second, *_ = lines_of(report)
+    assert first.startswith("cup: 2.0 objects, called cup ") and second.startswith("sofa: 1.0 objects, called sofa ")
+    np.testing.assert_array_equal(as_they_are([START] * len(FOLDS), mapped).whole.told.classes, 0.0)
+    told = as_they_are([START] * len(FOLDS), tracks).whole.told
+    np.testing.assert_array_equal(told.classes, told.objects)
+
+
 @pytest.mark.usefixtures("few_settings")
 def test_how_often_the_truth_comes_second_is_found():
     random, tracks = np.random.default_rng(4), []
@@ -149,7 +175,6 @@ def labelled_run(folder, name: str, path: str = ""):
 
 
 def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys):
-    from semantic_slam.training.labels.report import lines_of
     from semantic_slam.viewpoint.labels.store import save_labels
 
     report = labelled_run(tmp_path, "first")
@@ -177,8 +202,6 @@ def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys
 @pytest.mark.long
 def test_how_often_the_detector_detects_is_not_learned_in_space_which_is_said(tmp_path):
     """Beside a run in the plane, which still tells it."""
-    from semantic_slam.training.labels.report import lines_of
-
     bag = write_bag(tmp_path / "bag_in_space", labelled_entries("positions", 12))
     (bag / "objects.json").unlink()
     run_bag(bag, tmp_path / "space" / "belief", load_configuration(configuration_file("spatial")))

@@ -23,7 +23,7 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
     confusion = whole.model.confusions[-1]
     counts = confusion.counts.mean(axis=0)
     drawn = np.tensordot(weights, whole.told.drawn, axes=1).sum(axis=(0, 2))
-    objects = weights @ whole.told.classes
+    objects = weights @ whole.told.objects
     means = counts / counts.sum(axis=1, keepdims=True)
     names = [*whole.model.labels, "other"]
     return {
