@@ -114,6 +114,19 @@ def test_objects_of_a_map_are_reported_and_do_not_tell_how_frequent_their_classe
     np.testing.assert_array_equal(told.classes, told.objects)
 
 
+def test_a_detector_with_one_label_has_no_second_name_to_report():
+    """Beside one with three, of which the truth is second as often as the habits before any fit have it."""
+    before = replace(BEFORE, num_labels=1)
+    one = replace(START, labels=("cup",), confusions=(before.confusion(),), class_shares=np.full(2, 0.5))
+    views = track(0, np.zeros(6, dtype=int), np.arange(6))
+    cup = LabelWord(answer=0, shares=np.eye(2)[0])
+    report = report_as_they_are(one, [replace(views, views=tuple(replace(view, word=cup) for view in views.views))])
+    assert "truth_second" not in report and not any("second in" in line for line in lines_of(report))
+    report = report_as_they_are(START, [views])
+    assert report["truth_second"] == pytest.approx(np.mean(1 / 3 + 2 / 3 * HABITS[0]))
+    assert any("the truth is second in 53%; 0 rounds" in line for line in lines_of(report))
+
+
 @pytest.mark.usefixtures("few_settings")
 def test_how_often_the_truth_comes_second_is_found():
     random, tracks = np.random.default_rng(4), []
