@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from worlds.bags.bag_factory import of_topic, write_bag, write_configuration
 from worlds.bags.places import NUM_FRAMES, place_entries
+from worlds.processes.commands import call
 
 from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.configuration import Configuration, load_configuration
@@ -230,6 +231,13 @@ def test_how_often_the_detector_detects_is_not_learned_in_space_which_is_said(tm
     assert both.report["detection"]["log_evidence"] == alone.report["detection"]["log_evidence"]
     *_, detected = lines_of(both.report)
     assert detected.startswith("detected how often: not learned from 1 of 2 runs with state_space: spatial")
+
+
+@pytest.mark.parametrize("words", ["--seed 0", "--draws 9", "--elevation-step-deg 10", "--cameras X", "--classes f"])
+def test_options_of_pictures_are_refused_beside_runs(words, tmp_path):
+    done = call(tmp_path, "semantic_slam.cli.fit_viewpoint_models", "--from-run", "a", "--out", "m", *words.split())
+    assert done.returncode == 2
+    assert f"{words.split()[0]}: is not for --from-run; leave it out" in done.stderr
 
 
 def test_runs_that_tell_nothing_of_labels_are_refused(tmp_path):
