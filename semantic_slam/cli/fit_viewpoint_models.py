@@ -150,7 +150,7 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     for name, numbers in report.items():
         lines.append(
             f"{name}: {numbers['coverage']['views']:.0f} directions, widest gap"
-            f" {numbers['coverage']['widest_gap_deg']:.0f} deg, within 1 and 2 sigma"
+            f" {numbers['coverage']['widest_gap_deg']:.0f} deg; {numbers['left_out']} left out: within 1 and 2 sigma"
             f" {numbers['fraction_within_1_sigma']:.2f} and {numbers['fraction_within_2_sigma']:.2f}, mean squared"
             f" whitened residual {numbers['mean_squared_whitened_residual']:.2f} of {model.num_features}"
         )
