@@ -9,6 +9,7 @@ from semantic_slam.classification.classifier import Scores, SequentialClassifier
 from semantic_slam.classification.resampling import effective_size, rejection_control, systematic_resampling
 from semantic_slam.classification.track_posterior import TrackPosterior
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.log_space import log_sum_exp
 
 LEAST_MOVE = 0.01
 """Smallest step of a move, as a share of the posterior's spread."""
@@ -55,8 +56,7 @@ class SampledTracks(ABC):
     def update(self, scores: Scores, posterior: TrackPosterior) -> Array:
         """Take in a view, with the posterior of the track up to and with it; returns (C,) log class posterior."""
         if self._scores:
-            change = posterior.log_density(self.tracks_m) - self._log_density
-            self.log_weights = normalised(self.log_weights + change)
+            self._weigh(posterior.log_density(self.tracks_m) - self._log_density)
             if self.effective_size < self._least_size:
                 self._renew(posterior)
         self._advance(scores, posterior)
@@ -74,6 +74,10 @@ class SampledTracks(ABC):
         newest = posterior.extend(self.tracks_m, self._generator)
         self.tracks_m = np.concatenate([self.tracks_m, newest[:, None]], axis=1)
         self.classifier.update(View(newest, scores))
+
+    def _weigh(self, log_factors: Array) -> None:
+        """Multiply the weights by (P,) factors."""
+        self.log_weights = normalised(self.log_weights + log_factors)
 
     @abstractmethod
     def _renew(self, posterior: TrackPosterior) -> None:
@@ -123,9 +127,7 @@ class EvidenceTracks(SampledTracks):
     def _advance(self, scores: Scores, posterior: TrackPosterior) -> None:
         before = self.classifier.log_evidence
         super()._advance(scores, posterior)
-        weighed = self.log_weights + self.classifier.log_evidence - before
-        self.log_weights = normalised(weighed)
-        self.log_evidence += float((weighed - self.log_weights)[0])
+        self._weigh(self.classifier.log_evidence - before)
         if self.effective_size < self._least_size:
             lost, copied = systematic_resampling(self.log_weights, self._generator)
             self.classifier.replace(lost, self.classifier, copied)
@@ -133,6 +135,15 @@ class EvidenceTracks(SampledTracks):
             self.log_weights = np.full_like(self.log_weights, -np.log(len(self.log_weights)))
             if self._moves:
                 self._move([*self._scores[: self.tracks_m.shape[1] - 1], scores], posterior)
+
+    def _weigh(self, log_factors: Array) -> None:
+        """Multiply the weights by (P,) factors, and the evidence by their weighted mean.
+
+        This is so for the likelihood of a view and for p' / p of a new posterior alike: the samples stand for p times
+        the likelihood over the evidence, and p' times the likelihood integrates to the evidence times that mean.
+        """
+        self.log_evidence += float(log_sum_exp(self.log_weights + log_factors))
+        super()._weigh(log_factors)
 
     def _move(self, scores: Sequence[Scores], posterior: TrackPosterior) -> None:
         """One Metropolis step of every track; the target is the posterior of the track times its evidence."""

@@ -11,14 +11,17 @@ from pathlib import Path
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import claimed_files
 
-OF_PICTURES = ("weights", "config", "classes", "pattern", "mask_pattern")
+OF_PICTURES = (
+    *("weights", "config", "classes", "pattern", "mask_pattern"),
+    *("cameras", "draws", "elevation_step_deg", "seed"),
+)
 """Options of the other sources, which are refused with ``--from-run``."""
 
 
 def learn_labels(arguments: argparse.Namespace) -> None:
     """Learn the models, write them with a report beside them, and print a summary. Raises InputError."""
     for name in OF_PICTURES:
-        if getattr(arguments, name, None):
+        if getattr(arguments, name) is not None:
             raise InputError(f"--{name.replace('_', '-')}: is not for --from-run; leave it out")
     if arguments.out.suffix == ".json":
         raise InputError(f"{arguments.out}: is where the report goes; name a .safetensors file")

@@ -22,6 +22,9 @@ from semantic_slam.shipped import configuration_file
 if TYPE_CHECKING:
     from semantic_slam.configuration import PerceptionConfiguration
 
+DEFAULTS = {"cameras": "NP1,NP2,NP3,NP4", "draws": 8, "elevation_step_deg": 0.0, "seed": 0}
+"""Values of options that are not given; ``--from-run`` refuses those that are."""
+
 
 def parse() -> argparse.Namespace:
     """Parse the command line; raises InputError."""
@@ -59,19 +62,16 @@ def parse() -> argparse.Namespace:
     )
     parser.add_argument(
         "--cameras",
-        default="NP1,NP2,NP3,NP4",
-        help="cameras of the turntable, low ones see as robots do (default: %(default)s)",
+        help=f"cameras of the turntable, low ones see as robots do (default: {DEFAULTS['cameras']})",
     )
     parser.add_argument(
         "--draws",
         type=int,
-        default=8,
-        help="crops per direction, each in another room and light (default: %(default)s)",
+        help=f"crops per direction, each in another room and light (default: {DEFAULTS['draws']})",
     )
     parser.add_argument(
         "--elevation-step-deg",
         type=float,
-        default=0.0,
         help="tell views of turntables apart by elevation, too, in such steps (default: 0, by azimuth alone)",
     )
     parser.add_argument(
@@ -80,7 +80,7 @@ def parse() -> argparse.Namespace:
         metavar="FILE",
         help="JSON {instance: class} for turntables of instances; default: each turntable is a class",
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of every random draw (default: %(default)s)")
+    parser.add_argument("--seed", type=int, help=f"seed of every random draw (default: {DEFAULTS['seed']})")
     add_overwrite(parser)
     return parser.parse_args()
 
@@ -91,6 +91,7 @@ def command() -> None:
     if arguments.from_run:
         learn_labels(arguments)
         return
+    _fill_in(arguments)
     if arguments.draws < 2:
         raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
     if not 0.0 <= arguments.elevation_step_deg <= 90.0:
@@ -109,6 +110,13 @@ def command() -> None:
         lines = fit(arguments, *staged)
     print("\n".join(lines))
     print(f"{outs[0]}: report in {outs[1]} and {outs[2]}")
+
+
+def _fill_in(arguments: argparse.Namespace) -> None:
+    """Give options that are not given their defaults."""
+    for name, value in DEFAULTS.items():
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, value)
 
 
 def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page: Path) -> list[str]:
@@ -142,7 +150,7 @@ def fit(arguments: argparse.Namespace, model_path: Path, report_path: Path, page
     for name, numbers in report.items():
         lines.append(
             f"{name}: {numbers['coverage']['views']:.0f} directions, widest gap"
-            f" {numbers['coverage']['widest_gap_deg']:.0f} deg, within 1 and 2 sigma"
+            f" {numbers['coverage']['widest_gap_deg']:.0f} deg; {numbers['left_out']} left out: within 1 and 2 sigma"
             f" {numbers['fraction_within_1_sigma']:.2f} and {numbers['fraction_within_2_sigma']:.2f}, mean squared"
             f" whitened residual {numbers['mean_squared_whitened_residual']:.2f} of {model.num_features}"
         )

@@ -12,6 +12,7 @@ import numpy as np
 
 from semantic_slam.evaluation.history import best_index, histories, lineage
 from semantic_slam.evaluation.seen_from import seen_from
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -49,17 +50,31 @@ def stretch_of(stamp_ns: int, edges: Sequence[int]) -> int:
 def sightings_of(run: Run) -> list[Sightings]:
     """What the hypotheses at the end of a run hold of each object; those that agree count as one."""
     beliefs = run.record.beliefs
-    weights = np.exp(beliefs[-1].log_weights)
-    existence = dict(zip(beliefs[-1].object_ids.tolist(), beliefs[-1].existence.tolist(), strict=True))
     found: dict[tuple[int, tuple[Place, ...]], float] = defaultdict(float)
-    for own, weight in zip(_by_hypothesis(beliefs), weights.tolist(), strict=True):
+    detected: dict[int, float] = defaultdict(float)
+    for own, weight in zip(_by_hypothesis(beliefs), np.exp(beliefs[-1].log_weights).tolist(), strict=True):
         for number, places in own.items():
-            found[number, tuple(places)] += weight * existence.get(number, 0.0)
-    return [
-        Sightings(object_id=number, places=places, weight=weight)
+            found[number, tuple(places)] += weight
+            detected[number] += weight
+    ids = beliefs[-1].object_ids.tolist()
+    exist = existence_if_detected(beliefs[-1].existence, np.array([detected[number] for number in ids]))
+    exists = dict(zip(ids, exist.tolist(), strict=True))
+    every = [
+        Sightings(object_id=number, places=places, weight=weight * exists.get(number, 0.0))
         for (number, places), weight in found.items()
-        if weight >= LEAST_WEIGHT
     ]
+    return [own for own in every if own.weight >= LEAST_WEIGHT]
+
+
+def existence_if_detected(existence: Array, detected: Array) -> Array:
+    """(O,) existence probability of objects under the hypotheses that detected them.
+
+    ``existence`` (O,) is that of the belief, sum_h w_h P(exists | h), in which the weights of the hypotheses are
+    counted already; ``detected`` (O,) is the total weight of the hypotheses with a detection of the object. All of the
+    former is attributed to the latter, up to certainty: what no other hypothesis has exists in these alone, and what
+    a map tells to exist does so for certain where it was detected.
+    """
+    return np.asarray(np.minimum(existence / np.where(detected > 0.0, detected, 1.0), 1.0))
 
 
 def _by_hypothesis(beliefs: Sequence[HybridBelief]) -> list[dict[int, list[Place]]]:

@@ -134,6 +134,30 @@ def test_evidence_of_each_class_over_tracks_of_its_own(rigid: bool) -> None:
     np.testing.assert_allclose(found, expected - np.logaddexp.reduce(expected))
 
 
+def test_evidence_of_each_class_follows_a_loop_closure_that_redraws_no_track() -> None:
+    """The second view moves the first one over to where the other class explains its score.
+
+    Against the plain average of p(z | track, c) over many tracks of the last posterior.
+    """
+    score = Scores(np.array([[0.6]]), np.array([0.6]), np.zeros((1, 1)))
+    places = np.stack([np.linspace(-2.0, 2.0, 5), np.zeros(5)], axis=1)
+    slopes = [np.array([1.0, 1.0, 0.0, -1.0, -1.0]), np.array([-1.0, -1.0, 0.0, 1.0, 1.0])]
+    models = [ClassModel(places, own[:, None], np.ones(1), np.eye(2)[None], np.array([0.2])) for own in slopes]
+    log_prior = np.log([0.5, 0.5])
+    joint = JointClassifier(ClassProcesses(models), log_prior)
+    generator = np.random.default_rng(0)
+    method = EvidencePerClass([EvidenceTracks(joint.of_class(c), 20000, generator) for c in range(2)], log_prior)
+    method.update(score, GaussianTrack(np.array([[-0.3, 0.0]]), 0.5 * np.eye(2)))
+    after = GaussianTrack(np.array([[0.3, 0.0], [0.3, 0.0]]), np.diag([0.3, 0.3, 4.0, 4.0]))
+    found = method.update(score, after)
+    tracks = after.sample(100000, np.random.default_rng(1))
+    logs = [replayed(joint.of_class(c), [score, score], tracks).log_evidence for c in range(2)]
+    exact = np.logaddexp.reduce(logs, axis=1) - np.log(len(tracks))
+    assert all(own.replaced == 0 for own in method.of_classes)
+    np.testing.assert_allclose([own.log_evidence for own in method.of_classes], exact, atol=0.03)
+    np.testing.assert_allclose(np.exp(found), np.exp(exact) / np.exp(exact).sum(), atol=0.01)
+
+
 def test_moves_leave_the_posterior_as_it_is() -> None:
     generator = np.random.default_rng(9)
     mean, covariance = generator.normal(size=(3, 2)), odometry(3)

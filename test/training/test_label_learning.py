@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from worlds.bags.bag_factory import of_topic, write_bag, write_configuration
 from worlds.bags.places import NUM_FRAMES, place_entries
+from worlds.processes.commands import call
 
 from semantic_slam.class_models.detector import load_label_model
 from semantic_slam.configuration import Configuration, load_configuration
@@ -17,9 +18,11 @@ from semantic_slam.shipped import configuration_file
 from semantic_slam.training.labels import candidates
 from semantic_slam.training.labels.candidates import alike, by_side
 from semantic_slam.training.labels.fit import as_they_are, with_known_classes
+from semantic_slam.training.labels.judgement import judged
 from semantic_slam.training.labels.learn import RunTracks, learn
 from semantic_slam.training.labels.maximisation import BeforeFit
 from semantic_slam.training.labels.passes import FOLDS, STRETCHES
+from semantic_slam.training.labels.report import lines_of, report_of
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.training.runs import read_runs
 from semantic_slam.viewpoint.detection_values import UNTOLD
@@ -88,6 +91,43 @@ def test_what_no_fit_has_told_knows_the_classes_that_a_run_would():
     )
 
 
+def report_as_they_are(model: LabelModel, tracks: list[Track]) -> dict:
+    """What is reported of models that are not fitted, as if they were kept, from a run in space."""
+    own = as_they_are([model] * len(FOLDS), tracks)
+    told = judged(own, tracks)
+    return report_of(own, True, told, told) | {"detection": {"runs": 1, "runs_in_space": 1}}
+
+
+def test_objects_of_a_map_are_reported_and_do_not_tell_how_frequent_their_classes_are():
+    random = np.random.default_rng(0)
+    classes = [0, 0, 1]
+    tracks = [track(n, random.choice(4, 15, p=THETA[row]), around(random, 15)) for n, row in enumerate(classes)]
+    mapped = [
+        replace(own, log_prior=np.log(np.where(np.arange(4) == row, 1.0, 1e-9)))
+        for own, row in zip(tracks, classes, strict=True)
+    ]
+    report = report_as_they_are(START, mapped)
+    assert [own["objects"] for own in report["classes"].values()] == pytest.approx([2.0, 1.0, 0.0], abs=1e-3)
+    first, second, *_ = lines_of(report)
+    assert first.startswith("cup: 2.0 objects, called cup ") and second.startswith("sofa: 1.0 objects, called sofa ")
+    np.testing.assert_array_equal(as_they_are([START] * len(FOLDS), mapped).whole.told.classes, 0.0)
+    told = as_they_are([START] * len(FOLDS), tracks).whole.told
+    np.testing.assert_array_equal(told.classes, told.objects)
+
+
+def test_a_detector_with_one_label_has_no_second_name_to_report():
+    """Beside one with three, of which the truth is second as often as the habits before any fit have it."""
+    before = replace(BEFORE, num_labels=1)
+    one = replace(START, labels=("cup",), confusions=(before.confusion(),), class_shares=np.full(2, 0.5))
+    views = track(0, np.zeros(6, dtype=int), np.arange(6))
+    cup = LabelWord(answer=0, shares=np.eye(2)[0])
+    report = report_as_they_are(one, [replace(views, views=tuple(replace(view, word=cup) for view in views.views))])
+    assert "truth_second" not in report and not any("second in" in line for line in lines_of(report))
+    report = report_as_they_are(START, [views])
+    assert report["truth_second"] == pytest.approx(np.mean(1 / 3 + 2 / 3 * HABITS[0]))
+    assert any("the truth is second in 53%; 0 rounds" in line for line in lines_of(report))
+
+
 @pytest.mark.usefixtures("few_settings")
 def test_how_often_the_truth_comes_second_is_found():
     random, tracks = np.random.default_rng(4), []
@@ -149,7 +189,6 @@ def labelled_run(folder, name: str, path: str = ""):
 
 
 def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys):
-    from semantic_slam.training.labels.report import lines_of
     from semantic_slam.viewpoint.labels.store import save_labels
 
     report = labelled_run(tmp_path, "first")
@@ -177,8 +216,6 @@ def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys
 @pytest.mark.long
 def test_how_often_the_detector_detects_is_not_learned_in_space_which_is_said(tmp_path):
     """Beside a run in the plane, which still tells it."""
-    from semantic_slam.training.labels.report import lines_of
-
     bag = write_bag(tmp_path / "bag_in_space", labelled_entries("positions", 12))
     (bag / "objects.json").unlink()
     run_bag(bag, tmp_path / "space" / "belief", load_configuration(configuration_file("spatial")))
@@ -194,6 +231,13 @@ def test_how_often_the_detector_detects_is_not_learned_in_space_which_is_said(tm
     assert both.report["detection"]["log_evidence"] == alone.report["detection"]["log_evidence"]
     *_, detected = lines_of(both.report)
     assert detected.startswith("detected how often: not learned from 1 of 2 runs with state_space: spatial")
+
+
+@pytest.mark.parametrize("words", ["--seed 0", "--draws 9", "--elevation-step-deg 10", "--cameras X", "--classes f"])
+def test_options_of_pictures_are_refused_beside_runs(words, tmp_path):
+    done = call(tmp_path, "semantic_slam.cli.fit_viewpoint_models", "--from-run", "a", "--out", "m", *words.split())
+    assert done.returncode == 2
+    assert f"{words.split()[0]}: is not for --from-run; leave it out" in done.stderr
 
 
 def test_runs_that_tell_nothing_of_labels_are_refused(tmp_path):

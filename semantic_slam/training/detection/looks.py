@@ -19,6 +19,7 @@ from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
 from semantic_slam.inference.states.direction_shares import even_directions
+from semantic_slam.training.sightings import existence_if_detected
 
 LEAST_WEIGHT = 0.01
 """Smallest weight of a hypothesis that is used."""
@@ -68,6 +69,10 @@ def looks_of(record: Record, settings: Configuration) -> Looks | None:
     if not len(ids):
         return None
     columns, weights, detected = _distinct(beliefs, ids)
+    if not len(columns):
+        return None
+    by_object = np.asarray(np.bincount(columns, weights, minlength=len(ids)), dtype=np.float64)
+    exists = existence_if_detected(existence, by_object)
     seen = [
         np.array(own)[:, columns] for own in zip(*_seen(record, sensor_region(settings.open_world), ids), strict=True)
     ]
@@ -75,7 +80,7 @@ def looks_of(record: Record, settings: Configuration) -> Looks | None:
     is_known = np.zeros_like(detected)
     is_known[1:] = np.logical_or.accumulate(detected, axis=0)[:-1]
     return Looks(
-        weights=weights * existence[columns],
+        weights=weights * exists[columns],
         is_known=is_known,
         is_detected=detected,
         in_view=np.where(detected, np.maximum(in_view, LEAST_SHARE), in_view),
@@ -86,17 +91,20 @@ def looks_of(record: Record, settings: Configuration) -> Looks | None:
 
 
 def _distinct(beliefs: Sequence[HybridBelief], ids: Index) -> tuple[Index, Array, Flags]:
-    """(R,) which of the objects was detected in which keyframes (K, R), by hypotheses that weigh so much (R,)."""
+    """(R,) which of the objects was detected in which keyframes (K, R), by hypotheses that weigh so much (R,).
+
+    Histories without a detection are left out: nothing is known of the object before its first one.
+    """
     hypotheses = np.exp(beliefs[-1].log_weights)
     likely = np.flatnonzero(hypotheses >= LEAST_WEIGHT)
     found, weights = histories(beliefs), dict[tuple[int, bytes], float]()
     for row in likely.tolist():
         detected = _detected(found, row, ids)
-        for column in range(len(ids)):
+        for column in np.flatnonzero(detected.any(axis=0)).tolist():
             what = column, detected[:, column].tobytes()
             weights[what] = weights.get(what, 0.0) + float(hypotheses[row])
     columns = np.array([column for column, _ in weights], dtype=int)
-    flags = np.array([np.frombuffer(own, dtype=bool) for _, own in weights])
+    flags = np.array([np.frombuffer(own, dtype=bool) for _, own in weights]).reshape(len(columns), len(beliefs))
     return columns, np.array(list(weights.values())) / hypotheses[likely].sum(), flags.T
 
 

@@ -27,7 +27,8 @@ class Expectation:
     drawn: Array  # (R, S, L, W) words drawn from the class prior
     inliers: Array  # (R,) new inlier answers, however drawn
     outliers: Array  # (R,)
-    classes: Array  # (R, C) unmapped objects of each class
+    objects: Array  # (R, C) objects of each class
+    classes: Array  # (R, C) of them, those that are not mapped, which tell how frequent classes are
     habits: Array  # (R, H) objects with each second-word habit
     log_evidence: Array  # (R,) of the views
 
@@ -39,6 +40,7 @@ class Expectation:
             drawn=np.zeros((count, model.num_headings, len(model.labels), model.num_words)),
             inliers=np.zeros(count),
             outliers=np.zeros(count),
+            objects=np.zeros((count, len(model.class_names))),
             classes=np.zeros((count, len(model.class_names))),
             habits=np.zeros((count, len(model.habits))),
             log_evidence=np.zeros(count),
@@ -50,6 +52,7 @@ class Expectation:
             drawn=self.drawn + weight * other.drawn,
             inliers=self.inliers + weight * other.inliers,
             outliers=self.outliers + weight * other.outliers,
+            objects=self.objects + weight * other.objects,
             classes=self.classes + weight * other.classes,
             habits=self.habits + weight * other.habits,
             log_evidence=self.log_evidence + weight * other.log_evidence,
@@ -111,13 +114,14 @@ def expected(model: LabelModel, told: Replayed, rows: Array) -> Expectation:
         drawn[:, (model.confusions[-1].sector_of(view.direction) - headings) % sectors] += words
         inliers += (rows * shares.inlier).sum(axis=1)
         outliers += (rows * shares.outlier).sum(axis=1)
-    classes = _classes(rows, labels, sectors)
+    objects = _classes(rows, labels, sectors)
     return Expectation(
         drawn=drawn,
         inliers=inliers,
         outliers=outliers,
-        classes=found.classes if told.is_mapped else classes,
-        habits=classes @ told.record.seconds.habits,
+        objects=objects,
+        classes=found.classes if told.is_mapped else objects,
+        habits=objects @ told.record.seconds.habits,
         log_evidence=told.log_evidence,
     )
 

@@ -8,7 +8,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.judgement import Judgement
 from semantic_slam.training.labels.fit import Fitted
-from semantic_slam.viewpoint.labels.runner_up import truth_second
+from semantic_slam.viewpoint.labels.model import LabelModel
+from semantic_slam.viewpoint.labels.runner_up import LEAST_WORDS, truth_second
 
 MOST_OTHERS = 3
 """Names that a class is confused with, the most frequent ones, which are told."""
@@ -23,7 +24,7 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
     confusion = whole.model.confusions[-1]
     counts = confusion.counts.mean(axis=0)
     drawn = np.tensordot(weights, whole.told.drawn, axes=1).sum(axis=(0, 2))
-    objects = weights @ whole.told.classes
+    objects = weights @ whole.told.objects
     means = counts / counts.sum(axis=1, keepdims=True)
     names = [*whole.model.labels, "other"]
     return {
@@ -35,7 +36,7 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
         "repeat_rad": float(weights @ settings.repeat_rads),
         "scores_count": float(weights @ (settings.score_powers > 0.0)),
         "score_power": _likeliest(settings.score_powers, weights),
-        "truth_second": float(whole.model.habits @ truth_second(whole.model.num_words)),
+        **_second_words(whole.model),
         "outlier_share": confusion.outlier_share,
         "classes": {
             label: {
@@ -46,6 +47,13 @@ def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -
             for row, label in enumerate(whole.model.labels)
         },
     }
+
+
+def _second_words(model: LabelModel) -> dict[str, float]:
+    """How often the truth is second where the first word is wrong; nothing of words of which no other is left."""
+    if model.num_words < LEAST_WORDS:
+        return {}
+    return {"truth_second": float(model.habits @ truth_second(model.num_words))}
 
 
 def _likeliest(values: Array, weights: Array) -> float:
@@ -68,14 +76,23 @@ def lines_of(report: Mapping[str, Any]) -> list[str]:
             *detection_lines(report["detection"]),
         ]
     lines = [_line(label, own) for label, own in report["classes"].items() if own["objects"] >= 0.5]
-    how = "from all sides alike" if report["sides"] == 1 else f"by {report['sides']} sides"
-    lines.append(
-        f"{how}; a view from the place of an earlier one repeats its answer with {report['repeat_share']:.2f}; outliers"
-        f" {report['outlier_share']:.3f}; where the first name is wrong the truth is second in"
-        f" {report['truth_second']:.0%}; {report['rounds']} rounds"
-    )
+    lines.append(_answers_line(report))
     lines.append(_scores_line(report["score_power"]))
     return [*lines, judged, *detection_lines(report["detection"])]
+
+
+def _answers_line(report: Mapping[str, Any]) -> str:
+    """How answers depend on the side, on earlier answers and on outliers, and what second words are worth."""
+    how = "from all sides alike" if report["sides"] == 1 else f"by {report['sides']} sides"
+    second = (
+        f" where the first name is wrong the truth is second in {report['truth_second']:.0%};"
+        if "truth_second" in report
+        else ""
+    )
+    return (
+        f"{how}; a view from the place of an earlier one repeats its answer with {report['repeat_share']:.2f}; outliers"
+        f" {report['outlier_share']:.3f};{second} {report['rounds']} rounds"
+    )
 
 
 def _scores_line(power: float) -> str:

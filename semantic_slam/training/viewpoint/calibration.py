@@ -8,11 +8,9 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.viewpoint.regression import fit_class, gaussian_nll, whitened_squared
-from semantic_slam.training.viewpoint.samples import ClassSamples
+from semantic_slam.training.viewpoint.samples import FOLDS, ClassSamples
 from semantic_slam.viewpoint.model import ViewpointModel, Viewpoints
 from semantic_slam.viewpoint.spherical_process import fitted_classes
-
-FOLDS = 3
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ def residuals(model: ViewpointModel, class_index: int, samples: ClassSamples) ->
 
 def left_out_residuals(data: ClassSamples, feature_names: tuple[str, ...]) -> Residuals:
     """Residuals of views left out of the fit, ``FOLDS`` fits in turn, fold by fold."""
-    fold = np.arange(data.azimuth_rad.size) % FOLDS
+    fold = data.folds
     parts = []
     for left_out in range(FOLDS):
         model = fitted_classes(("class",), feature_names, [fit_class(data.select(fold != left_out))])
@@ -65,7 +63,11 @@ def left_out_residuals(data: ClassSamples, feature_names: tuple[str, ...]) -> Re
 def report_of(samples: Mapping[str, ClassSamples], left_out: Mapping[str, Residuals]) -> dict[str, Any]:
     """For each class its coverage and the figures of its residuals of views left out of the fit."""
     return {
-        name: {"coverage": coverage(own.azimuth_rad) | _heights(own.elevation_rad), **left_out[name].summary()}
+        name: {
+            "coverage": coverage(own.azimuth_rad) | _heights(own.elevation_rad),
+            "left_out": own.left_out,
+            **left_out[name].summary(),
+        }
         for name, own in samples.items()
     }
 

@@ -92,4 +92,5 @@ def _stacked(views: list[tuple[float, SemanticMeasurements, int]]) -> ClassSampl
         np.array([azimuth for azimuth, _, _ in ordered]),
         np.stack([measurements.features[row] for _, measurements, row in ordered])[:, None],
         np.stack([measurements.feature_covariances[row] for _, measurements, row in ordered])[:, None],
+        stamps_ns=np.array([measurements.stamp_ns for _, measurements, _ in ordered], dtype=np.int64),
     )

@@ -49,6 +49,7 @@ def _table(numbers: Mapping[str, Any], num_features: int) -> str:
     rows = {
         "views": f"{numbers['coverage']['views']:.0f}",
         "widest gap": f"{numbers['coverage']['widest_gap_deg']:.0f} deg",
+        "left out in turn": numbers["left_out"],
         "within 1 / 2 sigma": f"{numbers['fraction_within_1_sigma']:.2f} / {numbers['fraction_within_2_sigma']:.2f}",
         "squared whitened residual": f"{numbers['mean_squared_whitened_residual']:.2f} of {num_features}",
         "NLL": f"{numbers['nll']:.2f} nats",
@@ -102,7 +103,7 @@ def _from_height(samples: ClassSamples) -> str:
 
 
 def _residuals(axes: "Axes", samples: ClassSamples, standardised: Array) -> None:
-    order = np.argsort(np.arange(len(samples.azimuth_rad)) % 3, kind="stable")
+    order = np.argsort(samples.folds, kind="stable")
     repeats = samples.features.shape[1]
     azimuth = np.repeat(np.rad2deg(samples.azimuth_rad[order] % (2.0 * np.pi)), repeats)
     axes.plot(azimuth, standardised, ".", markersize=3, alpha=0.5)

@@ -2,9 +2,15 @@
 
 from dataclasses import dataclass
 
-from semantic_slam.geometry.arrays import Array
+import numpy as np
+from numpy.typing import NDArray
+
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.rows import Selection, take
 from semantic_slam.viewpoint.directions import Directions
+
+FOLDS = 3
+"""Parts of the views, each of which is left out of a fit once."""
 
 
 @dataclass(frozen=True)
@@ -16,11 +22,32 @@ class ClassSamples:
     feature_covariances: Array  # (M, S, F, F) over the dropout passes
     elevation_rad: Array | None = None  # (M,) None: a nuisance, too
     appearances: Array | None = None  # (M, S, K) the trunk's features; None: the pictures are not there any more
+    stamps_ns: NDArray[np.int64] | None = None  # (M,) of a drive; None: views of a turntable
 
     @property
     def directions(self) -> Directions:
         """Directions of the views, by both angles where heights are told apart."""
         return Directions(self.azimuth_rad, self.elevation_rad)
+
+    @property
+    def folds(self) -> Index:
+        """(M,) number of the fold, of ``FOLDS``, in which each view is left out.
+
+        Views of a drive are left out by thirds in the order of time: a frame shares object, light and the error of its
+        box with the frames before and after it, so that the fit knows every third frame by these. Views of a turntable
+        have light and box drawn for each direction, and every third direction is left out.
+        """
+        count = self.azimuth_rad.size
+        if self.stamps_ns is None:
+            return np.arange(count) % FOLDS
+        places = np.empty(count, dtype=int)
+        places[np.argsort(self.stamps_ns, kind="stable")] = np.arange(count)
+        return places * FOLDS // count
+
+    @property
+    def left_out(self) -> str:
+        """What a fold is, in words."""
+        return "every third direction" if self.stamps_ns is None else "thirds by time"
 
     def select(self, views: Selection) -> "ClassSamples":
         """The views with these indices or under this mask."""
