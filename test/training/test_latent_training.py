@@ -1,6 +1,7 @@
 """Learning a latent model: losses, priors, splits, the command, and its files."""
 
 import json
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,6 +80,18 @@ def test_split_of_a_table_with_other_stops_trains_at_every_other_one(step_deg: i
     assert angles[0] == set(range(0, 360, 2 * step_deg))
     assert angles[1] == set(range(step_deg, 360, 4 * step_deg))
     assert angles[2] == set(range(3 * step_deg, 360, 4 * step_deg))
+
+
+def test_every_instance_trains_whichever_angles_it_was_photographed_at() -> None:
+    angles = {"even": range(0, 360, 12), "between": range(6, 360, 12), "coarse": range(5, 360, 30), "once": [77]}
+    parts = split([striped_view(name, angle, 0) for name, own in angles.items() for angle in own], [])
+
+    def counts(views: list[ObjectView]) -> Counter[str]:
+        return Counter(view.class_name for view in views)
+
+    assert counts(parts.train) == {"even": 15, "between": 15, "coarse": 6, "once": 1}
+    assert counts(parts.calibrate) + counts(parts.validate) == {"even": 15, "between": 15, "coarse": 6}
+    assert {view.angle_deg for view in parts.calibrate if view.class_name == "coarse"} == {35, 155, 275}
 
 
 def test_split_of_a_table_that_stopped_seldom_is_bad_input() -> None:
