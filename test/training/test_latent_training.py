@@ -281,6 +281,15 @@ def test_changes_of_viewpoint_are_seen_without_any_pose() -> None:
     assert found["change_peak_within_10deg"] > 0.9
 
 
+def test_changes_that_no_two_views_show_have_no_share() -> None:
+    model = ChangeModel(random_network(np.random.default_rng(0), (FEATURES + NUM_INPUTS, 4, 2 * FEATURES)))
+    views = toy_views(toy_model(), per_instance=6)
+    azimuths = np.tile(np.deg2rad(np.arange(6) * 60.0 - 150.0), INSTANCES)
+    far = replace(views, viewpoints=replace(views.viewpoints, azimuth_rad=azimuths))
+    assert set(changes_found(model, far, np.random.default_rng(0))) == {"change_peak_within_10deg"}
+    assert changes_found(model, far.chosen(np.arange(len(far)) % 6 == 0), np.random.default_rng(0)) == {}
+
+
 def test_file_round_trip_and_extractor(tmp_path: Path) -> None:
     model = toy_model()
     grounding = ground(model.instances.names, model.instances.descriptors, {"thing_0": "a", "thing_1": "b"})
