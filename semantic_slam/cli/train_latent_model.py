@@ -1,6 +1,7 @@
 """``train_latent_model --turntables DIR... --out FILE``: train a latent model (chapter 5) on turntable views."""
 
 import argparse
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,8 +78,8 @@ def parse() -> argparse.Namespace:
 def command() -> None:
     """Parse, train, evaluate and save; the report is stored in the model and printed in short. Raises InputError."""
     arguments = parse()
-    if arguments.effort <= 0.0 or arguments.held_out < 0 or arguments.seed < 0:
-        raise InputError(f"{program()}: --effort must be positive, --held-out and --seed not negative")
+    if not 0.0 < arguments.effort < math.inf or arguments.held_out < 0 or arguments.seed < 0:
+        raise InputError(f"{program()}: --effort must be positive and finite, --held-out and --seed not negative")
     check_photographs(arguments, arguments.turntables)
     need_training()
     inputs = [*arguments.turntables, *(arguments.tags or ())]

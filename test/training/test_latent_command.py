@@ -91,6 +91,7 @@ def test_bad_input_is_told_in_one_line(turntables: Path, tmp_path: Path, monkeyp
     wrong = {
         "calibration": ("--turntables", tmp_path / "nothing", "--out", tmp_path / "x.safetensors"),
         "--effort": (*known, "--effort", "0"),
+        "and finite": (*known, "--effort", "nan"),
         "tags.json": (*known, "--tags", broken),
         "--held-out 3": (*known, "--held-out", "3"),
     }
