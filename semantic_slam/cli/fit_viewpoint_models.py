@@ -174,7 +174,7 @@ def _samples(
     """Samples by class name from the given source, and the counts of what was left out, by reason."""
     if arguments.turntables:
         from semantic_slam.training.turntables import with_classes
-        from semantic_slam.training.viewpoint.fit import FitSettings, measure_views
+        from semantic_slam.training.viewpoint.fit import FitSettings, measure_views, with_enough_directions
 
         views = object_views(arguments, arguments.turntables)
         if arguments.classes:
@@ -185,7 +185,8 @@ def _samples(
             seed=arguments.seed,
             elevation_step_deg=arguments.elevation_step_deg,
         )
-        return measure_views(views, network, settings), {}
+        views, left_out = with_enough_directions(views, settings)
+        return measure_views(views, network, settings), left_out
     from semantic_slam.training.viewpoint.known_poses import views_of_bag
 
     if arguments.bag:
