@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
-from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
+from semantic_slam.cli.turntable_views import add_photographs, check_photographs, in_classes, object_views
 from semantic_slam.errors import InputError
 from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, check_output, claimed_file
@@ -74,11 +74,9 @@ def command() -> None:
     inputs = [arguments.turntables, arguments.config, arguments.classes]
     check_output(arguments.out, inputs, arguments.overwrite)
     trunk = _trunk(arguments.config) if arguments.config else None  # before the views, which take long to read
-    from semantic_slam.training.turntables import class_names_of, with_classes
+    from semantic_slam.training.turntables import class_names_of
 
-    views = object_views(arguments, arguments.turntables)
-    if arguments.classes:
-        views = with_classes(views, arguments.classes)
+    views = in_classes(arguments, object_views(arguments, arguments.turntables))
     names = class_names_of(views)
     trained = _trained(views, names, trunk, chosen)
     with claimed_file(arguments.out, inputs, arguments.overwrite) as out:

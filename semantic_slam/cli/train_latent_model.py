@@ -2,6 +2,8 @@
 
 import argparse
 import math
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -90,10 +92,11 @@ def command() -> None:
     from semantic_slam.training.latent.fit import TrainingSettings, knowing_new_instances, train
     from semantic_slam.training.latent.report import training_report
     from semantic_slam.training.latent.views.turntable_split import choose_held_out, split
-    from semantic_slam.training.turntables import class_names_of, read_classes
+    from semantic_slam.training.turntables import class_names_of
 
-    tags = {name: tag for path in arguments.tags or () for name, tag in read_classes(path).items()}
-    held_out = choose_held_out(class_names_of(views), classes, arguments.held_out, arguments.seed)
+    names = class_names_of(views)
+    held_out = choose_held_out(names, classes, arguments.held_out, arguments.seed)
+    tags = _tags(arguments.tags or (), names, held_out)
     parts = split(views, held_out)
     settings = TrainingSettings(
         formulation=arguments.formulation, shaped_by_tags=arguments.shape_by_tags, seed=arguments.seed
@@ -133,6 +136,25 @@ def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, 
             classes.update(read_classes(root / CLASSES_FILE))
     # An instance without a given class is a class of its own.
     return views, {**{view.class_name: view.class_name for view in views}, **classes} if classes else {}
+
+
+def _tags(paths: Sequence[Path], names: Sequence[str], held_out: Sequence[str]) -> dict[str, str]:
+    """{instance: class} of the instances that are learned from; names that no turntable has are told.
+
+    Raises InputError when there are files that name none of these instances.
+    """
+    from semantic_slam.training.turntables import read_classes, unknown_names
+
+    tags = {}
+    for path in paths:
+        of_file = read_classes(path)
+        for line in unknown_names(path, of_file, names):
+            print(line, file=sys.stderr)
+        tags.update(of_file)
+    known = {name: tags[name] for name in names if name in tags and name not in held_out}
+    if paths and not known:
+        raise InputError("--tags: name none of the instances that are learned from; correct the names")
+    return known
 
 
 def _with_effort(settings: "TrainingSettings", effort: float) -> "TrainingSettings":

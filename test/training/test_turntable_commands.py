@@ -1,6 +1,7 @@
 """train_classifier and fit_viewpoint_models: from a small folder in BigBIRD's format to models that know classes."""
 
 import json
+from argparse import Namespace
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from worlds.processes import commands
 
+from semantic_slam.cli.turntable_views import in_classes
 from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
@@ -154,8 +156,21 @@ def test_instances_go_under_their_class(turntables: Path, tmp_path: Path) -> Non
     classes = tmp_path / "classes.json"
     classes.write_text(json.dumps({"red_box": "box"}))
     views = load_views(turntables, USED)
-    assert {view.class_name for view in with_classes(views, classes)} == {"box"}
-    assert len(with_classes(views, classes)) == len(views) // 2
+    found, lines = with_classes(views, classes)
+    assert {view.class_name for view in found} == {"box"}
+    assert len(found) == len(views) // 2
+    assert lines == ["left out: instances without a class (1): blue_box"]
+
+
+def test_names_without_a_turntable_are_told(
+    turntables: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    classes = tmp_path / "classes.json"
+    classes.write_text(json.dumps({"red_box": "box", "blue_box": "box", "blu_box": "box"}))
+    views = load_views(turntables, USED)
+    assert len(in_classes(Namespace(classes=classes), views)) == len(views)
+    assert capsys.readouterr().err.splitlines()[-1] == f"{classes}: names that no turntable has (1): blu_box"
+    assert in_classes(Namespace(classes=None), views) == views
 
 
 @pytest.mark.parametrize("text", ["[1]", '{"red_box": 3}', '{"green_box": "box"}', "{", ""])
