@@ -15,7 +15,7 @@ from semantic_slam.configuration import Configuration, PerceptionConfiguration, 
 from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
 from semantic_slam.pipeline.build_classifier import build_classifier
-from semantic_slam.training.classifier import TrainingConfiguration
+from semantic_slam.training.classifier import TrainingConfiguration, hold_out_angles
 from semantic_slam.training.head import HEAD_TRAINING
 from semantic_slam.training.turntables import class_names_of, load_views, with_classes
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
@@ -75,6 +75,16 @@ def test_views_know_their_direction_and_their_object(turntables: Path) -> None:
     assert view.elevation_rad == pytest.approx(np.arctan2(0.5, 2.0))
     assert view.cutout.shape == (40, 40, 3)
     assert view.mask.min() == 255
+
+
+def test_all_views_of_an_angle_are_held_out_together_and_none_where_angles_are_few(turntables: Path) -> None:
+    views = load_views(turntables, USED)
+    few = [view for view in views if view.class_name == "blue_box" or view.angle_deg < 120]
+    learned, held_out = hold_out_angles(few)
+    assert {view.class_name for view in held_out} == {"blue_box"}
+    assert sorted(view.angle_deg for view in held_out) == [60, 60, 210, 210]
+    assert {id(view) for view in (*learned, *held_out)} == {id(view) for view in few}
+    assert len(learned) + len(held_out) == len(few)
 
 
 @pytest.mark.long
