@@ -90,12 +90,16 @@ def command() -> None:
     import_interruptibly("torch")
     from semantic_slam.latent.store import save_latent_model
     from semantic_slam.training.latent.fit import TrainingSettings, knowing_new_instances, train
+    from semantic_slam.training.latent.judging.new_instances import LEAST_INSTANCES
     from semantic_slam.training.latent.report import training_report
     from semantic_slam.training.latent.views.turntable_split import choose_held_out, split
     from semantic_slam.training.turntables import class_names_of
 
     names = class_names_of(views)
     held_out = choose_held_out(names, classes, arguments.held_out, arguments.seed)
+    left = len(names) - len(held_out)
+    if arguments.new_objects and left < LEAST_INSTANCES:
+        raise InputError(f"--new-objects: needs {LEAST_INSTANCES} instances to learn from, not {left}; leave it out")
     tags = _tags(arguments.tags or (), names, held_out)
     parts = split(views, held_out)
     settings = TrainingSettings(

@@ -100,6 +100,7 @@ def test_bad_input_is_told_in_one_line(turntables: Path, tmp_path: Path, monkeyp
         "and finite": (*known, "--effort", "nan"),
         "tags.json": (*known, "--tags", broken),
         "--tags: name none": (*known, "--tags", unknown),
+        "needs 6 instances to learn from, not 3": (*known, "--new-objects", "--held-out", "1", "--effort", "0.01"),
         "--held-out 3": (*known, "--held-out", "3"),
     }
     for expected, arguments in wrong.items():
