@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam.cli.fit_label_models import learn_labels
 from semantic_slam.cli.needs import need_training
-from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
+from semantic_slam.cli.turntable_views import add_photographs, check_photographs, in_classes, object_views
 from semantic_slam.errors import InputError
 from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, claimed_files
@@ -181,19 +181,17 @@ def _samples(
 ) -> tuple[dict[str, Any], dict[str, int]]:
     """Samples by class name from the given source, and the counts of what was left out, by reason."""
     if arguments.turntables:
-        from semantic_slam.training.turntables import with_classes
-        from semantic_slam.training.viewpoint.fit import FitSettings, measure_views
+        from semantic_slam.training.viewpoint.fit import FitSettings, measure_views, with_enough_directions
 
-        views = object_views(arguments, arguments.turntables)
-        if arguments.classes:
-            views = with_classes(views, arguments.classes)
+        views = in_classes(arguments, object_views(arguments, arguments.turntables))
         settings = FitSettings(
             draws=arguments.draws,
             num_passes=perception.num_passes,
             seed=arguments.seed,
             elevation_step_deg=arguments.elevation_step_deg,
         )
-        return measure_views(views, network, settings), {}
+        views, left_out = with_enough_directions(views, settings)
+        return measure_views(views, network, settings), left_out
     from semantic_slam.training.viewpoint.known_poses import views_of_bag
 
     if arguments.bag:

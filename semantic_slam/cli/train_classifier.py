@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
-from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
+from semantic_slam.cli.turntable_views import add_photographs, check_photographs, in_classes, object_views
 from semantic_slam.errors import InputError
 from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, check_output, claimed_file
@@ -28,7 +28,8 @@ def parse() -> argparse.Namespace:
     parser = CommandParser(
         description="Train the compact network on turntable views (BigBIRD's format, or photographs), or with --config"
         " a head for their classes on a frozen ImageNet network. The file goes into the next run's configuration as"
-        " perception.network, or as perception.head."
+        " perception.network, or as perception.head. Every fifth angle of each class is held out from the training, to"
+        " state the accuracy of.",
     )
     parser.add_argument(
         "--turntables", type=Path, required=True, help="folder with one folder per class, or photographs"
@@ -67,24 +68,29 @@ def parse() -> argparse.Namespace:
 
 
 def command() -> None:
-    """Parse, train, save, and print the network's accuracy by azimuth. Raises InputError."""
+    """Parse, train, save, and print the network's accuracy on held-out views. Raises InputError."""
     arguments = parse()
     chosen = _chosen(arguments)
     check_photographs(arguments, [arguments.turntables])
     inputs = [arguments.turntables, arguments.config, arguments.classes]
     check_output(arguments.out, inputs, arguments.overwrite)
     trunk = _trunk(arguments.config) if arguments.config else None  # before the views, which take long to read
-    from semantic_slam.training.turntables import class_names_of, with_classes
+    from semantic_slam.training.turntables import class_names_of
 
-    views = object_views(arguments, arguments.turntables)
-    if arguments.classes:
-        views = with_classes(views, arguments.classes)
+    views = in_classes(arguments, object_views(arguments, arguments.turntables))
     names = class_names_of(views)
     trained = _trained(views, names, trunk, chosen)
     with claimed_file(arguments.out, inputs, arguments.overwrite) as out:
-        trained.save({"command": "train_classifier", "training": trained.training, "accuracy": trained.accuracy}, out)
-    shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in trained.accuracy.items())
-    print(f"{arguments.out}: classes {', '.join(names)}; accuracy {shares}")
+        trained.save({"command": "train_classifier", **trained.provenance}, out)
+    print(f"{arguments.out}: classes {', '.join(names)}; {_accuracy(**trained.provenance['held_out'])}")
+
+
+def _accuracy(views: int, accuracy: dict[str, float]) -> str:
+    """The accuracy in words."""
+    if not views:
+        return "accuracy not measured: no class was seen from five angles, of which one would be held out"
+    shares = ", ".join(f"{quarter} {share:.2f}" for quarter, share in accuracy.items())
+    return f"accuracy on {views} held-out views (every fifth angle): {shares}"
 
 
 @dataclass(frozen=True)
@@ -92,30 +98,37 @@ class Trained:
     """What a training has come to."""
 
     save: Callable[[dict[str, object], Path], None]  # writes it to a file, with a provenance
-    training: dict[str, Any]  # settings
-    accuracy: dict[str, float]  # by quarter around the objects
+    provenance: dict[str, Any]  # "training": settings, "held_out": number of views and accuracy by quarter around
 
 
 def _trained(
     views: "Sequence[ObjectView]", names: tuple[str, ...], trunk: "DropoutNetwork | None", chosen: dict[str, Any]
 ) -> Trained:
-    """A head on the trunk, or the compact network without one. Raises InputError."""
+    """A head on the trunk, or the compact network without one, judged by views held out. Raises InputError."""
     import_interruptibly("torch")
     from semantic_slam.perception.networks.head import save_head
     from semantic_slam.perception.networks.weights import save_compact_network
-    from semantic_slam.training.classifier import TrainingConfiguration, accuracy_by_azimuth, train
+    from semantic_slam.training.classifier import (
+        TrainingConfiguration,
+        accuracy_by_azimuth,
+        hold_out_angles,
+        shown_views,
+        train,
+    )
     from semantic_slam.training.head import HEAD_TRAINING, train_on_trunk
 
     configuration = replace(TrainingConfiguration() if trunk is None else HEAD_TRAINING, **chosen)
+    learned, held_out = hold_out_angles(shown_views(views, names, configuration))
     if trunk is None:
-        compact = train(views, names, configuration)
+        compact = train(learned, names, configuration)
         network: DropoutNetwork = compact
         save = partial(save_compact_network, compact, names)
     else:
-        classifier = train_on_trunk(views, names, trunk, configuration)
+        classifier = train_on_trunk(learned, names, trunk, configuration)
         network, save = classifier.network, partial(save_head, classifier)
-    accuracy = accuracy_by_azimuth(network, views, names, configuration.seed)
-    return Trained(save, asdict(configuration), accuracy)
+    accuracy = accuracy_by_azimuth(network, held_out, names, configuration.seed)
+    judged = {"views": len(held_out), "accuracy": accuracy}
+    return Trained(save, {"training": asdict(configuration), "held_out": judged})
 
 
 def _trunk(path: Path) -> "DropoutNetwork":

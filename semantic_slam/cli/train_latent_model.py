@@ -1,6 +1,9 @@
 """``train_latent_model --turntables DIR... --out FILE``: train a latent model (chapter 5) on turntable views."""
 
 import argparse
+import math
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,8 +80,8 @@ def parse() -> argparse.Namespace:
 def command() -> None:
     """Parse, train, evaluate and save; the report is stored in the model and printed in short. Raises InputError."""
     arguments = parse()
-    if arguments.effort <= 0.0 or arguments.held_out < 0 or arguments.seed < 0:
-        raise InputError(f"{program()}: --effort must be positive, --held-out and --seed not negative")
+    if not 0.0 < arguments.effort < math.inf or arguments.held_out < 0 or arguments.seed < 0:
+        raise InputError(f"{program()}: --effort must be positive and finite, --held-out and --seed not negative")
     check_photographs(arguments, arguments.turntables)
     need_training()
     inputs = [*arguments.turntables, *(arguments.tags or ())]
@@ -87,12 +90,17 @@ def command() -> None:
     import_interruptibly("torch")
     from semantic_slam.latent.store import save_latent_model
     from semantic_slam.training.latent.fit import TrainingSettings, knowing_new_instances, train
+    from semantic_slam.training.latent.judging.new_instances import LEAST_INSTANCES
     from semantic_slam.training.latent.report import training_report
     from semantic_slam.training.latent.views.turntable_split import choose_held_out, split
-    from semantic_slam.training.turntables import class_names_of, read_classes
+    from semantic_slam.training.turntables import class_names_of
 
-    tags = {name: tag for path in arguments.tags or () for name, tag in read_classes(path).items()}
-    held_out = choose_held_out(class_names_of(views), classes, arguments.held_out, arguments.seed)
+    names = class_names_of(views)
+    held_out = choose_held_out(names, classes, arguments.held_out, arguments.seed)
+    left = len(names) - len(held_out)
+    if arguments.new_objects and left < LEAST_INSTANCES:
+        raise InputError(f"--new-objects: needs {LEAST_INSTANCES} instances to learn from, not {left}; leave it out")
+    tags = _tags(arguments.tags or (), names, held_out)
     parts = split(views, held_out)
     settings = TrainingSettings(
         formulation=arguments.formulation, shaped_by_tags=arguments.shape_by_tags, seed=arguments.seed
@@ -132,6 +140,25 @@ def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, 
             classes.update(read_classes(root / CLASSES_FILE))
     # An instance without a given class is a class of its own.
     return views, {**{view.class_name: view.class_name for view in views}, **classes} if classes else {}
+
+
+def _tags(paths: Sequence[Path], names: Sequence[str], held_out: Sequence[str]) -> dict[str, str]:
+    """{instance: class} of the instances that are learned from; names that no turntable has are told.
+
+    Raises InputError when there are files that name none of these instances.
+    """
+    from semantic_slam.training.turntables import read_classes, unknown_names
+
+    tags = {}
+    for path in paths:
+        of_file = read_classes(path)
+        for line in unknown_names(path, of_file, names):
+            print(line, file=sys.stderr)
+        tags.update(of_file)
+    known = {name: tags[name] for name in names if name in tags and name not in held_out}
+    if paths and not known:
+        raise InputError("--tags: name none of the instances that are learned from; correct the names")
+    return known
 
 
 def _with_effort(settings: "TrainingSettings", effort: float) -> "TrainingSettings":

@@ -59,6 +59,18 @@ def object_views(
     return views
 
 
+def in_classes(arguments: argparse.Namespace, views: "list[ObjectView]") -> "list[ObjectView]":
+    """The views under the classes of ``--classes``, if given; what matches nothing is told. Raises InputError."""
+    from semantic_slam.training.turntables import with_classes
+
+    if not arguments.classes:
+        return views
+    found, lines = with_classes(views, arguments.classes)
+    for line in lines:
+        print(line, file=sys.stderr)
+    return found
+
+
 def _photographs(arguments: argparse.Namespace, root: Path) -> "Turntables":
     from semantic_slam.datasets.turntables.photographs import by_pattern, by_table
 

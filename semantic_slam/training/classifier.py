@@ -1,5 +1,6 @@
 """Training of the compact network on turntable views."""
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,9 @@ from semantic_slam.training.augmentation import room_crop
 from semantic_slam.training.views import ObjectView
 
 Labels = NDArray[np.int64]
+
+HELD_OUT_PERIOD = 5
+"""Angles of a class of which one is held out."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,22 @@ def shown_views(
             " correct the azimuths"
         )
     return shown
+
+
+def hold_out_angles(views: Sequence[ObjectView]) -> tuple[list[ObjectView], list[ObjectView]]:
+    """Views to learn from, and those at every fifth angle of each class, to judge by.
+
+    All views of a class at one angle, from whatever height, go together. Of fewer than five angles none is held out.
+    """
+    angles_deg: dict[str, set[int]] = defaultdict(set)
+    for view in views:
+        angles_deg[view.class_name].add(view.angle_deg)
+    out = {
+        name: set(sorted(own)[HELD_OUT_PERIOD // 2 :: HELD_OUT_PERIOD]) if len(own) >= HELD_OUT_PERIOD else set()
+        for name, own in angles_deg.items()
+    }
+    learned = [view for view in views if view.angle_deg not in out[view.class_name]]
+    return learned, [view for view in views if view.angle_deg in out[view.class_name]]
 
 
 def drawn_batches(

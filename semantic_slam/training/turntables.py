@@ -1,7 +1,7 @@
 """Views of objects from turntables: folders in BigBIRD's format, and photographs that tell their direction."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -61,16 +61,25 @@ def class_names_of(views: Sequence[ObjectView]) -> tuple[str, ...]:
     return tuple(sorted({view.class_name for view in views}))
 
 
-def with_classes(views: Sequence[ObjectView], path: Path) -> list[ObjectView]:
+def with_classes(views: Sequence[ObjectView], path: Path) -> tuple[list[ObjectView], list[str]]:
     """The views under the class of their instance, as ``read_classes`` has it; others are left out.
 
-    Raises InputError when the file is no such thing, or names none of the instances.
+    Also lines about the instances that the file does not name, and about the names that no instance has. Raises
+    InputError when the file is no such thing, or names none of the instances.
     """
-    classes = read_classes(path)
+    classes, instances = read_classes(path), class_names_of(views)
     found = [replace(view, class_name=classes[view.class_name]) for view in views if view.class_name in classes]
     if not found:
         raise InputError(f"{path}: names none of the turntables' instances; correct the names")
-    return found
+    without = [name for name in instances if name not in classes]
+    lines = [f"left out: instances without a class ({len(without)}): {', '.join(without)}"] if without else []
+    return found, [*lines, *unknown_names(path, classes, instances)]
+
+
+def unknown_names(path: Path, classes: Mapping[str, str], instances: Collection[str]) -> list[str]:
+    """A line about the names in a file {instance: class} that no instance has; none where there are no such names."""
+    unknown = sorted(set(classes) - set(instances))
+    return [f"{path}: names that no turntable has ({len(unknown)}): {', '.join(unknown)}"] if unknown else []
 
 
 def read_classes(path: Path) -> dict[str, str]:

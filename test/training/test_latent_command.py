@@ -65,7 +65,8 @@ def test_command_learns_and_states_its_figures(
     turntables: Path, tmp_path: Path, formulation: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     out = tmp_path / "deep" / "model.safetensors"
-    tags = turntables / "classes.json"
+    tags = tmp_path / "tags.json"
+    tags.write_text(json.dumps({name: name.split("_")[0] for name in (*NAMES, "cap_01")}))
     options = ("--formulation", formulation, "--held-out", "1", "--cameras", "NP1", "--effort", "0.02", "--tags", tags)
     run(monkeypatch, "--turntables", turntables, "--out", out, *options)
     model, extractor = read_latent_model(out), read_extractor(out)
@@ -78,7 +79,10 @@ def test_command_learns_and_states_its_figures(
         figures = report[place]["views"]  # type: ignore[index]
         assert figures["views"] == 21 and 0.0 <= figures["peak_within_10deg"] <= 1.0
         assert report[place]["held_out"]["objects"] == 1  # type: ignore[index]
-    assert "identified from one view" in capsys.readouterr().out
+    assert model.provenance["tagged"] == 3
+    printed = capsys.readouterr()
+    assert "identified from one view" in printed.out
+    assert f"{tags}: names that no turntable has (1): cap_01" in printed.err
     prediction = model.predict(Viewpoints(np.zeros(1), np.full(1, 0.2), np.ones(1)), model.prior.mean)
     assert np.all(np.isfinite(prediction.mean)) and np.all(prediction.sigma > 0.0)
 
@@ -88,10 +92,15 @@ def test_bad_input_is_told_in_one_line(turntables: Path, tmp_path: Path, monkeyp
     known = ("--turntables", turntables, "--out", tmp_path / "x.safetensors", "--cameras", "NP1")
     broken = tmp_path / "tags.json"
     broken.write_text("[1]")
+    unknown = tmp_path / "unknown.json"
+    unknown.write_text(json.dumps({"cup_1": "cup"}))
     wrong = {
         "calibration": ("--turntables", tmp_path / "nothing", "--out", tmp_path / "x.safetensors"),
         "--effort": (*known, "--effort", "0"),
+        "and finite": (*known, "--effort", "nan"),
         "tags.json": (*known, "--tags", broken),
+        "--tags: name none": (*known, "--tags", unknown),
+        "needs 6 instances to learn from, not 3": (*known, "--new-objects", "--held-out", "1", "--effort", "0.01"),
         "--held-out 3": (*known, "--held-out", "3"),
     }
     for expected, arguments in wrong.items():

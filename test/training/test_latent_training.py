@@ -1,6 +1,7 @@
 """Learning a latent model: losses, priors, splits, the command, and its files."""
 
 import json
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,6 +80,18 @@ def test_split_of_a_table_with_other_stops_trains_at_every_other_one(step_deg: i
     assert angles[0] == set(range(0, 360, 2 * step_deg))
     assert angles[1] == set(range(step_deg, 360, 4 * step_deg))
     assert angles[2] == set(range(3 * step_deg, 360, 4 * step_deg))
+
+
+def test_every_instance_trains_whichever_angles_it_was_photographed_at() -> None:
+    angles = {"even": range(0, 360, 12), "between": range(6, 360, 12), "coarse": range(5, 360, 30), "once": [77]}
+    parts = split([striped_view(name, angle, 0) for name, own in angles.items() for angle in own], [])
+
+    def counts(views: list[ObjectView]) -> Counter[str]:
+        return Counter(view.class_name for view in views)
+
+    assert counts(parts.train) == {"even": 15, "between": 15, "coarse": 6, "once": 1}
+    assert counts(parts.calibrate) + counts(parts.validate) == {"even": 15, "between": 15, "coarse": 6}
+    assert {view.angle_deg for view in parts.calibrate if view.class_name == "coarse"} == {35, 155, 275}
 
 
 def test_split_of_a_table_that_stopped_seldom_is_bad_input() -> None:
@@ -266,6 +279,15 @@ def test_changes_of_viewpoint_are_seen_without_any_pose() -> None:
     assert (errors < np.deg2rad(10.0)).mean() > 0.9
     found = changes_found(model, views, np.random.default_rng(1))
     assert found["change_peak_within_10deg"] > 0.9
+
+
+def test_changes_that_no_two_views_show_have_no_share() -> None:
+    model = ChangeModel(random_network(np.random.default_rng(0), (FEATURES + NUM_INPUTS, 4, 2 * FEATURES)))
+    views = toy_views(toy_model(), per_instance=6)
+    azimuths = np.tile(np.deg2rad(np.arange(6) * 60.0 - 150.0), INSTANCES)
+    far = replace(views, viewpoints=replace(views.viewpoints, azimuth_rad=azimuths))
+    assert set(changes_found(model, far, np.random.default_rng(0))) == {"change_peak_within_10deg"}
+    assert changes_found(model, far.chosen(np.arange(len(far)) % 6 == 0), np.random.default_rng(0)) == {}
 
 
 def test_file_round_trip_and_extractor(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """train_classifier and fit_viewpoint_models: from a small folder in BigBIRD's format to models that know classes."""
 
 import json
+from argparse import Namespace
 from pathlib import Path
 
 import cv2
@@ -9,11 +10,12 @@ import numpy as np
 import pytest
 from worlds.processes import commands
 
+from semantic_slam.cli.turntable_views import in_classes
 from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration
 from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
 from semantic_slam.pipeline.build_classifier import build_classifier
-from semantic_slam.training.classifier import TrainingConfiguration
+from semantic_slam.training.classifier import TrainingConfiguration, hold_out_angles
 from semantic_slam.training.head import HEAD_TRAINING
 from semantic_slam.training.turntables import class_names_of, load_views, with_classes
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
@@ -73,6 +75,16 @@ def test_views_know_their_direction_and_their_object(turntables: Path) -> None:
     assert view.elevation_rad == pytest.approx(np.arctan2(0.5, 2.0))
     assert view.cutout.shape == (40, 40, 3)
     assert view.mask.min() == 255
+
+
+def test_all_views_of_an_angle_are_held_out_together_and_none_where_angles_are_few(turntables: Path) -> None:
+    views = load_views(turntables, USED)
+    few = [view for view in views if view.class_name == "blue_box" or view.angle_deg < 120]
+    learned, held_out = hold_out_angles(few)
+    assert {view.class_name for view in held_out} == {"blue_box"}
+    assert sorted(view.angle_deg for view in held_out) == [60, 60, 210, 210]
+    assert {id(view) for view in (*learned, *held_out)} == {id(view) for view in few}
+    assert len(learned) + len(held_out) == len(few)
 
 
 @pytest.mark.long
@@ -154,8 +166,21 @@ def test_instances_go_under_their_class(turntables: Path, tmp_path: Path) -> Non
     classes = tmp_path / "classes.json"
     classes.write_text(json.dumps({"red_box": "box"}))
     views = load_views(turntables, USED)
-    assert {view.class_name for view in with_classes(views, classes)} == {"box"}
-    assert len(with_classes(views, classes)) == len(views) // 2
+    found, lines = with_classes(views, classes)
+    assert {view.class_name for view in found} == {"box"}
+    assert len(found) == len(views) // 2
+    assert lines == ["left out: instances without a class (1): blue_box"]
+
+
+def test_names_without_a_turntable_are_told(
+    turntables: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    classes = tmp_path / "classes.json"
+    classes.write_text(json.dumps({"red_box": "box", "blue_box": "box", "blu_box": "box"}))
+    views = load_views(turntables, USED)
+    assert len(in_classes(Namespace(classes=classes), views)) == len(views)
+    assert capsys.readouterr().err.splitlines()[-1] == f"{classes}: names that no turntable has (1): blu_box"
+    assert in_classes(Namespace(classes=None), views) == views
 
 
 @pytest.mark.parametrize("text", ["[1]", '{"red_box": 3}', '{"green_box": "box"}', "{", ""])

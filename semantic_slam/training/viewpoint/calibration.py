@@ -47,7 +47,7 @@ def residuals(model: ViewpointModel, class_index: int, samples: ClassSamples) ->
 
 
 def left_out_residuals(data: ClassSamples, feature_names: tuple[str, ...]) -> Residuals:
-    """Residuals of views left out of the fit, ``FOLDS`` fits in turn, fold by fold."""
+    """Residuals of views left out of the fit, ``FOLDS`` fits in turn, fold by fold; at least as many views."""
     fold = data.folds
     parts = []
     for left_out in range(FOLDS):
@@ -56,7 +56,7 @@ def left_out_residuals(data: ClassSamples, feature_names: tuple[str, ...]) -> Re
     return Residuals(
         np.concatenate([part.squared for part in parts]),
         np.concatenate([part.standardised for part in parts]),
-        float(np.mean([part.nll for part in parts])),
+        float(np.average([part.nll for part in parts], weights=[part.squared.size for part in parts])),
     )
 
 

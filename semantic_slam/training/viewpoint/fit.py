@@ -1,7 +1,7 @@
 """From turntable views to viewpoint models: measure every view as in a room, fit, and check on views left out."""
 
 import hashlib
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.networks.mc_dropout import probe_features, samples_of_head, seen
 from semantic_slam.perception.networks.network import ClassifierNetwork, DropoutNetwork
@@ -16,7 +17,7 @@ from semantic_slam.perception.uncertainty import sample_covariance
 from semantic_slam.training.appearance import fit_appearance
 from semantic_slam.training.augmentation import room_crop
 from semantic_slam.training.other_things import other_crop
-from semantic_slam.training.viewpoint.calibration import Residuals, left_out_residuals, report_of
+from semantic_slam.training.viewpoint.calibration import FOLDS, Residuals, left_out_residuals, report_of
 from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.training.views import ObjectView
@@ -30,6 +31,9 @@ Direction = tuple[int, ...]
 
 SAME_HEIGHT_RAD = 1e-6
 """Elevations that differ by less are one."""
+
+LEAST_DIRECTIONS = FOLDS
+"""Directions of an object from which on a model is fitted to it: one for every fold of views left out."""
 
 MOST_OTHERS = 2000
 """Pictures of other things; of fewer pictures of known objects as many."""
@@ -95,6 +99,27 @@ def other_features(network: DropoutNetwork, count: int) -> Array:
     generators = [_generator(0, "other things", str(number)) for number in range(count)]
     with tqdm(generators, desc="measuring other things", unit="picture") as progress:
         return np.array([seen(network, other_crop(network.input_size, own)).appearance for own in progress])
+
+
+def with_enough_directions(
+    views: Sequence[ObjectView], settings: FitSettings
+) -> tuple[list[ObjectView], dict[str, int]]:
+    """Views of the classes seen from ``LEAST_DIRECTIONS`` at least, and the counts of those left out, by reason.
+
+    Raises InputError when no class is left.
+    """
+    directions: dict[str, set[Direction]] = defaultdict(set)
+    for view in views:
+        directions[view.class_name].add(_direction(view, settings))
+    few = {name for name, own in directions.items() if len(own) < LEAST_DIRECTIONS}
+    if len(few) == len(directions):
+        raise InputError(f"turntables: no object was seen from {LEAST_DIRECTIONS} directions; give more views of each")
+    left_out = Counter(
+        f"views: fewer than {LEAST_DIRECTIONS} directions of '{view.class_name}'"
+        for view in views
+        if view.class_name in few
+    )
+    return [view for view in views if view.class_name not in few], dict(left_out)
 
 
 def measure_views(

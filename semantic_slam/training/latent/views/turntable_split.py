@@ -1,5 +1,6 @@
 """Which turntable views train, calibrate and validate, and which instances are held out whole."""
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,7 +16,7 @@ CALIBRATE_DEG, VALIDATE_DEG, TEST_PERIOD_DEG = 6, 18, 24
 
 
 LEAST_ANGLES = 8
-"""Angles of the table altogether, half of which train; ETH-80 has 16 all around."""
+"""Angles of the instance with most of them, half of which train; ETH-80 has 16 all around."""
 
 
 @dataclass(frozen=True)
@@ -42,31 +43,41 @@ def wanted_angle(angle_deg: int) -> bool:
 def split(views: Sequence[ObjectView], held_out: Sequence[str]) -> TurntableSplit:
     """The parts of ``views``; halfway between two angles that train, by turns one to calibrate and one to validate.
 
-    Raises InputError when the table stopped too seldom, or a part is empty.
+    Every instance that is not held out is split by its own angles, so that it trains whichever they are. Raises
+    InputError when each was seen from too few of them, or a part is empty.
     """
-    angles = sorted({view.angle_deg for view in views})
-    stride = _stride(angles)
-    rank = {angle: index % (2 * stride) for index, angle in enumerate(angles)}
-    known = [view for view in views if view.class_name not in set(held_out)]
+    angles_deg: dict[str, set[int]] = defaultdict(set)
+    for view in views:
+        angles_deg[view.class_name].add(view.angle_deg)
+    most = max(map(len, angles_deg.values()), default=0)
+    if most < LEAST_ANGLES:
+        raise InputError(
+            f"turntables: {most} angles are too few to learn from and to judge by;"
+            f" give {LEAST_ANGLES} at least (--step-deg 3 or 6), or download every angle"
+        )
+    quarters = {name: _quarters(sorted(own)) for name, own in angles_deg.items()}
+    out = set(held_out)
+    known = [(view, quarters[view.class_name][view.angle_deg]) for view in views if view.class_name not in out]
     parts = TurntableSplit(
-        train=[view for view in known if rank[view.angle_deg] % stride == 0],
-        calibrate=[view for view in known if rank[view.angle_deg] == stride // 2],
-        validate=[view for view in known if rank[view.angle_deg] == stride // 2 + stride],
-        held_out=[view for view in views if view.class_name in set(held_out)],
+        train=[view for view, quarter in known if quarter in (0.0, 2.0)],
+        calibrate=[view for view, quarter in known if quarter == 1.0],
+        validate=[view for view, quarter in known if quarter == 3.0],
+        held_out=[view for view in views if view.class_name in out],
     )
     if not (parts.train and parts.calibrate and parts.validate):
-        raise InputError(f"turntables: no object is left to learn from at {len(angles)} angles; give more objects")
+        raise InputError(f"turntables: no object is left to learn from at {most} angles; give more objects")
     return parts
 
 
+def _quarters(angles_deg: Sequence[int]) -> dict[int, float]:
+    """{angle: place among the angles of one instance}, in quarters of what lies between every other one that trains."""
+    stride = _stride(angles_deg)
+    return {angle: (2.0 * index / stride) % 4.0 for index, angle in enumerate(angles_deg)}
+
+
 def _stride(angles_deg: Sequence[int]) -> int:
-    """Stops of the table from one that trains to the next: an even number, two at least. Raises InputError."""
-    if len(angles_deg) < LEAST_ANGLES:
-        raise InputError(
-            f"turntables: {len(angles_deg)} angles are too few to learn from and to judge by;"
-            f" give {LEAST_ANGLES} at least (--step-deg 3 or 6), or download every angle"
-        )
-    step = float(np.median(np.diff(angles_deg)))
+    """Stops of the table from one that trains to the next: an even number, two at least."""
+    step = float(np.median(np.diff([*angles_deg, angles_deg[0] + 360])))
     return max(2, 2 * int(TRAIN_STEP_DEG / (2.0 * step)))
 
 

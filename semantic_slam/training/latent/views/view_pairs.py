@@ -45,11 +45,15 @@ def change_peaks(model: ChangeModel, views: FeatureViews, first: Index, second: 
 
 
 def changes_found(model: ChangeModel, views: FeatureViews, generator: np.random.Generator) -> dict[str, float]:
-    """Share of pairs of views from different azimuths whose change is found within 10 degrees: near ones, and all."""
+    """Share of pairs of views from different azimuths whose change is found within 10 degrees: near ones, and all.
+
+    A share of which there is no pair is left out: views 60 degrees apart have none that are near.
+    """
     shares = {}
     for name, largest_rad in (("change_peak_within_10deg_near", NEAR_RAD), ("change_peak_within_10deg", np.pi)):
         first, second = draw_pairs(views, PAIRS, largest_rad, generator)
         apart = np.abs(changes(views, first, second)[:, 0]) > LEAST_TURN_RAD
-        errors = np.abs(change_peaks(model, views, first[apart], second[apart]))
-        shares[name] = float((errors < np.deg2rad(10.0)).mean())
+        if apart.any():
+            errors = np.abs(change_peaks(model, views, first[apart], second[apart]))
+            shares[name] = float((errors < np.deg2rad(10.0)).mean())
     return shares

@@ -1,0 +1,60 @@
+"""Fitting to objects seen from few directions: those from too few are left out and counted, the others are judged."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from worlds.views.synthetic_views import FEATURES, synthetic_samples
+
+from semantic_slam.cli import fit_viewpoint_models
+from semantic_slam.errors import InputError
+from semantic_slam.training.viewpoint.calibration import left_out_residuals, residuals
+from semantic_slam.training.viewpoint.regression import fit_class
+from semantic_slam.viewpoint.spherical_process import fitted_classes
+
+OBJECTS = {"cup": (0, 90, 180, 270), "bowl": (0, 120, 240), "spoon": (0, 90), "fork": (0, 1)}
+"""Degrees from which each was photographed; a degree is within one direction."""
+
+
+def fit(monkeypatch: pytest.MonkeyPatch, folder: Path, out: Path) -> None:
+    words = ["--turntables", folder, "--pattern", "{object}-{azimuth}.png", "--draws", "2", "--out", out]
+    monkeypatch.setattr("sys.argv", ["fit_viewpoint_models", *map(str, words)])
+    fit_viewpoint_models.command()
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_a_sparse_object_is_left_out_and_does_not_end_the_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    pictures, out = tmp_path / "pictures", tmp_path / "models.safetensors"
+    pictures.mkdir()
+    picture = np.full((60, 80, 3), 255, dtype=np.uint8)
+    picture[10:50, 20:60] = 40, 40, 200
+    for name, angles in OBJECTS.items():
+        for angle in angles:
+            cv2.imwrite(str(pictures / f"{name}-{angle}.png"), picture)
+    fit(monkeypatch, pictures, out)
+    printed = capsys.readouterr().out
+    for name in ("spoon", "fork"):
+        assert f"left out: views: fewer than 3 directions of '{name}' (2)" in printed
+    report = json.loads(out.with_suffix(".json").read_text(), parse_constant=pytest.fail)
+    assert {name: own["coverage"]["views"] for name, own in report.items()} == {"bowl": 3, "cup": 4}
+    for name in ("cup", "bowl"):
+        for file in pictures.glob(f"{name}-*.png"):
+            file.unlink()
+    with pytest.raises(InputError, match="no object was seen from 3 directions"):
+        fit(monkeypatch, pictures, tmp_path / "none.safetensors")
+
+
+def test_every_view_left_out_counts_the_same() -> None:
+    data = synthetic_samples(0.0, seed=0, views=4)  # the first fold has two views, the others have one
+    folds = [np.array([0, 3]), np.array([1]), np.array([2])]
+    nll = []
+    for left_out in folds:
+        fits = [fit_class(data.select(np.setdiff1d(np.arange(4), left_out)))]
+        model = fitted_classes(("class",), FEATURES, fits)
+        nll += [residuals(model, 0, data.select(left_out)).nll] * len(left_out)
+    assert left_out_residuals(data, FEATURES).nll == pytest.approx(np.mean(nll), rel=1e-9)
