@@ -32,4 +32,4 @@ def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
     places: EvenPlaces = PlanarPlaces.of(configuration, is_open=is_open)
     if configuration.is_spatial:
         places = SpatialPlaces.of(configuration, problem, is_open=is_open)
-    return Reference(configuration, problem.objects, places, scores)
+    return Reference(configuration, problem, places, scores)

@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration, NewObjectConfiguration, VisibilityConfiguration
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, broadcast_copy
+from semantic_slam.geometry.arrays import Array, Flags, broadcast_copy
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.planar.detection import PlanarDetection
@@ -62,13 +62,13 @@ class PlanarPlaces:
         spread = np.diag([1.0, detection.range_m**-2]) * new.sigma_position_m**2 + detection.covariance
         return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
 
-    def num_visible(self, belief: HybridBelief) -> float:
+    def visible(self, belief: HybridBelief) -> Flags:
         if self.visibility.max_range_m <= 0.0 and self.visibility.field_of_view_rad <= 0.0:
-            return float(len(belief.object_ids))
+            return np.ones(len(belief.object_ids), dtype=bool)
         objects = np.array([planar_from_pose_vector(pose) for pose in belief.object_poses])
         robot = planar_from_pose_vector(belief.poses[0])
         relative = se2.between(broadcast_copy(robot, objects.shape), objects)[:, :2]
-        return float(self.region.contains(relative, np.zeros((len(relative), 2, 2))).sum())
+        return np.asarray(self.region.contains(relative, np.zeros((len(relative), 2, 2))) >= 0.5)
 
     def expected_births(self, rates: DetectionRates) -> Array:
         nothing = np.zeros((0, 3)), np.zeros(3), np.zeros((0, 2))

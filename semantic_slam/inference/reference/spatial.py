@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from semantic_slam.configuration import Configuration
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
@@ -87,10 +87,10 @@ class SpatialPlaces:
         spread = np.diag([prior.covariance[-1, -1], across, across]) + detection.covariance
         return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
 
-    def num_visible(self, belief: HybridBelief) -> float:
+    def visible(self, belief: HybridBelief) -> Flags:
         objects = belief.object_poses[:, : self.spaces.landmark.storage_size]
         robots = np.repeat(belief.poses[:1], len(objects), axis=0)
-        return float(np.exp(self.model.log_visibility(robots, objects, soft=False)).sum())
+        return np.asarray(self.model.log_visibility(robots, objects, soft=False) == 0.0)
 
     def expected_births(self, rates: DetectionRates) -> Array:
         return first_detections_in_space(self.region, rates)
