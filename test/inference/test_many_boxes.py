@@ -9,7 +9,7 @@ import pytest
 from semantic_slam import Configuration, Detection, Engine, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.inference.association import enumeration
 from semantic_slam.inference.association.candidate_limit import LEAST_CANDIDATES, candidate_limit
-from semantic_slam.inference.association.enumerated import SPARE
+from semantic_slam.inference.association.used_detections import SPARE
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.semantics.interface import ClassModels, NoSemantics, SemanticEvidence, SemanticInput
 

@@ -61,6 +61,16 @@ def test_an_object_on_either_of_two_sides_is_on_one_with_half_and_between_them_w
     np.testing.assert_allclose([place.position[:2] for place in known.places], [[0.0, 1.2], [0.0, -1.2]])
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_what_some_hypotheses_know_is_not_blurred_by_those_that_do_not(share: float) -> None:
+    """An object of which one hypothesis knows the place, and the other only that it is somewhere about."""
+    weights = np.array([1.0 - share, share])
+    objects = table(np.array([[[1.0, 0.5]], [[0.0, 0.0]]]), np.array([[0.05], [3.0]]), np.ones((2, 1)))
+    belief = belief_of(weights, objects)
+    for region in ((0.8, 0.3, 1.2, 0.7), (-4.0, -4.0, 0.7, 4.0)):
+        np.testing.assert_allclose(inside(belief, region), share_inside(weights, objects, 0, region), atol=1e-3)
+
+
 def test_where_hypotheses_agree_there_is_one_place() -> None:
     objects = table(np.array([[[0.0, 0.05]], [[0.0, -0.05]]]), np.full((2, 1), 0.1), np.ones((2, 1)))
     belief = belief_of(np.array([0.7, 0.3]), objects)

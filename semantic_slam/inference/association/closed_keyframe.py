@@ -18,6 +18,7 @@ from semantic_slam.inference.association.enumeration import (
 )
 from semantic_slam.inference.association.first_views import log_first_inliers
 from semantic_slam.inference.association.map_gate import FEW_OBJECTS, MapGate, map_gate
+from semantic_slam.inference.association.placeholders import Placeholders, free_placeholders, log_num_labellings
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
@@ -31,7 +32,7 @@ from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.identity import generator, hypothesis_id
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
+from semantic_slam.inference.states.tracked_objects import ExistenceUpdate, HypothesisObjects
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
@@ -98,7 +99,8 @@ class ClosedKeyframe:
         """Log factors and existence updates: misses do not count in a closed world, and named objects surely exist.
 
         The factors hold the scores of clutter. A placeholder for an unmapped object, or a displaced twin, exists once
-        it is detected; the factor of its first detection is its prior probability of existence.
+        it is detected; the factor of its first detection is its prior probability of existence, times the number of
+        placeholders that it may take.
         """
         factors = np.zeros(len(candidates.assignments))
         if self.log_clutter is not None and self.problem.clutter is not None:
@@ -118,9 +120,14 @@ class ClosedKeyframe:
             seen = (known == self._uncertain).any(axis=1) & (known == detected[row]).any(axis=1)
             if not seen.any():
                 continue
-            factors[row] += float(np.log(objects.existence[seen]).sum())
+            factors[row] += float(np.log(objects.existence[seen]).sum()) + self._log_labellings(objects, seen)
             updates[row] = update.detecting(seen, also_gone(self.problem.displaced, objects.ids, seen))
         return factors, updates
+
+    def _log_labellings(self, objects: HypothesisObjects, seen: Flags) -> float:
+        """Log number of the ways in which the (O,) objects ``seen`` may be the placeholders of a hypothesis."""
+        free = free_placeholders(objects, np.array(list(self.problem.unmapped_ids), dtype=int))
+        return log_num_labellings(int(free.sum()), int((free & seen).sum()))
 
     def updates(
         self, candidates: WeighedAssociations, rows: Sequence[int], existence: Sequence[ExistenceUpdate]
@@ -215,6 +222,7 @@ class ClosedKeyframe:
             path=self._path(object_ids.tolist()),
             admitted=self._admitted(object_ids, gate),
             exclusive=exclusive_objects(self.problem.displaced, object_ids),
+            placeholders=Placeholders.of(self.problem.unmapped_ids, object_ids, self.parents.components),
             log_clutter=self.log_clutter,
         )
 

@@ -9,12 +9,10 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.closed_keyframe import ClosedKeyframe
 from semantic_slam.inference.association.closed_world import ClosedWorld, expected_along
 from semantic_slam.inference.association.strategy import Parents
+from semantic_slam.inference.association.used_detections import used_detections
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry
-
-SPARE, MOST_USED = 8, 32
-"""With clutter: detections beyond the number of objects that are associated in a keyframe, and most of all."""
 
 
 class EnumeratedAssociation(ClosedWorld):
@@ -47,13 +45,7 @@ class EnumeratedAssociation(ClosedWorld):
         return np.log(rate) + clutter.log_place(detections) if clutter is not None and rate > 0.0 else None
 
     def _used(self, step: Step) -> Index:
-        """The best-scored detections, as many as there are distinct objects; with a clutter model some more.
-
-        The others are clutter in every candidate.
-        """
+        """The detections that are associated; the others are clutter in every candidate."""
+        has_clutter = self.problem.clutter is not None and self.problem.closed_world.clutter_per_frame > 0.0
         num_objects = len(self.registry.known.ids)
-        limit = num_objects if self.problem.distinct else (len(step.names) if num_objects else 0)
-        if self.problem.clutter is not None and self.problem.closed_world.clutter_per_frame > 0.0:
-            limit = min(max(limit, num_objects) + SPARE, MOST_USED)
-        order = np.argsort(-step.scores, kind="stable")
-        return np.asarray(np.sort(order[:limit]))
+        return used_detections(step, num_objects, distinct=self.problem.distinct, has_clutter=has_clutter)

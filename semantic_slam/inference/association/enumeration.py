@@ -18,6 +18,7 @@ from semantic_slam.errors import SemanticSlamError
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.rows import joined_rows
 from semantic_slam.inference.association.partial_assignments import PartialAssignments
+from semantic_slam.inference.association.placeholders import Placeholders
 from semantic_slam.inference.association.screening import ScreenedAssignments, screen
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import (
@@ -61,6 +62,7 @@ class EnumerationProblem:
     path: tuple[Index, Index] | None = None  # (n,) objects and (n,) classes: grow this one continuation only
     admitted: NDArray[np.bool_] | None = None  # (P, D, O) pairs that are enumerated; None: all
     exclusive: Index | None = None  # (O,) column of each object's mutually exclusive partner, -1: none; None: no pairs
+    placeholders: Placeholders | None = None  # order of those of unmapped objects; None: there are not several
     log_clutter: Array | None = None  # (D,) log density as clutter, -inf: it is of an object; None: all are of objects
 
     def first_clutter(self, count: int) -> Array | None:
@@ -128,7 +130,8 @@ def _enumerated(
     """
     predicted = replace(predicted, mean=predicted.mean[parents], covariance=predicted.covariance[parents])
     admitted = None if setting.admitted is None else setting.admitted[parents]
-    setting, first = replace(setting, admitted=admitted), parents.start
+    placeholders = None if setting.placeholders is None else setting.placeholders.of_parents(parents)
+    setting, first = replace(setting, admitted=admitted, placeholders=placeholders), parents.start
     num_parents = len(predicted.mean)
     left_out = np.full(num_parents, -np.inf)
     prefixes = PartialAssignments.of_robots(setting.spaces, predicted)
@@ -248,6 +251,8 @@ def _next_objects(setting: EnumerationProblem, rows: Assignments, num_objects: i
     allowed = np.ones((len(rows.parents), num_objects + 1), dtype=bool)
     if setting.admitted is not None:
         allowed[:, :-1] = setting.admitted[rows.parents, number]
+    if setting.placeholders is not None:
+        allowed[:, :-1] &= setting.placeholders.admitted(rows)
     if setting.distinct and number:
         np.put_along_axis(allowed, rows.objects, False, axis=1)
     if setting.exclusive is not None and number:

@@ -32,5 +32,4 @@ def reference_of(run: RunConfiguration, problem: Problem) -> Reference:
     places: EvenPlaces = PlanarPlaces.of(configuration, is_open=is_open)
     if configuration.is_spatial:
         places = SpatialPlaces.of(configuration, problem, is_open=is_open)
-    mapped = [entry for entry in problem.objects if entry.object_id not in problem.displaced.on_map]
-    return Reference(configuration, mapped, places, scores)
+    return Reference(configuration, problem, places, scores)

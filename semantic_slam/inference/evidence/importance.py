@@ -141,7 +141,10 @@ def adapted(mixture: Gaussians, samples: Samples) -> Gaussians:
 
 
 def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> list[Samples]:
-    """``num_samples`` points for each of K problems, weighed against its whole mixture (balance heuristic)."""
+    """``num_samples`` points for each of K problems, weighed against its whole mixture (balance heuristic).
+
+    Half of them are the mirror images of the others, and each Gaussian of a mixture needs at least one such pair.
+    """
     total = num_samples // 2
     points = np.empty((len(mixtures), 2 * total, mixtures[0].means.shape[-1]))
     log_proposal = np.empty(points.shape[:2])
@@ -159,9 +162,14 @@ def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> l
 
 
 def _pairs(mixture: Gaussians, total: int) -> tuple[int, ...]:
-    """(M,) number of antithetic pairs of points of each Gaussian, at least one; the heaviest takes the remainder."""
+    """(M,) number of antithetic pairs of points of each Gaussian, at least one; the heaviest ones take the remainder.
+
+    ``total`` is at least M. What rounding gave too much is taken from the heaviest Gaussian, as long as it has a pair
+    left, and then from the next one.
+    """
     counts = np.maximum(1, np.round(total * np.exp(mixture.log_shares))).astype(int)
-    counts[np.argmax(counts)] += total - counts.sum()
+    for heaviest in np.argsort(-counts, kind="stable"):
+        counts[heaviest] = max(1, counts[heaviest] + total - counts.sum())
     return tuple(counts.tolist())
 
 

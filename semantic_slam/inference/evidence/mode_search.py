@@ -59,6 +59,8 @@ MAX_ADAPTATIONS, MORE_ADAPTATIONS = 3, 1
 """Largest number of adaptations of the proposal with the first part of the samples, and with all of them."""
 FIRST_SHARE = 0.25
 """Fraction of the samples that is drawn first; all are drawn where these do not suffice."""
+FEWEST_FIRST = 2 * (MAX_MODES + 1)
+"""Samples that are drawn first at least: a point and its mirror image of each mode and of the prior."""
 GOOD = 0.7
 """Effective share above which the first samples suffice: below, a tail may have been missed."""
 MOST_TOGETHER = 64
@@ -184,7 +186,7 @@ def _sampled(
 ) -> tuple[list[Gaussians], list[Samples]]:
     """Samples and their proposal mixtures: a first part of ``count``, or all where that does not suffice."""
     mixtures = [proposal(mode.y, mode.hessian, mode.log_evidence) for mode in modes]
-    first = int(np.ceil(FIRST_SHARE * count))
+    first = max(int(np.ceil(FIRST_SHARE * count)), FEWEST_FIRST)
     everything = np.arange(len(windows))
     samples, shares = _adapting(windows, problem, mixtures, everything, first, MAX_ADAPTATIONS)
     coarse = np.flatnonzero((shares < GOOD) & (first < count))

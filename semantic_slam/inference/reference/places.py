@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Protocol, Self
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.states.detection_rates import DetectionRates
@@ -24,8 +24,8 @@ class EvenPlaces(Protocol):
     def log_density_of_first(self, detection: Any) -> float:
         """Log density of the first detection of a named object, under the object's prior, which is centred on it."""
 
-    def num_visible(self, belief: HybridBelief) -> float:
-        """Number of the map's objects that are visible from the pose of the heaviest hypothesis."""
+    def visible(self, belief: HybridBelief) -> Flags:
+        """(O,) whether each of the belief's objects is visible from the pose of the heaviest hypothesis."""
 
     def expected_births(self, rates: DetectionRates) -> Array:
         """(G,) first detections expected where nothing was seen yet."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration, NewObjectConfiguration, VisibilityConfiguration
 from semantic_slam.geometry import se2
-from semantic_slam.geometry.arrays import Array, broadcast_copy
+from semantic_slam.geometry.arrays import Array, Flags, broadcast_copy
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.planar.detection import PlanarDetection
@@ -30,13 +30,13 @@ class PlanarPlaces:
     def of(cls, configuration: Configuration, *, is_open: bool) -> Self:
         """Where an open world expects detections; in a closed one, all that is visible.
 
-        Where a closed world limits no range, the region ends at the largest depth of perception, if that is limited.
+        Where a closed world limits no range, the region ends where perception and the region of clutter both have ended.
         """
         region, limits = sensor_region(configuration.open_world), configuration.visibility
         if not is_open:
             region = SensorRegion(
                 min_range_m=0.0,
-                max_range_m=limits.max_range_m or configuration.perception.max_depth_m or region.max_range_m,
+                max_range_m=limits.max_range_m or max(configuration.perception.max_depth_m, region.max_range_m),
                 field_of_view_rad=limits.field_of_view_rad or 2.0 * np.pi,
             )
         return cls(region=region, visibility=limits, new_objects=configuration.new_objects)
@@ -62,13 +62,13 @@ class PlanarPlaces:
         spread = np.diag([1.0, detection.range_m**-2]) * new.sigma_position_m**2 + detection.covariance
         return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
 
-    def num_visible(self, belief: HybridBelief) -> float:
+    def visible(self, belief: HybridBelief) -> Flags:
         if self.visibility.max_range_m <= 0.0 and self.visibility.field_of_view_rad <= 0.0:
-            return float(len(belief.object_ids))
+            return np.ones(len(belief.object_ids), dtype=bool)
         objects = np.array([planar_from_pose_vector(pose) for pose in belief.object_poses])
         robot = planar_from_pose_vector(belief.poses[0])
         relative = se2.between(broadcast_copy(robot, objects.shape), objects)[:, :2]
-        return float(self.region.contains(relative, np.zeros((len(relative), 2, 2))).sum())
+        return np.asarray(self.region.contains(relative, np.zeros((len(relative), 2, 2))) >= 0.5)
 
     def expected_births(self, rates: DetectionRates) -> Array:
         nothing = np.zeros((0, 3)), np.zeros(3), np.zeros((0, 2))

@@ -10,13 +10,14 @@ way:
   expects where nothing was seen yet; densities are of sets, as those of the Poisson multi-Bernoulli mixture. The region
   is the learned one where the belief learns it, and like there it contains the detections that it is learned from.
   Measurements of gravity are those of a robot that dead reckons with them.
-- known map: Eq. 4.18 weighs each assignment of the detections to visible objects with P(beta | x, O) = 1, so that the
-  null model counts once for each of them.
+- known map: Eq. 4.18 weighs each assignment of the detections to visible objects with P(beta | x, O) = 1, and clutter
+  with its rate. The null model is of the detections that the belief associates, and counts with the sum of these
+  weights, so that both have the same integral over all measurements of that many detections.
 - given identities: an object named for the first time has the broad prior that the belief gives it, which carries no
   information.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -25,32 +26,34 @@ from scipy.special import gammaln
 from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import strategy_of
+from semantic_slam.inference.association.used_detections import used_detections
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.reference.assignment_count import log_num_assignments
 from semantic_slam.inference.reference.places import EvenPlaces
 from semantic_slam.inference.reference.scores import KeyframeScores
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.world.identities import objects_by_identity
-from semantic_slam.inference.world.objects import ObjectEntry
+from semantic_slam.inference.world.problem import Problem
 
 
 class Reference:
     """The null model of one run. It is stateful: give it every keyframe once, in order."""
 
-    STATE: ClassVar[tuple[str, ...]] = ("_named",)
+    STATE: ClassVar[tuple[str, ...]] = ("_named", "_unmapped")
 
     def __init__(
-        self,
-        configuration: Configuration,
-        objects: Iterable[ObjectEntry],
-        places: EvenPlaces,
-        scores: KeyframeScores,
+        self, configuration: Configuration, problem: Problem, places: EvenPlaces, scores: KeyframeScores
     ) -> None:
-        """``objects`` are those of the map prior."""
-        self._configuration, self._places, self._scores = configuration, places, scores
+        """``problem`` is that of the run; ``configuration`` also has what it leaves out of the sensor's settings."""
+        self._configuration, self._problem, self._places, self._scores = configuration, problem, places, scores
         self._association = strategy_of(configuration)
         self._rates = DetectionRates.of(configuration.open_world)
-        self._named = set(objects_by_identity({entry.object_id: entry.name for entry in objects}))
+        twins = problem.displaced.on_map
+        names = {entry.object_id: entry.name for entry in problem.objects if entry.object_id not in twins}
+        self._named = set(objects_by_identity(names))
+        placeholders = (entry for entry in problem.objects if entry.object_id in problem.unmapped_ids)
+        self._unmapped = {entry.object_id: entry.existence for entry in placeholders}  # before the next keyframe
 
     def log_density(self, step: Step, belief: HybridBelief) -> float:
         """Log density of the step's detections, in nats; ``belief`` is the posterior after them.
@@ -86,14 +89,21 @@ class Reference:
         return self._evenly(step, known, self._places) + self._scores.log_density(first) + by_prior
 
     def _mapped(self, step: Step, belief: HybridBelief) -> float:
-        """Known map: the used detections, uniform, counted once for each assignment of them to visible objects."""
-        distinct, count = self._configuration.distinct_assignment, len(belief.object_ids)
-        used = np.argsort(-step.scores, kind="stable")[: count if distinct else None]
-        visible = max(self._places.num_visible(belief), float(len(used)))
-        assignments = gammaln(visible + 1.0) - gammaln(visible - len(used) + 1.0)
-        if not distinct:
-            assignments = len(used) * np.log(visible)
-        return self._evenly(step, used.tolist(), self._places) + float(assignments)
+        """Known map: the detections that are associated, uniform, with the weights of their assignments.
+
+        Objects that the map may lack exist as they did before this keyframe.
+        """
+        problem = self._problem
+        clutter = problem.closed_world.clutter_per_frame if problem.clutter is not None else 0.0
+        used = used_detections(step, len(problem.objects), distinct=problem.distinct, has_clutter=clutter > 0.0)
+        visible = belief.object_ids[self._places.visible(belief)].tolist()
+        unmapped = np.array([self._unmapped[n] for n in visible if n in self._unmapped])
+        num_mapped = len(visible) - len(unmapped)
+        if clutter <= 0.0:  # all of them are of objects, which are then visible
+            num_mapped = max(num_mapped, len(used))
+        self._unmapped = {n: float(belief.existence[belief.object_ids == n][0]) for n in self._unmapped}
+        assignments = log_num_assignments(len(used), num_mapped, unmapped, clutter, problem.distinct)
+        return self._evenly(step, used.tolist(), self._places) + assignments
 
     def _evenly(self, step: Step, used: Sequence[int], places: EvenPlaces) -> float:
         """Log density of detections uniform over the region, with class-independent scores."""

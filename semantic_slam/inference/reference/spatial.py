@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from semantic_slam.configuration import Configuration
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.spatial.detection import SpatialDetection
@@ -43,14 +43,14 @@ class SpatialPlaces:
     def of(cls, configuration: Configuration, problem: Problem, *, is_open: bool) -> Self:
         """Where an open world expects detections; in a closed one, the cone that is visible.
 
-        Where a closed world limits no range, the region ends at the largest depth of perception, if that is limited.
+        Where a closed world limits no range, the region ends where perception and the region of clutter both have ended.
         """
         region, limits = SpatialRegion.of(configuration.open_world), configuration.visibility
         volume, solid_angle = region.volume_m3, region.solid_angle
         if not is_open:
             half = 0.5 * limits.field_of_view_rad or np.pi
             solid_angle = 2.0 * np.pi * float(1.0 - np.cos(half))
-            reach = limits.max_range_m or configuration.perception.max_depth_m or region.max_range_m
+            reach = limits.max_range_m or max(configuration.perception.max_depth_m, region.max_range_m)
             volume = solid_angle * reach**3 / 3.0
         return cls(
             region=region,
@@ -87,10 +87,10 @@ class SpatialPlaces:
         spread = np.diag([prior.covariance[-1, -1], across, across]) + detection.covariance
         return -0.5 * float(np.linalg.slogdet(2.0 * np.pi * spread)[1])
 
-    def num_visible(self, belief: HybridBelief) -> float:
+    def visible(self, belief: HybridBelief) -> Flags:
         objects = belief.object_poses[:, : self.spaces.landmark.storage_size]
         robots = np.repeat(belief.poses[:1], len(objects), axis=0)
-        return float(np.exp(self.model.log_visibility(robots, objects, soft=False)).sum())
+        return np.asarray(self.model.log_visibility(robots, objects, soft=False) == 0.0)
 
     def expected_births(self, rates: DetectionRates) -> Array:
         return first_detections_in_space(self.region, rates)

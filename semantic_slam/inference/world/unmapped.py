@@ -8,6 +8,9 @@ import numpy as np
 
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
+SURELY = float(np.nextafter(1.0, 0.0))
+"""Largest existence probability of a placeholder that is not detected yet, which tells it from those that are."""
+
 
 def unmapped_objects(
     prior: MapPrior, count: int, probability: float, reach_m: float, sigma_heading_rad: float
@@ -29,7 +32,7 @@ def unmapped_objects(
             sigma_m=sigma,
             sigma_rad=sigma_heading_rad,
             name=f"unmapped_{number}",
-            existence=probability,
+            existence=min(probability, SURELY),
         )
         for number in range(first, first + count)
     )
