@@ -30,7 +30,7 @@ class PlanarPlaces:
     def of(cls, configuration: Configuration, *, is_open: bool) -> Self:
         """Where an open world expects detections; in a closed one, all that is visible.
 
-        Where a closed world limits no range, the region ends where perception and the region of clutter both have ended.
+        Where a closed world limits no range, the region ends where perception and clutter both end.
         """
         region, limits = sensor_region(configuration.open_world), configuration.visibility
         if not is_open:

@@ -43,7 +43,7 @@ class SpatialPlaces:
     def of(cls, configuration: Configuration, problem: Problem, *, is_open: bool) -> Self:
         """Where an open world expects detections; in a closed one, the cone that is visible.
 
-        Where a closed world limits no range, the region ends where perception and the region of clutter both have ended.
+        Where a closed world limits no range, the region ends where perception and clutter both end.
         """
         region, limits = SpatialRegion.of(configuration.open_world), configuration.visibility
         volume, solid_angle = region.volume_m3, region.solid_angle
