@@ -55,7 +55,7 @@ MAPPERS = {
     "max_mixture": "one hypothesis (max-mixture)",
     "no_semantics": "DA-BSP (geometry alone)",
     "hybrid_smoother": "GTSAM's HybridSmoother",
-    "nearest_neighbour": "nearest neighbour + arg max",
+    "nearest_neighbour": "nearest neighbour",
 }
 
 
@@ -124,7 +124,8 @@ SECTIONS = (
         "aliased_room",
         "No map: births, misses, false alarms",
         "30 drives through ten rooms (fewer in a quick run) with identical furniture, no map, 10 % false alarms and"
-        " 10 % misses added. All methods share the front end of births and existence.",
+        " 10 % misses added. All methods share the front end of births and existence; those without class models"
+        " get the product of the network's scores as their classes.",
         (("Odometry as configured", _mapped("default")), ("Three times its noise", _mapped("slippery"))),
     ),
     Section(
