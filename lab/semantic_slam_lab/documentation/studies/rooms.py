@@ -117,7 +117,8 @@ SECTIONS = (
         "Ten rooms, robot lost",
         "Ten rendered rooms (a quick run: one) of eight pieces of furniture, several identical, almost on a grid; an"
         " uncertain map, classes unknown, the start off by metres with a standard deviation of 10 m. *Settled at k*:"
-        " from keyframe k on the true association history has probability 0.99 or more.",
+        " from keyframe k on the true association history has probability 0.99 or more; a room in which it never has"
+        " counts in the mean as the keyframe after its last.",
         (("", ROOMS), ("Room by room", each_room)),
     ),
     Section(

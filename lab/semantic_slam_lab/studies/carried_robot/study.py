@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from semantic_slam.configuration import to_dict
-from semantic_slam_lab.repetitions import repeat
+from semantic_slam_lab.repetitions import own_numbers, repeat
 from semantic_slam_lab.studies.carried_robot.run import DRIVES, Driven, Method, driven, with_values
 from semantic_slam_lab.studies.faulty_rooms.closed import configuration
 from semantic_slam_lab.studies.result import Claim, Table, required, write_result
@@ -34,7 +34,7 @@ Found = Mapping[str, Mapping[str, Sequence[Driven]]]  # by world and method
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Drive, be carried, drive on; returns the files written."""
-    rooms = range(seed, seed + (QUICK_ROOMS if quick else ROOMS))
+    rooms = own_numbers(seed, QUICK_ROOMS if quick else ROOMS, ROOMS)
     tasks = [(world, METHODS[method], room) for world, method in CASES for room in rooms]
     told = iter(repeat(driven, tasks, jobs, "drives"))
     found: dict[str, dict[str, list[Driven]]] = {world: {} for world in DRIVES}

@@ -9,7 +9,7 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration, PerceptionConfiguration, SemanticModelConfiguration, to_dict
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam_lab.repetitions import repeat
+from semantic_slam_lab.repetitions import own_numbers, repeat
 from semantic_slam_lab.studies.ch5.models import NUM_GOODS
 from semantic_slam_lab.studies.latent_slam.maps import unannotated, with_classes, with_instances
 from semantic_slam_lab.studies.result import Claim, Table, write_result
@@ -47,7 +47,7 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Render, import, run every method with every map; returns the files written."""
     from semantic_slam.pipeline.provenance import revision
 
-    rooms = range(1 + seed, 1 + seed + (QUICK_ROOMS if quick else ROOMS))
+    rooms = [1 + number for number in own_numbers(seed, QUICK_ROOMS if quick else ROOMS, ROOMS)]
     limit = QUICK_KEYFRAMES if quick else None
     results = repeat(evaluate_room, [(out / f"room_{number}", number, limit) for number in rooms], jobs, "rooms")
     summary = {name: _means(results, name) for name in MAPS}
