@@ -24,6 +24,11 @@ def keyed_generator(*key: str | int) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest, "little")))
 
 
+def own_numbers(seed: int, count: int, whole: int) -> range:
+    """``count`` numbers of rooms that no other seed shares, where a whole run takes ``whole`` of them."""
+    return range(seed * whole, seed * whole + count)
+
+
 def repeat(
     function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], jobs: int, description: str
 ) -> list[Result]:

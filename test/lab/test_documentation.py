@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from semantic_slam_lab.documentation.build import outdated
 from semantic_slam_lab.documentation.fill import filled
+from semantic_slam_lab.documentation.headline import ROWS
 from semantic_slam_lab.documentation.messages import read_definition
 from semantic_slam_lab.documentation.parameters import parameters_page
 from semantic_slam_lab.documentation.writing.kept_results import KeptResults, keep, read_kept
@@ -60,6 +61,12 @@ def test_marked_values_are_replaced_and_the_rest_is_left() -> None:
 
 def test_values_are_written_as_asked() -> None:
     assert [value(None), value(True), value(0.5, ".0%"), value(3.0, ".1f m")] == ["–", "yes", "50%", "3.0 m"]
+
+
+def test_every_row_of_the_headline_tells_the_methods_apart() -> None:
+    results = read_kept(ROOT / "docs" / "results")
+    for _, ours, beside in (row.cells(results) for row in ROWS):
+        assert any(own.rpartition(": ")[2] != ours.strip("*") for own in beside.split("; ")), (ours, beside)
 
 
 def test_kept_results_leave_out_what_only_figures_need(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.aliased_room import study as study
 from semantic_slam_lab.studies.aliased_room.data import CLUTTER, Rates, Recording, alarms_per_frame, disturbed
 from semantic_slam_lab.studies.aliased_room.metrics import gospa, matched
+from semantic_slam_lab.studies.aliased_room.pages import claims_of
 from semantic_slam_lab.studies.aliased_room.scores import score
 
 from semantic_slam.class_models.viewpoint_models import load_model
@@ -187,6 +188,32 @@ def test_scores_of_a_run_that_found_nothing(model) -> None:
     assert row.metrics["nll"] == pytest.approx(np.log(len(model.class_names)))
     assert row.metrics["nees"] == pytest.approx(0.0)
     assert row.metrics["ate_m"] == absolute_trajectory_error(outcome.poses[:, :2], recording.truth[:, :2])
+
+
+def test_classes_of_a_method_without_class_models_are_the_product_of_the_networks_scores(model) -> None:
+    """Twelve views of three objects, each of its own association; the floor of a score is 0.01."""
+    recording = make_recording(model)
+    outcome = study._driven("ours", recording, Rates(0.0, 0.0), 0.01)
+    plain = replace(
+        outcome,
+        class_names=(),
+        associations=[(0, 1, 2)] * 12,
+        object_ids=np.arange(3),
+        objects=OBJECTS[:, :2],
+        existence=np.ones(3),
+    )
+    found = score(plain, recording, 0).class_probabilities
+    views = np.array([own.measurements.class_probability_samples.mean(axis=1) for own in recording.keyframes])
+    product = np.maximum(views, 0.01).prod(axis=0)
+    np.testing.assert_allclose(found, product / product.sum(axis=1, keepdims=True), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("ours", "other", "holds"), [(1e-9, 1e-8, False), (0.1, 0.1005, False), (0.1, 0.3, True)])
+def test_a_class_nll_has_to_be_smaller_by_more_than_nothing(ours: float, other: float, holds: bool) -> None:
+    row = {"runs_without_ghost": 1.0, "runs_complete": 1.0, "gospa_m": 0.3, "nll": other}
+    methods = {"ours": {**row, "gospa_m": 0.2, "nll": ours}, "no_semantics": row}
+    *_, of_gospa, of_nll = claims_of({"lines": {"default": methods}, "num_runs": {"default": 30}})
+    assert of_gospa.holds and of_nll.holds == holds
 
 
 @pytest.mark.parametrize(("settles", "alike", "count"), [(False, True, 1), (True, True, 0), (False, False, 0)])

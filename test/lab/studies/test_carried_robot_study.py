@@ -51,6 +51,14 @@ def test_a_room_that_shows_one_known_object_again_asks_for_nobody_to_be_found() 
     assert lost.measured == "7 of 8" and not lost.holds
 
 
+def test_who_is_found_where_little_is_seen_again_does_not_make_up_for_who_is_not_found() -> None:
+    unseen = replace(ROW, seen_again=1)
+    _, lost = claims_of({"own map": {"ours": [replace(ROW, found_after=None)] * 5 + [unseen] * 5}})
+    assert lost.measured == "0 of 5" and not lost.holds
+    _, nowhere = claims_of({"own map": {"ours": [unseen] * 10}})
+    assert nowhere.measured == "0 of 0" and not nowhere.holds
+
+
 def test_what_is_seen_twice_before_and_after_is_seen_again() -> None:
     labels = [[3, 5], [3, 5, -1], [7], [3, -1], [3, 5], [7]]
     assert num_seen_again(labels, 3) == 1

@@ -79,6 +79,13 @@ def test_claims_follow_the_numbers() -> None:
     assert not any(claim.holds for claim in wrong[:7])
 
 
+def test_no_claim_of_ascents_holds_where_none_helps() -> None:
+    good = {"improved_fraction": 1.0, "median_error_deg": 1.0, "descriptor_improved_from_1_sigma": 1.0}
+    bad = {"improved_fraction": 0.0, "median_error_deg": 90.0, "descriptor_improved_from_1_sigma": 0.0}
+    right, wrong = (sensitivity.claims(dict.fromkeys(("map", "energy", "default"), own)) for own in (good, bad))
+    assert all(claim.holds for claim in right) and not any(claim.holds for claim in wrong)
+
+
 def test_ascents_are_judged_from_both_kinds_of_starts(shipped: Shipped) -> None:
     views = predicted(shipped, known(shipped, goods_names(16)), 0.3)
     numbers, wide = sensitivity.evaluated(shipped.model, views, 18.0, 0)

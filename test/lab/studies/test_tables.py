@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 from semantic_slam_lab.simulation.tables import Flight, TableTops, table_tops
-from semantic_slam_lab.studies.tables.lost import lost
+from semantic_slam_lab.studies.tables.lost import GRAVITY_RAD, HEIGHT_M, LOST_M, drawn_map, guessed, lost
 from semantic_slam_lab.studies.tables.run import configuration, flown
 from semantic_slam_lab.studies.tables.study import band, claims_of, claims_of_starts
 
@@ -60,6 +60,21 @@ def test_a_flight_without_depth_finds_the_things_and_their_names() -> None:
     assert told.found == told.named_right == told.seen >= 8 and told.false <= 1
     assert told.associated > 0.9 and told.error_m < told.odometry_m
     assert told.pose_nees < chi2.ppf(0.999, 6) and told.object_nees < chi2.ppf(0.999, 3)
+
+
+def test_the_map_and_the_guess_of_a_lost_camera_err_by_what_they_say(room: TableTops) -> None:
+    random, places, guesses = np.random.default_rng(0), 0.0, 0.0
+    for _ in range(60):
+        for item, thing in zip(drawn_map(room, random, named=True).objects, room.things, strict=True):
+            off = item.pose[:3] - thing
+            places += off @ np.linalg.solve(item.covariance[:3, :3], off)
+        guess, truth = guessed(room, random), room.truth[0]
+        up = so3.rotated(so3.product(guess[3:], so3.inverse(truth[3:])), np.array([0.0, 0.0, 1.0]))
+        off = np.append((guess[:3] - truth[:3]) / [LOST_M, LOST_M, HEIGHT_M], up[:2] / GRAVITY_RAD)
+        guesses += off @ off
+    for found, degrees in ((places, 3 * 60 * len(room.things)), (guesses, 5 * 60)):
+        low, high = chi2.interval(0.99, degrees)
+        assert low < found < high
 
 
 @pytest.mark.long

@@ -56,7 +56,9 @@ SECTIONS = (
     Section(
         "ch5_sensitivity",
         "Chapter 5: ascent from a wrong start",
-        "Sec. 5.D: how often ascent of the likelihood from a start that is off improves it.",
+        "Sec. 5.D: how often ascent of the likelihood from a start that is off improves it. The thesis also finds"
+        " ascent over the camera's orientation extremely unstable (Fig. 5.6c). That is not tried here: a tight crop"
+        " carries no orientation, and the factor has no derivative by it.",
         (
             (
                 "",

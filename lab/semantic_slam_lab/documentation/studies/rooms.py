@@ -55,7 +55,7 @@ MAPPERS = {
     "max_mixture": "one hypothesis (max-mixture)",
     "no_semantics": "DA-BSP (geometry alone)",
     "hybrid_smoother": "GTSAM's HybridSmoother",
-    "nearest_neighbour": "nearest neighbour + arg max",
+    "nearest_neighbour": "nearest neighbour",
 }
 
 
@@ -117,14 +117,17 @@ SECTIONS = (
         "Ten rooms, robot lost",
         "Ten rendered rooms (a quick run: one) of eight pieces of furniture, several identical, almost on a grid; an"
         " uncertain map, classes unknown, the start off by metres with a standard deviation of 10 m. *Settled at k*:"
-        " from keyframe k on the true association history has probability 0.99 or more.",
+        " from keyframe k on the true association history has probability 0.99 or more; a room in which it never has"
+        " counts in the mean as the keyframe after its last.",
         (("", ROOMS), ("Room by room", each_room)),
     ),
     Section(
         "aliased_room",
         "No map: births, misses, false alarms",
         "30 drives through ten rooms (fewer in a quick run) with identical furniture, no map, 10 % false alarms and"
-        " 10 % misses added. All methods share the front end of births and existence.",
+        " 10 % misses added. All methods share the front end of births and existence; those without class models"
+        " get the product of the network's scores as their classes. Results of revisions up to `0.2.0+b0a3267` have"
+        " shares of votes in its place, of which NLL and ECE tell little more than how many votes there were.",
         (("Odometry as configured", _mapped("default")), ("Three times its noise", _mapped("slippery"))),
     ),
     Section(

@@ -1,25 +1,26 @@
 """Rooms of other seeds than the shipped one: the default configuration, gp_correlated, and geometry alone (da_bsp)."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
-from tqdm import tqdm
 
 from semantic_slam.configuration import Configuration, SemanticModelConfiguration, to_dict
+from semantic_slam_lab.repetitions import own_numbers, repeat
 from semantic_slam_lab.studies.result import Claim, Table, write_result
 
+SETTLED = "keyframe_disambiguated"
 METRICS = (
     "association_right",
     "min_true_class_probability",
     "ate_m",
     "dead_reckoning_ate_m",
     "dead_reckoning_true_start_ate_m",
-    "keyframe_disambiguated",
+    SETTLED,
 )
 SCENES, QUICK_SCENES = 10, 1
 FIRST_SCENE = 1
@@ -30,24 +31,26 @@ QUICK_KEYFRAMES = 40
 OTHER_KINDS = ("gp_correlated", "none")
 
 
+Metrics = dict[str, float | None]
+
+
 @dataclass(frozen=True)
 class SceneResult:
     """Metrics of the configurations in one room, and which requirements the default one meets."""
 
     scene: int
     num_keyframes: int
-    ours: dict[str, float | None]
-    correlated: dict[str, float | None]
-    no_semantics: dict[str, float | None]
+    ours: Metrics
+    correlated: Metrics
+    no_semantics: Metrics
     requirements: dict[str, bool]
 
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Render, import, run and compare; returns the files written."""
-    scenes = range(FIRST_SCENE + seed, FIRST_SCENE + seed + (QUICK_SCENES if quick else SCENES))
+    scenes = [FIRST_SCENE + number for number in own_numbers(seed, QUICK_SCENES if quick else SCENES, SCENES)]
     limit = QUICK_KEYFRAMES if quick else None
-    tasks = (delayed(evaluate_scene)(out / f"scene_{n}", n, limit) for n in scenes)
-    results = list(tqdm(Parallel(n_jobs=jobs, return_as="generator")(tasks), total=len(scenes), desc="scenes"))
+    results = repeat(evaluate_scene, [(out / f"scene_{n}", n, limit) for n in scenes], jobs, "scenes")
     claims = [_claim(results), _correlated_claim(results)]
     return write_result(out, _summary(results, quick, seed), claims, [_table(results)])
 
@@ -69,7 +72,7 @@ def evaluate_scene(folder: Path, number: int, max_keyframes: int | None) -> Scen
     return SceneResult(number, num_keyframes, first, correlated, alone, requirements(first, alone))
 
 
-def _metrics(bag: Path, out: Path, configuration: Configuration) -> tuple[dict[str, float | None], int]:
+def _metrics(bag: Path, out: Path, configuration: Configuration) -> tuple[Metrics, int]:
     from semantic_slam.pipeline.offline import run_bag
     from semantic_slam.report.make import make_report
 
@@ -79,10 +82,10 @@ def _metrics(bag: Path, out: Path, configuration: Configuration) -> tuple[dict[s
     return {name: report["metrics"].get(name) for name in METRICS}, summary.num_keyframes
 
 
-def requirements(ours: dict[str, float | None], geometric: dict[str, float | None]) -> dict[str, bool]:
+def requirements(ours: Metrics, geometric: Metrics) -> dict[str, bool]:
     """What the default configuration has to reach in a room, and geometry alone must not."""
     value = {name: np.nan if number is None else float(number) for name, number in ours.items()}
-    settled, alone = ours["keyframe_disambiguated"], geometric["keyframe_disambiguated"]
+    settled, alone = ours[SETTLED], geometric[SETTLED]
     return {
         "associations right >= 98 %": bool(value["association_right"] >= 0.98),
         "every true class >= 0.9": bool(value["min_true_class_probability"] >= 0.9),
@@ -118,10 +121,6 @@ def _correlated_claim(results: list[SceneResult]) -> Claim:
 def _summary(results: list[SceneResult], quick: bool, seed: int) -> dict[str, Any]:
     from semantic_slam.pipeline.provenance import revision
 
-    def means(rows: list[dict[str, float | None]]) -> dict[str, float | None]:
-        columns = {name: [row[name] for row in rows if row[name] is not None] for name in METRICS}
-        return {name: float(np.mean(values)) if values else None for name, values in columns.items()}  # type: ignore[arg-type]
-
     return {
         "study": "aliased_scenes",
         "seed": seed,
@@ -129,9 +128,9 @@ def _summary(results: list[SceneResult], quick: bool, seed: int) -> dict[str, An
         "revision": revision(),
         "quick": quick,
         "methods": {
-            "ours": {"method": "default", **means([result.ours for result in results])},
-            "gp_correlated": means([result.correlated for result in results]),
-            "no_semantics": means([result.no_semantics for result in results]),
+            "ours": {"method": "default", **_means(results, lambda result: result.ours)},
+            "gp_correlated": _means(results, lambda result: result.correlated),
+            "no_semantics": _means(results, lambda result: result.no_semantics),
         },
         "scenes": [
             {
@@ -145,6 +144,17 @@ def _summary(results: list[SceneResult], quick: bool, seed: int) -> dict[str, An
             for result in results
         ],
     }
+
+
+def _means(results: list[SceneResult], method: Callable[[SceneResult], Metrics]) -> Metrics:
+    """Mean of each metric; a room that never settles counts as the keyframe after its last."""
+    rows = [method(result) for result in results]
+    rows = [
+        row | {SETTLED: result.num_keyframes if row[SETTLED] is None else row[SETTLED]}
+        for row, result in zip(rows, results, strict=True)
+    ]
+    columns = {name: [value for row in rows if (value := row[name]) is not None] for name in METRICS}
+    return {name: float(np.mean(values)) if values else None for name, values in columns.items()}
 
 
 def _table(results: list[SceneResult]) -> Table:
@@ -182,9 +192,9 @@ def _row(result: SceneResult) -> tuple[str, ...]:
         _text(alone["ate_m"]),
         _text(ours["dead_reckoning_ate_m"]),
         _text(ours["dead_reckoning_true_start_ate_m"]),
-        _text(ours["keyframe_disambiguated"]),
-        _text(correlated["keyframe_disambiguated"]),
-        _text(alone["keyframe_disambiguated"]),
+        _text(ours[SETTLED]),
+        _text(correlated[SETTLED]),
+        _text(alone[SETTLED]),
         ", ".join(name for name, met in result.requirements.items() if not met) or "–",
     )
 

@@ -17,6 +17,7 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam_lab.studies.aliased_room.data import CLUTTER, Recording
 from semantic_slam_lab.studies.aliased_room.methods import Outcome
 from semantic_slam_lab.studies.aliased_room.metrics import LEAST_EXISTENCE, gospa, matched
+from semantic_slam_lab.studies.own_detector.baselines import product_of_scores
 
 METRICS = {
     "gospa_m": "GOSPA [m]",
@@ -79,17 +80,20 @@ def score(outcome: Outcome, drive: Recording, draw: int) -> Row:
 
 
 def _classes(outcome: Outcome, drive: Recording) -> dict[int, Array]:
-    """Object id -> (C,) in the order of the measurements' classes: the belief's, or shares of votes without one."""
+    """Object id -> (C,) in the order of the measurements' classes.
+
+    The belief's, or, of a method without class models, the product of the network's scores of the detections that it
+    associates with the object, as :func:`own_detector.baselines.product_of_scores` has it.
+    """
     names = drive.keyframes[0].measurements.class_names
     if outcome.class_names:
         order = [outcome.class_names.index(name) for name in names]
         return {int(n): row[order] for n, row in zip(outcome.object_ids, outcome.classes, strict=True)}
-    votes: dict[int, Array] = {}
+    scores: dict[int, list[Array]] = {}
     for own, keyframe in zip(outcome.associations, drive.keyframes, strict=False):
         for row, number in enumerate(own):
-            counts = votes.setdefault(int(number), np.ones(len(names)))
-            counts[int(keyframe.measurements.class_probability_samples[row].mean(axis=0).argmax())] += 1.0
-    return {number: counts / counts.sum() for number, counts in votes.items()}
+            scores.setdefault(int(number), []).append(keyframe.measurements.class_probability_samples[row].mean(axis=0))
+    return {number: product_of_scores(np.array(views)) for number, views in scores.items()}
 
 
 def _nees(outcome: Outcome, truth: Array) -> Array:

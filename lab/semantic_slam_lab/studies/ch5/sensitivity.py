@@ -76,7 +76,7 @@ def _descriptors_improved(model: LatentModel, views: FeatureViews, own: Array, s
 
 
 def claims(numbers: dict[str, dict[str, float]]) -> list[Claim]:
-    """The project's aims, and what the thesis says of directions that are not observed."""
+    """The project's aims, and what the thesis says of the descriptor."""
     of_map, of_energy = numbers["map"], numbers["energy"]
     return [
         Claim(
@@ -99,13 +99,6 @@ def claims(numbers: dict[str, dict[str, float]]) -> list[Claim]:
             "unstable, like the orientation",
             ", ".join(f"{WORDS[name]} {row['descriptor_improved_from_1_sigma']:.2f}" for name, row in numbers.items()),
             min(row["descriptor_improved_from_1_sigma"] for row in numbers.values()) > 0.5,
-        ),
-        Claim(
-            "Ascent over the camera's orientation is unstable (Fig. 5.6c)",
-            "Sec. 5.D",
-            "extremely unstable",
-            "cannot occur: a tight crop carries no orientation, the factor has no derivative by it",
-            True,
         ),
     ]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.configuration import to_dict
-from semantic_slam_lab.repetitions import repeat
+from semantic_slam_lab.repetitions import own_numbers, repeat
 from semantic_slam_lab.simulation.desks import Office
 from semantic_slam_lab.studies.desks.run import Walked, configuration, walked
 from semantic_slam_lab.studies.result import Claim, Table, required, write_result
@@ -25,7 +25,7 @@ Found = Mapping[float, Sequence[Walked]]  # by drift
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Walk; returns the files written. A quick run walks a few steps before a few things."""
     office = QUICK if quick else Office()
-    seeds = range(seed, seed + (QUICK_WALKS if quick else WALKS))
+    seeds = own_numbers(seed, QUICK_WALKS if quick else WALKS, WALKS)
     told = iter(repeat(walked, [(number, drift, office) for drift in DRIFTS for number in seeds], jobs, "walks"))
     found = {drift: [next(told) for _ in seeds] for drift in DRIFTS}
     from semantic_slam.pipeline.provenance import revision

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam_lab.repetitions import repeat
+from semantic_slam_lab.repetitions import own_numbers, repeat
 from semantic_slam_lab.studies.embeddings import texts
 from semantic_slam_lab.studies.embeddings.drives import METHODS, driven
 from semantic_slam_lab.studies.embeddings.gallery import Gallery, drawn, photographed
@@ -54,16 +54,15 @@ def _of_photographs(data: Path | None) -> list[Gallery]:
 def _evaluated(gallery: Gallery, *, quick: bool, jobs: int, seed: int) -> dict[str, Any]:
     """Scores by pass, method and group of questions; and of rooms by method."""
     maps, rooms = (QUICK_MAPS, QUICK_ROOMS) if quick else (MAPS, ROOMS)
-    tasks = [(gallery, name, seed + number) for name in PASSES for number in range(maps)]
+    tasks = [(gallery, name, number) for name in PASSES for number in own_numbers(seed, maps, MAPS)]
     every = repeat(asked_of_map, tasks, jobs, f"{gallery.network}: maps")
     by_pass = {name: list[Asked]() for name in PASSES}
     for (_, name, _), asked_there in zip(tasks, every, strict=True):
         by_pass[name] += asked_there
     passes = {name: _by_group(own) for name, own in by_pass.items()}
     length = QUICK_KEYFRAMES if quick else NUM_KEYFRAMES
-    driven_rooms = repeat(
-        driven, [(gallery, seed + number, length) for number in range(rooms)], jobs, f"{gallery.network}: rooms"
-    )
+    drives = [(gallery, number, length) for number in own_numbers(seed, rooms, ROOMS)]
+    driven_rooms = repeat(driven, drives, jobs, f"{gallery.network}: rooms")
     methods = {
         method: {
             name: float(np.mean([metrics[method][name] for metrics, _ in driven_rooms]))
@@ -90,7 +89,7 @@ def _by_group(asked: list[Asked]) -> dict[str, dict[str, dict[str, float]]]:
 
 def _named(gallery: Gallery, maps: int, jobs: int, seed: int) -> dict[str, dict[str, float]]:
     """Scores of questions by text, by how well texts point at what they name."""
-    tasks = [(gallery, pointing, seed + number) for pointing in texts.POINTING for number in range(maps)]
+    tasks = [(gallery, pointing, number) for pointing in texts.POINTING for number in own_numbers(seed, maps, MAPS)]
     every = repeat(texts.named_on_map, tasks, jobs, "texts")
     return {
         pointing: texts.scores(

@@ -11,6 +11,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.shipped import configuration_file
+from semantic_slam_lab.studies.aliased_room.metrics import matched
 from semantic_slam_lab.studies.faulty_rooms.open_room import FALSE_ALARM, OpenRoom, open_room
 
 BINS = 10
@@ -19,7 +20,7 @@ DRAWS, LEVEL = 2000, 0.01
 LEAST_ENTRIES = 20
 """Entries of a bin that is judged."""
 STATED, NEAR_M = 0.5, 1.0
-"""An object is a ghost if it is stated with more than the first, and no true one is nearer than the second."""
+"""An object is a ghost if it is stated with more than the first, and stands for no true one nearer than the second."""
 AGAIN = 2
 """Detections from which on what an object is follows from most of them."""
 START_SIGMA = (0.01, 0.01, 0.01)
@@ -84,10 +85,9 @@ def _stands_for_one(number: int, seen: Mapping[int, Counter[int]], started: Mapp
 
 
 def _ghosts(belief: HybridBelief, room: OpenRoom) -> int:
+    """Stated objects that stand for no true one; pairs are one to one, so that a second copy is a ghost, too."""
     stated = belief.object_poses[belief.existence > STATED, :2]
-    if not len(stated) or not len(room.objects):
-        return len(stated)
-    return int((np.linalg.norm(stated[:, None] - room.objects[None, :, :2], axis=2).min(axis=1) > NEAR_M).sum())
+    return len(stated) - int((matched(stated, room.objects, NEAR_M) >= 0).sum())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -74,9 +74,11 @@ def _displaced_on_survey(room: ClosedRoom, seed: int) -> FaultyRoom:
 
 
 def _outliers(room: ClosedRoom, seed: int) -> FaultyRoom:
-    """A hundredth of the detections anywhere in the sensor's region."""
-    random, wrong = np.random.default_rng([23, seed]), frozenset(some_views(room, HUNDREDTH, seed))
-    keyframes = list(room.keyframes)
+    """A hundredth of the detections, and one at least, anywhere in the sensor's region."""
+    random, keyframes = np.random.default_rng([23, seed]), list(room.keyframes)
+    every = [(k, row) for k, own in enumerate(room.associations) for row in range(len(own))]
+    count = max(1, round(HUNDREDTH * len(every)))
+    wrong = frozenset(every[n] for n in random.choice(len(every), count, replace=False))
     for k, row in sorted(wrong):
         measured = keyframes[k].measurements
         ranges, bearings = measured.ranges_m.copy(), measured.bearings_rad.copy()

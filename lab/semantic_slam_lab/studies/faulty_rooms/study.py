@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.configuration import to_dict
-from semantic_slam_lab.repetitions import keyed_generator, repeat
+from semantic_slam_lab.repetitions import keyed_generator, own_numbers, repeat
 from semantic_slam_lab.studies.faulty_rooms.closed import CONFIGURATIONS, Driven, configuration, driven_room
 from semantic_slam_lab.studies.faulty_rooms.existence import Judged, calibration_error, judged_room, reliability
 from semantic_slam_lab.studies.faulty_rooms.faults import FAULTS
@@ -27,10 +27,10 @@ def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Draw, drive, judge; returns the files written."""
     rooms, keyframes = (QUICK_ROOMS, QUICK_KEYFRAMES) if quick else (ROOMS, KEYFRAMES)
     tasks = [
-        (fault, name, seed + number, keyframes)
+        (fault, name, number, keyframes)
         for fault in FAULTS
         for name in CONFIGURATIONS
-        for number in range(rooms)
+        for number in own_numbers(seed, rooms, ROOMS)
     ]
     closed = repeat(driven_room, tasks, jobs, "closed rooms")
     count, length = (QUICK_OPEN_ROOMS, QUICK_OPEN_KEYFRAMES) if quick else (OPEN_ROOMS, OPEN_KEYFRAMES)

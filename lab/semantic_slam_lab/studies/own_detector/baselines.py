@@ -30,9 +30,13 @@ def arg_max(views: Sequence[Told]) -> Array:
 
 def running_product(views: Sequence[Told]) -> Array:
     """Scores multiplied as if views were independent and scores likelihoods."""
-    logs = np.zeros(len(CLASSES))
-    for told in views:
-        logs += np.log(np.maximum(np.nan_to_num(told.scores), LEAST_SCORE))
+    scores = np.array([told.scores for told in views]).reshape(len(views), len(CLASSES))
+    return product_of_scores(np.nan_to_num(scores))
+
+
+def product_of_scores(scores: Array) -> Array:
+    """(C,) normalised product of (V, C) scores, each at least ``LEAST_SCORE``; even without views."""
+    logs = np.log(np.maximum(scores, LEAST_SCORE)).sum(axis=0)
     return np.asarray(np.exp(logs - np.logaddexp.reduce(logs)))
 
 

@@ -1,5 +1,6 @@
 """Two sessions in one room, and what the difference of their maps says."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,7 +39,7 @@ class Judged:
     gone: float
     new: float
     wrong: int  # things that are said besides, or of another place
-    displacement_error_m: float  # the larger one
+    place_error_m: float | None  # of the displaced ones in the new map, the larger one; None: not both are there
 
     @property
     def least(self) -> float:
@@ -58,7 +59,7 @@ def sessions(number: int, seed: int) -> dict[str, Judged]:
     found = _found_on(old, after, on_map, anywhere)
     lost = _map(after, without, None, anywhere, LOST_SIGMA)
     return {
-        name: judged(difference(Comparison.of(old, new)), change, before)
+        name: judged_maps(Comparison.of(old, new), change, before)
         for name, new in zip(STARTS, (here, found, lost), strict=True)
     }
 
@@ -92,14 +93,20 @@ def _map(room: Recording, configuration: Configuration, prior: MapPrior | None, 
     return with_id(saved_map_of_engine(engine, engine.pool, belief))
 
 
-def judged(told: MapDifference, change: Change, before: Recording) -> Judged:
-    """Against the truth."""
-    was = dict(zip(map(int, before.object_ids), before.objects, strict=True))
+def judged_maps(told: Comparison, change: Change, before: Recording) -> Judged:
+    """What the difference of two maps says, against the truth."""
+    numbers = told.new.objects.ids[told.theirs.rows].tolist()
+    return judged(difference(told), dict(zip(numbers, told.new_positions, strict=True)), change, before)
+
+
+def judged(told: MapDifference, places: Mapping[int, Array], change: Change, before: Recording) -> Judged:
+    """A difference against the truth; ``places`` (2,) are those of the new map's objects in the old map's frame."""
     now = {own.object_id: np.array([own.x_m, own.y_m]) for own in change.objects}
     rows = {own.object_id: own for own in told.old}
-    away = {n: float(np.hypot(*(now[n] - was[n][:2]))) for n in sorted(change.moved)}
-    errors = [abs(rows[n].distance_m - distance) for n, distance in away.items()]
-    wrong = sum(rows[n].kind != "same" for n in was if n not in change.moved and n != change.gone)
+    found = {n: rows[n].new_id for n in sorted(change.moved)}
+    errors = [np.inf if own is None else float(np.hypot(*(places[own] - now[n]))) for n, own in found.items()]
+    kept = {int(n) for n in before.object_ids} - change.moved - {change.gone}
+    wrong = sum(rows[n].kind != "same" for n in kept)
     wrong += sum(not error < NEAR_M for error in errors)
     news = [own for own in told.new if own.probability >= STATED]
     right = [own for own in news if np.hypot(*(own.position - now[change.new])) < NEAR_M]
@@ -108,5 +115,5 @@ def judged(told: MapDifference, change: Change, before: Recording) -> Judged:
         gone=rows[change.gone].probabilities["gone"],
         new=max((own.probability for own in right), default=0.0),
         wrong=int(wrong) + len(news) - min(len(right), 1),
-        displacement_error_m=float(np.max(errors)),
+        place_error_m=max(errors) if np.isfinite(errors).all() else None,
     )

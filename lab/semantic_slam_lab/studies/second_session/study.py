@@ -77,10 +77,10 @@ def _table(rooms: Rooms) -> Table:
             f"{number}, {start.replace('_', ' ')}",
             *(f"{value:.3f}" for value in (*told.displaced, told.gone, told.new)),
             str(told.wrong),
-            f"{told.displacement_error_m:.2f}",
+            "–" if told.place_error_m is None else f"{told.place_error_m:.2f}",
         )
         for number, room in rooms.items()
         for start, told in room.items()
     ]
-    titles = ("room", "P(displaced)", "P(displaced)", "P(gone)", "P(new)", "said wrongly", "displacement off by [m]")
+    titles = ("room", "P(displaced)", "P(displaced)", "P(gone)", "P(new)", "said wrongly", "displaced ones off by [m]")
     return Table("Rooms", titles, tuple(rows))

@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.configuration import Configuration, from_dict, to_dict
 from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
@@ -48,14 +49,13 @@ def on_map(*, named: bool) -> Configuration:
 
 
 def lost(seed: int, named: bool, flight: Flight) -> Settled:
-    """Draw a room and a guess, fly on."""
+    """Draw a room, a guess and a map of it, fly on."""
     random, own = keyed_generator("tables", "lost", seed), on_map(named=named)
     room = table_tops(flight, SpatialRegion.of(own.open_world), random)
-    away = random.normal(size=3) * [LOST_M, LOST_M, HEIGHT_M]
-    yaw = so3.exp(np.array([0.0, 0.0, random.uniform(-np.pi, np.pi)]))
-    guess = np.append(room.truth[0, :3] + away, so3.product(yaw, room.truth[0, 3:]))
+    guess = guessed(room, random)
     sigmas = np.array([LOST_M, LOST_M, HEIGHT_M, GRAVITY_RAD, GRAVITY_RAD, ANY_YAW_RAD])
-    engine = Engine(own, _map(room, named=named), initial_pose=guess, initial_covariance=np.diag(sigmas**2))
+    prior = drawn_map(room, random, named=named)
+    engine = Engine(own, prior, initial_pose=guess, initial_covariance=np.diag(sigmas**2))
     spent, wrong = list[float](), 0.0
     for k, keyframe in enumerate(room.keyframes[:KEYFRAMES]):
         begin = time.process_time()
@@ -65,7 +65,7 @@ def lost(seed: int, named: bool, flight: Flight) -> Settled:
         wrong = max(wrong, float(weights[off >= RIGHT_M].max(initial=0.0)))
     return Settled(
         seed=seed,
-        off_m=float(np.linalg.norm(away)),
+        off_m=float(np.linalg.norm(guess[:3] - room.truth[0, :3])),
         right=float(weights[off < RIGHT_M].sum()),
         wrong=wrong,
         error_m=float(off[0]),
@@ -74,7 +74,17 @@ def lost(seed: int, named: bool, flight: Flight) -> Settled:
     )
 
 
-def _map(room: TableTops, *, named: bool) -> MapPrior:
+def guessed(room: TableTops, random: np.random.Generator) -> Array:
+    """(7,) first pose, off by the stated standard deviations and any yaw along the axes of map."""
+    away = random.normal(size=3) * [LOST_M, LOST_M, HEIGHT_M]
+    yaw = so3.exp(np.array([0.0, 0.0, random.uniform(-np.pi, np.pi)]))
+    tilt = so3.exp(np.append(GRAVITY_RAD * random.normal(size=2), 0.0))
+    return np.append(room.truth[0, :3] + away, so3.product(tilt, so3.product(yaw, room.truth[0, 3:])))
+
+
+def drawn_map(room: TableTops, random: np.random.Generator, *, named: bool) -> MapPrior:
+    """The things, each place off by the standard deviation that the map states."""
+    places = room.things + MAP_SIGMA_M * random.normal(size=room.things.shape)
     spread = np.diag([*[MAP_SIGMA_M**2] * 3, 0.0, 0.0, 0.0])
     objects = [
         ObjectPrior(
@@ -84,6 +94,6 @@ def _map(room: TableTops, *, named: bool) -> MapPrior:
             covariance=spread,
             class_probabilities={room.names[n]: 1.0} if named else {},
         )
-        for n, place in enumerate(room.things)
+        for n, place in enumerate(places)
     ]
     return MapPrior(tuple(objects))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from semantic_slam.configuration import to_dict
-from semantic_slam_lab.repetitions import repeat
+from semantic_slam_lab.repetitions import own_numbers, repeat
 from semantic_slam_lab.simulation.detectors.detector_words import DetectorFaults
 from semantic_slam_lab.simulation.tables import NAMES, OTHERS, Flight
 from semantic_slam_lab.studies.result import Claim, Table, required, write_result
@@ -40,7 +40,7 @@ Put = Mapping[str, Sequence[Settled]]  # by what is on the map
 
 def run(out: Path, *, quick: bool, jobs: int, seed: int) -> list[Path]:
     """Fly over tables; returns the files written."""
-    rooms = range(seed, seed + (QUICK_ROOMS if quick else ROOMS))
+    rooms = own_numbers(seed, QUICK_ROOMS if quick else ROOMS, ROOMS)
     told = iter(repeat(flown, [(room, flight) for flight in FLIGHTS.values() for room in rooms], jobs, "flights"))
     found = {name: [next(told) for _ in rooms] for name in FLIGHTS}
     tasks = [(room, named, Flight()) for named in STARTS.values() for room in rooms]
