@@ -17,9 +17,9 @@ from semantic_slam.perception.uncertainty import sample_covariance
 from semantic_slam.training.appearance import fit_appearance
 from semantic_slam.training.augmentation import room_crop
 from semantic_slam.training.other_things import other_crop
-from semantic_slam.training.viewpoint.calibration import FOLDS, Residuals, left_out_residuals, report_of
+from semantic_slam.training.viewpoint.calibration import Residuals, left_out_residuals, report_of
 from semantic_slam.training.viewpoint.regression import fit_class
-from semantic_slam.training.viewpoint.samples import ClassSamples
+from semantic_slam.training.viewpoint.samples import FOLDS, ClassSamples
 from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.appearance import KnownAppearance
 from semantic_slam.viewpoint.spherical_process import fitted_classes

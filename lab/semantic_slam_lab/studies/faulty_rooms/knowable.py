@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
@@ -50,8 +51,9 @@ def moved_if_associations_were_known(faulty: FaultyRoom, share: float, sigma_m: 
     return Displacement(
         offset=estimate - mapped,
         covariance=covariance[first:, first:],
-        prior=priors,
+        prior=block_diag(*priors),
         taken=np.zeros(len(priors), dtype=bool),
+        weighed=np.arange(len(priors)),
         share=share,
         sigma_m=sigma_m,
     ).probabilities()
