@@ -182,7 +182,19 @@ class ClosedKeyframe:
         detections = [self.step.detections[i] for i in self.used]
         spaces, model = self.problem.spaces, self.problem.model
         found = map_gate(spaces, model, self.step, detections, self.parents.components, objects, gate)
-        return replace(found, has_clutter=self.log_clutter is not None)
+        return replace(found, has_clutter=self.log_clutter is not None, num_alike=self._num_alike)
+
+    @property
+    def _num_alike(self) -> Index | None:
+        """(P,) free placeholders that a detection cannot be of, as the first one is before them; None: all are options.
+
+        Without distinct assignment a detection may be of one that another detection of the frame has taken.
+        """
+        if len(self.problem.unmapped_ids) < 2 or not self.problem.distinct:
+            return None
+        ids = np.array(list(self.problem.unmapped_ids), dtype=int)
+        num_free = [int(free_placeholders(own.objects, ids).sum()) for own in self.parents.components]
+        return np.asarray(np.maximum(np.array(num_free, dtype=int) - 1, 0))
 
     def _associated(self, near: Sequence[int], gate: MapGate | None) -> WeighedAssociations:
         object_ids = np.array([*near, *self._new[0]], dtype=int)

@@ -34,6 +34,7 @@ class MapGate:
     log_peak: float  # log density of all detections at zero cost
     admitted: Flags  # (P, D, O) pairs that are enumerated
     has_clutter: bool = False  # whether a detection may also be of no object
+    num_alike: Index | None = None  # (P,) objects that are no option beside others like them; None: none
 
     def columns(self) -> Index:
         """Columns of the objects that are enumerated for some parent and detection."""
@@ -47,7 +48,8 @@ class MapGate:
     def log_left_out(self, best: Array) -> Array:
         """(P,) upper bound on the log mass of all associations with a pair not admitted, relative to ``best`` (P,)."""
         _, detections, objects = self.cost.shape
-        others = (detections - 1) * np.log(objects + self.has_clutter)  # every way to associate the other detections
+        options = objects + self.has_clutter - (0 if self.num_alike is None else self.num_alike)
+        others = (detections - 1) * np.log(options)  # every way to associate the other detections
         bounds = np.where(self.admitted, -np.inf, self.log_peak - self.cost - best[:, None, None])
         return np.asarray(others + np.logaddexp.reduce(bounds.reshape(len(best), -1), axis=1))
 

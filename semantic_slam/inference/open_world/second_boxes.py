@@ -68,4 +68,5 @@ def _along(line: LineOfSight, places: Array, spreads: Array) -> Array:
     across = (np.trace(spreads, axis1=1, axis2=2) - depth) / (size - 1)
     variances = across / squared + line.variance
     per_angle = np.exp(-0.5 * angles**2 / variances) / (2.0 * np.pi * variances) ** (0.5 * (size - 1))
-    return np.asarray(per_angle * np.exp(-line.log_extent))
+    anywhere = 0.5 / np.pi if size == 2 else 0.25 / np.pi  # of a thing at the sensor, in every direction alike
+    return np.asarray(np.maximum(per_angle, np.where(variances > 1.0, anywhere, 0.0)) * np.exp(-line.log_extent))

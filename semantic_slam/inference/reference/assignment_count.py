@@ -6,16 +6,18 @@ from scipy.special import gammaln
 from semantic_slam.geometry.arrays import Array
 
 
-def log_num_assignments(num_detections: int, num_mapped: int, unmapped: Array, clutter: float, distinct: bool) -> float:
+def log_num_assignments(
+    num_detections: int, num_certain: int, uncertain: Array, clutter: float, distinct: bool
+) -> float:
     """Log of the sum over all assignments of n detections to objects or clutter of their weights in a closed world.
 
-    Each object weighs 1 and each clutter detection ``clutter``, its rate. ``unmapped`` (K,) are the existence
-    probabilities of objects that the map may lack, which are independent. An integral of the belief's density over all
+    Each object weighs 1 and each clutter detection ``clutter``, its rate. ``uncertain`` (K,) are the existence
+    probabilities of objects that may not exist, which are independent. An integral of the belief's density over all
     measurements of n detections is this number.
     """
-    counts = num_mapped + np.arange(len(unmapped) + 1)
+    counts = num_certain + np.arange(len(uncertain) + 1)
     with np.errstate(divide="ignore"):
-        log_shares, log_clutter = np.log(_shares_of_counts(unmapped)), float(np.log(clutter))
+        log_shares, log_clutter = np.log(_shares_of_counts(uncertain)), float(np.log(clutter))
         if not distinct:
             logs = num_detections * np.log(counts + clutter) if num_detections else np.zeros(len(counts))
         else:

@@ -40,7 +40,7 @@ from semantic_slam.inference.world.problem import Problem
 class Reference:
     """The null model of one run. It is stateful: give it every keyframe once, in order."""
 
-    STATE: ClassVar[tuple[str, ...]] = ("_named", "_unmapped")
+    STATE: ClassVar[tuple[str, ...]] = ("_named", "_uncertain")
 
     def __init__(
         self, configuration: Configuration, problem: Problem, places: EvenPlaces, scores: KeyframeScores
@@ -52,8 +52,7 @@ class Reference:
         twins = problem.displaced.on_map
         names = {entry.object_id: entry.name for entry in problem.objects if entry.object_id not in twins}
         self._named = set(objects_by_identity(names))
-        placeholders = (entry for entry in problem.objects if entry.object_id in problem.unmapped_ids)
-        self._unmapped = {entry.object_id: entry.existence for entry in placeholders}  # before the next keyframe
+        self._uncertain = _uncertain_existence(problem)  # before the next keyframe
 
     def log_density(self, step: Step, belief: HybridBelief) -> float:
         """Log density of the step's detections, in nats; ``belief`` is the posterior after them.
@@ -91,18 +90,19 @@ class Reference:
     def _mapped(self, step: Step, belief: HybridBelief) -> float:
         """Known map: the detections that are associated, uniform, with the weights of their assignments.
 
-        Objects that the map may lack exist as they did before this keyframe.
+        Objects whose existence the belief weighs exist as they did before this keyframe.
         """
         problem = self._problem
         clutter = problem.closed_world.clutter_per_frame if problem.clutter is not None else 0.0
         used = used_detections(step, len(problem.objects), distinct=problem.distinct, has_clutter=clutter > 0.0)
         visible = belief.object_ids[self._places.visible(belief)].tolist()
-        unmapped = np.array([self._unmapped[n] for n in visible if n in self._unmapped])
-        num_mapped = len(visible) - len(unmapped)
+        uncertain = np.array([self._uncertain[n] for n in visible if n in self._uncertain])
+        num_certain = len(visible) - len(uncertain)
         if clutter <= 0.0:  # all of them are of objects, which are then visible
-            num_mapped = max(num_mapped, len(used))
-        self._unmapped = {n: float(belief.existence[belief.object_ids == n][0]) for n in self._unmapped}
-        assignments = log_num_assignments(len(used), num_mapped, unmapped, clutter, problem.distinct)
+            num_certain = max(num_certain, len(used) - len(uncertain))
+        existence = dict(zip(belief.object_ids.tolist(), np.minimum(belief.existence, 1.0).tolist(), strict=True))
+        self._uncertain = {n: existence[n] for n in self._uncertain}
+        assignments = log_num_assignments(len(used), num_certain, uncertain, clutter, problem.distinct)
         return self._evenly(step, used.tolist(), self._places) + assignments
 
     def _evenly(self, step: Step, used: Sequence[int], places: EvenPlaces) -> float:
@@ -119,3 +119,13 @@ class Reference:
         mean = self._rates.clutter_per_frame + births
         log_counts = count * np.log(mean) - (count + 1.0) * np.log1p(mean)
         return float(gammaln(count + 1.0) + np.logaddexp.reduce(log_counts) - np.log(len(mean)))
+
+
+def _uncertain_existence(problem: Problem) -> dict[int, float]:
+    """Prior existence probability of the objects for whose first detection the belief charges it, by id.
+
+    They are placeholders of unmapped objects and, where objects may be displaced, those of the map with their twins.
+    """
+    existence, twins = {entry.object_id: entry.existence for entry in problem.objects}, problem.displaced.elsewhere
+    placeholders = {number: existence[number] for number in problem.unmapped_ids}
+    return placeholders | {own: existence[own] + existence[other] for own, other in twins.items()}

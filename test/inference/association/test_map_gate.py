@@ -7,19 +7,23 @@ import pytest
 from semantic_slam_lab.grid.run import keyframes_of, run_of
 from semantic_slam_lab.grid.world import Noise, World, grid_world
 from semantic_slam_lab.studies.replay_scaling.study import belief_difference
+from worlds.drives.standing_robot import beliefs_at_rest
 
+from semantic_slam.configuration import Configuration
 from semantic_slam.inference.association import closed_keyframe, map_gate
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.evidence.laplace import find_modes
+from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
+from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 MODEL = PlanarObservation(None, PlanarVisibility())
 LOST = Noise(robot=(0.5, 0.5, 0.01))
@@ -100,3 +104,24 @@ def test_the_belief_is_that_of_all_objects(margin: float, monkeypatch: pytest.Mo
         )
         assert belief_difference(same_mass, reference) < 1e-9
         assert -1e-12 < mine.discarded_mass - reference.discarded_mass < 1e-3  # a bound on what was not looked at
+
+
+def test_what_a_gate_leaves_out_is_no_more_for_placeholders_that_are_alike() -> None:
+    """Three objects that the map lacks, of eight at most: what is really left out is less than a thousandth."""
+    places = np.array([[3.0, 1.5], [3.0, -1.5], [4.5, 0.5], [2.0, 0.0]])
+    unmapped = np.array([[2.5, 2.2], [3.6, -0.4], [5.0, 1.7]])
+    known = MapPrior(tuple(ObjectPrior.planar(n, *at, sigma_m=0.1, sigma_rad=0.1) for n, at in enumerate(places)))
+    configuration = Configuration.of(
+        semantic_model={"kind": "none"},
+        closed_world={
+            "clutter_per_frame": 0.02,
+            "unmapped_objects": 8,
+            "unmapped_probability": 0.3,
+            "displaced_share": 0.05,
+        },
+        weights={"method": "laplace"},
+        pruning={"ratio": 1e12, "max_hypotheses": 20_000},
+    )
+    seen = [Detection.at(*at, covariance=0.05**2 * np.eye(2)) for at in (*places, *unmapped)]
+    belief = beliefs_at_rest([seen], configuration, known)[-1]
+    assert belief.discarded_mass < 0.05
