@@ -126,8 +126,7 @@ SECTIONS = (
         "No map: births, misses, false alarms",
         "30 drives through ten rooms (fewer in a quick run) with identical furniture, no map, 10 % false alarms and"
         " 10 % misses added. All methods share the front end of births and existence; those without class models"
-        " get the product of the network's scores as their classes. Results of revisions up to `0.2.0+b0a3267` have"
-        " shares of votes in its place, of which NLL and ECE tell little more than how many votes there were.",
+        " get the product of the network's scores as their classes.",
         (("Odometry as configured", _mapped("default")), ("Three times its noise", _mapped("slippery"))),
     ),
     Section(
