@@ -85,11 +85,12 @@ def test_objects_are_found_by_class_and_region_and_told_one_by_one(asked: tuple[
     node, ask = asked
     ours = services_of(node)
     assert "no belief yet" in ask(FindObjects, "find_objects", FindObjects.Request(name="cup")).fault
+    classes = np.array([[0.9, 0.1], [0.2, 0.8], [0.4, 0.6]])
     ours.belief = replace(
         map_of(3),
         class_names=("chair", "cup"),
-        class_probabilities=np.array([[0.9, 0.1], [0.2, 0.8], [0.4, 0.6]]),
-        hypothesis_class_probabilities=np.zeros((1, 3, 2)),
+        class_probabilities=classes,
+        hypothesis_class_probabilities=classes[None],
         existence=np.array([0.5, 1.0, 1.0]),
     )
     found = ask(FindObjects, "find_objects", FindObjects.Request(name="cup", least_probability=0.3))
