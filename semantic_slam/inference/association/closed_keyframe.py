@@ -18,7 +18,12 @@ from semantic_slam.inference.association.enumeration import (
 )
 from semantic_slam.inference.association.first_views import log_first_inliers
 from semantic_slam.inference.association.map_gate import FEW_OBJECTS, MapGate, map_gate
-from semantic_slam.inference.association.placeholders import Placeholders, free_placeholders, log_num_labellings
+from semantic_slam.inference.association.placeholders import (
+    Placeholders,
+    free_placeholders,
+    log_num_labellings,
+    num_free_placeholders,
+)
 from semantic_slam.inference.association.strategy import Parents
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.laplace import WEIGHING_TOLERANCE, find_modes
@@ -126,7 +131,7 @@ class ClosedKeyframe:
 
     def _log_labellings(self, objects: HypothesisObjects, seen: Flags) -> float:
         """Log number of the ways in which the (O,) objects ``seen`` may be the placeholders of a hypothesis."""
-        free = free_placeholders(objects, np.array(list(self.problem.unmapped_ids), dtype=int))
+        free = free_placeholders(objects, self.problem.unmapped_ids)
         return log_num_labellings(int(free.sum()), int((free & seen).sum()))
 
     def updates(
@@ -192,9 +197,8 @@ class ClosedKeyframe:
         """
         if len(self.problem.unmapped_ids) < 2 or not self.problem.distinct:
             return None
-        ids = np.array(list(self.problem.unmapped_ids), dtype=int)
-        num_free = [int(free_placeholders(own.objects, ids).sum()) for own in self.parents.components]
-        return np.asarray(np.maximum(np.array(num_free, dtype=int) - 1, 0))
+        num_free = num_free_placeholders(self.parents.components, self.problem.unmapped_ids)
+        return np.asarray(np.maximum(num_free - 1, 0))
 
     def _associated(self, near: Sequence[int], gate: MapGate | None) -> WeighedAssociations:
         object_ids = np.array([*near, *self._new[0]], dtype=int)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.closed_keyframe import ClosedKeyframe
 from semantic_slam.inference.association.closed_world import ClosedWorld, expected_along
 from semantic_slam.inference.association.strategy import Parents
@@ -27,7 +27,7 @@ class EnumeratedAssociation(ClosedWorld):
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> ClosedKeyframe:
         """The keyframe as predicted for the parents; with a ``path`` on a large map only its objects are predicted."""
         known = [n for n in self.registry.known.ids if n in parents.components[0].object_ids]
-        known, used = expected_along(path, known), self._used(step)
+        known, used = expected_along(path, known), used_detections(self.problem, step)
         return ClosedKeyframe(
             problem=self.problem,
             registry=self.registry,
@@ -41,11 +41,5 @@ class EnumeratedAssociation(ClosedWorld):
 
     def _log_clutter(self, detections: Sequence[Any]) -> Array | None:
         """(n,) log intensity of clutter at each detection, relative to a detection probability of 1/2 for objects."""
-        rate, clutter = self.problem.closed_world.clutter_per_frame, self.problem.clutter
+        rate, clutter = self.problem.clutter_rate, self.problem.clutter
         return np.log(rate) + clutter.log_place(detections) if clutter is not None and rate > 0.0 else None
-
-    def _used(self, step: Step) -> Index:
-        """The detections that are associated; the others are clutter in every candidate."""
-        has_clutter = self.problem.clutter is not None and self.problem.closed_world.clutter_per_frame > 0.0
-        num_objects = len(self.registry.known.ids)
-        return used_detections(step, num_objects, distinct=self.problem.distinct, has_clutter=has_clutter)

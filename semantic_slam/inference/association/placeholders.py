@@ -32,8 +32,7 @@ class Placeholders:
             return None
         ordered = np.array(sorted(unmapped_ids), dtype=int)
         ranks = np.where(np.isin(object_ids, ordered), np.searchsorted(ordered, object_ids), -1)
-        num_free = [int(free_placeholders(own.objects, ordered).sum()) for own in components]
-        return cls(ranks, len(ordered) - np.array(num_free, dtype=int))
+        return cls(ranks, len(ordered) - num_free_placeholders(components, unmapped_ids))
 
     def of_parents(self, parents: slice) -> "Placeholders":
         """The placeholders of a few of the parents."""
@@ -47,9 +46,14 @@ class Placeholders:
         return np.asarray(self.ranks <= taken[:, None])
 
 
-def free_placeholders(objects: HypothesisObjects, unmapped_ids: Index) -> Flags:
+def free_placeholders(objects: HypothesisObjects, unmapped_ids: Collection[int]) -> Flags:
     """(O,) placeholders that a hypothesis has not detected yet, among all of its objects."""
-    return np.isin(objects.ids, unmapped_ids) & (objects.existence < 1.0)
+    return np.isin(objects.ids, list(unmapped_ids)) & (objects.existence < 1.0)
+
+
+def num_free_placeholders(components: Sequence[Component], unmapped_ids: Collection[int]) -> Index:
+    """(P,) how many placeholders each of P hypotheses has not detected yet."""
+    return np.array([free_placeholders(own.objects, unmapped_ids).sum() for own in components], dtype=int)
 
 
 def log_num_labellings(num_free: int, num_new: int) -> float:

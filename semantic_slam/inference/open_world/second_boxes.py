@@ -7,6 +7,7 @@ and standard deviation ``second_box_m``: false alarms that are not uniform, but 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import i0e
 
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array
@@ -59,14 +60,18 @@ def second_box_densities(
 
 
 def _along(line: LineOfSight, places: Array, spreads: Array) -> Array:
-    """(O,) densities along a line of sight of things at ``places`` (O, p) with covariances ``spreads`` (O, p, p)."""
+    """(O,) densities along a line of sight of things at ``places`` (O, p) with covariances ``spreads`` (O, p, p).
+
+    Directions have a von Mises-Fisher distribution, in which a thing at the sensor may be seen in any direction.
+    """
     away = places - line.origin
-    ahead, size = away @ line.direction, places.shape[1]
-    angles = np.arctan2(np.linalg.norm(away - ahead[:, None] * line.direction, axis=1), ahead)
     squared = np.maximum((away**2).sum(axis=1), NEAREST_M**2)
     depth = np.einsum("oi,oij,oj->o", away, spreads, away) / squared
-    across = (np.trace(spreads, axis1=1, axis2=2) - depth) / (size - 1)
-    variances = across / squared + line.variance
-    per_angle = np.exp(-0.5 * angles**2 / variances) / (2.0 * np.pi * variances) ** (0.5 * (size - 1))
-    anywhere = 0.5 / np.pi if size == 2 else 0.25 / np.pi  # of a thing at the sensor, in every direction alike
-    return np.asarray(np.maximum(per_angle, np.where(variances > 1.0, anywhere, 0.0)) * np.exp(-line.log_extent))
+    across = (np.trace(spreads, axis1=1, axis2=2) - depth) / (places.shape[1] - 1)
+    concentration = 1.0 / (across / squared + line.variance)
+    apart = 1.0 - (away @ line.direction) / np.sqrt(squared)  # 1 - cos(angle)
+    if places.shape[1] == 2:
+        per_angle = np.exp(-concentration * apart) / (2.0 * np.pi * i0e(concentration))
+    else:
+        per_angle = concentration * np.exp(-concentration * apart) / (-2.0 * np.pi * np.expm1(-2.0 * concentration))
+    return np.asarray(per_angle * np.exp(-line.log_extent))

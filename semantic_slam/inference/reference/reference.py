@@ -93,8 +93,7 @@ class Reference:
         Objects whose existence the belief weighs exist as they did before this keyframe.
         """
         problem = self._problem
-        clutter = problem.closed_world.clutter_per_frame if problem.clutter is not None else 0.0
-        used = used_detections(step, len(problem.objects), distinct=problem.distinct, has_clutter=clutter > 0.0)
+        clutter, used = problem.clutter_rate, used_detections(problem, step)
         visible = belief.object_ids[self._places.visible(belief)].tolist()
         uncertain = np.array([self._uncertain[n] for n in visible if n in self._uncertain])
         num_certain = len(visible) - len(uncertain)

@@ -99,6 +99,11 @@ class Problem:
         """Ids of the map's objects."""
         return frozenset(entry.object_id for entry in self.objects)
 
+    @property
+    def clutter_rate(self) -> float:
+        """False alarms per frame beside a known map; 0 where every detection is of an object."""
+        return 0.0 if self.clutter is None else self.closed_world.clutter_per_frame
+
     @cached_property
     def mapped(self) -> tuple[ObjectEntry, ...]:
         """The objects of the map itself, without placeholders of unmapped ones and displaced twins."""

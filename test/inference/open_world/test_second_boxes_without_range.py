@@ -97,3 +97,26 @@ def test_a_ray_is_of_a_second_box_as_often_as_drawn_ones_are(distance: float, of
     own = seen / np.linalg.norm(seen)
     found, peak = (drawn_density(np.arccos(rays @ ray), dimensions=2) for ray in (detection.ray, own))
     assert density * np.exp(births[0].log_area) == pytest.approx(found, rel=0.12, abs=0.03 * peak)
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.05, 0.3, 2.0])
+def test_a_second_box_lies_in_some_direction_however_near_the_thing_is(distance: float) -> None:
+    """The density over all bearings has an integral of 1."""
+    region = SensorRegion(min_range_m=0.0, max_range_m=8.0, field_of_view_rad=2.0 * np.pi)
+    bearings = np.linspace(-np.pi, np.pi, 400, endpoint=False)
+    detections = [
+        PlanarDetection(
+            range_m=np.nan,
+            bearing_rad=float(bearing),
+            covariance=np.diag([np.nan, SIGMA**2]),
+            sensor=np.zeros(2),
+            feature=np.zeros(0),
+            feature_covariance=np.zeros((0, 0)),
+        )
+        for bearing in bearings
+    ]
+    births = births_of(PlanarObservation(None, PlanarVisibility()), detections, np.zeros(3), region)
+    thing = tracked(np.array([distance, 0.0, 0.0]), SPREAD)
+    densities = second_box_densities(SETTINGS, PlanarPoses(), thing, births)[:, 0]
+    per_radian = densities * region.area_m2 / region.field_of_view_rad
+    assert per_radian.mean() * 2.0 * np.pi == pytest.approx(1.0, abs=1e-3)
