@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 DEFAULTS = {"cameras": "NP1,NP2,NP3,NP4", "draws": 8, "elevation_step_deg": 0.0, "seed": 0}
 """Values of options that are not given; ``--from-run`` refuses those that are."""
+OF_TURNTABLES = ("classes", "cameras", "draws", "elevation_step_deg")
+"""Options for ``--turntables`` alone."""
 
 
 def parse() -> argparse.Namespace:
@@ -91,16 +93,9 @@ def command() -> None:
     if arguments.from_run:
         learn_labels(arguments)
         return
+    _check_source(arguments)
     _fill_in(arguments)
-    if arguments.draws < 2:
-        raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
-    if not 0.0 <= arguments.elevation_step_deg <= 90.0:
-        raise InputError(f"--elevation-step-deg {arguments.elevation_step_deg}: must lie in 0 to 90")
-    if arguments.classes and not arguments.turntables:
-        raise InputError("--classes: only for --turntables; leave it out")
-    check_photographs(arguments, [arguments.turntables] if arguments.turntables else [])
-    if arguments.seed < 0:
-        raise InputError(f"--seed {arguments.seed}: must not be negative")
+    _check_values(arguments)
     need_training()
     if arguments.out.suffix in (".json", ".html"):
         raise InputError(f"{arguments.out}: is where the report goes; name a .safetensors file")
@@ -110,6 +105,24 @@ def command() -> None:
         lines = fit(arguments, *staged)
     print("\n".join(lines))
     print(f"{outs[0]}: report in {outs[1]} and {outs[2]}")
+
+
+def _check_source(arguments: argparse.Namespace) -> None:
+    """Raises InputError for options that the source has no use for."""
+    for name in OF_TURNTABLES:
+        if getattr(arguments, name) is not None and not arguments.turntables:
+            raise InputError(f"--{name.replace('_', '-')}: only for --turntables; leave it out")
+    check_photographs(arguments, [arguments.turntables] if arguments.turntables else [])
+
+
+def _check_values(arguments: argparse.Namespace) -> None:
+    """Raises InputError for numbers out of range."""
+    if arguments.draws < 2:
+        raise InputError(f"--draws {arguments.draws}: at least 2 are needed to see a spread")
+    if not 0.0 <= arguments.elevation_step_deg <= 90.0:
+        raise InputError(f"--elevation-step-deg {arguments.elevation_step_deg}: must lie in 0 to 90")
+    if arguments.seed < 0:
+        raise InputError(f"--seed {arguments.seed}: must not be negative")
 
 
 def _fill_in(arguments: argparse.Namespace) -> None:

@@ -18,6 +18,7 @@ Parameters:
 import sys
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import rclpy
@@ -150,11 +151,11 @@ class BagPlayer(PipelineNode):
         damage = None
         with BagReader(self._bag) as bag, self._progress_bar(bag) as bar:
             start = self._start(bag)
-            self._send_latched(bag)
-            try:
-                self._send_rest(bag, bar, start)
-            except InputError as fault:  # finish the replay of the part before the damage
-                damage = fault
+            for send in (self._send_latched, partial(self._send_rest, bar=bar, start=start)):
+                try:
+                    send(bag)
+                except InputError as fault:  # finish the replay of the part before the damage
+                    damage = fault
             if not self._is_up:  # the others must not take what was sent for the whole bag
                 return
             self._end_of_bag(bar)

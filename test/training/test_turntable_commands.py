@@ -142,6 +142,15 @@ def test_help_of_train_classifier_tells_the_defaults() -> None:
         assert f"(default: {value})" in text
 
 
+@pytest.mark.parametrize(
+    "option", [("--draws", "3"), ("--cameras", "NP1"), ("--elevation-step-deg", "10"), ("--classes", "c.json")]
+)
+def test_an_option_of_turntables_alone_is_refused_with_a_drive(option: tuple[str, str], tmp_path: Path) -> None:
+    result = call("fit_viewpoint_models", "--bag", str(tmp_path), *option, "--out", str(tmp_path / "out.safetensors"))
+    assert result.returncode == 2
+    assert f"{option[0]}: only for --turntables; leave it out" in result.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["train_classifier", "fit_viewpoint_models"])
 def test_a_folder_without_turntables_is_bad_input(command: str, tmp_path: Path) -> None:
