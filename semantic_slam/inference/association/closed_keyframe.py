@@ -279,12 +279,9 @@ class ClosedKeyframe:
 
         It includes that of the measurement of gravity, which is the same for all candidates of a parent.
         """
-        weights, (problem, mode) = self.problem.weights, candidates.solved()
-        is_cut_off = self._is_cut_off
+        weights, (problem, mode), method = self.problem.weights, candidates.solved(), self._method
         log_level = log_levels(self.parents.components, self.step.motion)
         of_rows = log_level[candidates.assignments.parents]
-        unsampled = self._has_named_rivals and not is_cut_off
-        method = "laplace" if weights.method == "importance" and unsampled else weights.method
         if method == "importance":
             unsplit = UnsplitCandidates(
                 step=self.step,
@@ -294,7 +291,7 @@ class ClosedKeyframe:
                 used=self.used,
                 new=self._new,
                 log_level=log_level,
-                is_cut_off=is_cut_off,
+                is_cut_off=self._is_cut_off,
             )
             return split_modes(unsplit, weights, self.path.mode if self.path is not None else None)
         if method == "laplace":
@@ -306,6 +303,20 @@ class ClosedKeyframe:
         return candidates.gaining(log_evidence=log_evidence + of_rows, effective_sample_sizes=effective)
 
     @property
+    def _method(self) -> str:
+        """How evidence is computed: as configured, or by Laplace's approximation where a prior is too broad for samples.
+
+        A named object that was seen once has such a prior. Prior samples would never hit the likelihood of its first
+        view; importance samples do, but not well enough where candidates compete over it.
+        """
+        configured = self.problem.weights.method
+        is_too_broad = {
+            "sampled": any(self._new),
+            "importance": self._has_named_rivals and not self._is_cut_off,
+        }
+        return "laplace" if is_too_broad.get(configured, False) else configured
+
+    @property
     def _is_cut_off(self) -> bool:
         """Whether limits of visibility cut Gaussians off, of mapped objects alone: samples can show that of these."""
         return not self.problem.model.sees_everywhere and (self.identities is None or self._names_the_map_alone)
@@ -315,8 +326,6 @@ class ClosedKeyframe:
         """Whether candidates compete over given identities: a wrong one, or a first view of a new object as an outlier.
 
         Or over what was moved, in a keyframe that names an object which the map lacks.
-
-        A named object that was seen once has too broad a prior to be sampled; Laplace's approximation is used instead.
         """
         if self.identities is None:
             return False

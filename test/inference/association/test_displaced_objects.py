@@ -127,6 +127,15 @@ def test_no_history_has_an_object_at_two_places() -> None:
         assert not both.any()
 
 
+def test_without_clutter_as_many_detections_as_there_are_objects_are_of_objects() -> None:
+    places = [(3.0, 0.26, 0.9), (2.75, -0.33, 0.8), (4.0, 0.0, 0.3)]
+    seen = [Detection(range_m=r, bearing_rad=b, score=score) for r, b, score in places]
+    configuration = _configuration()
+    silent = replace(configuration, closed_world=replace(configuration.closed_world, clutter_per_frame=0.0))
+    (belief,) = _run([seen], silent)
+    assert [n >= 0 for n in belief.associations[0]] == [True, True, False]
+
+
 def test_a_map_of_which_nothing_was_moved_stays_as_it_is() -> None:
     assert with_displaced(MAP, 0.0, SIGMA, 9)[0] is MAP
     wider, displaced = with_displaced(MAP, SHARE, SIGMA, 9)
