@@ -118,6 +118,24 @@ def test_parameters_that_are_no_mapping_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("hypothesis_manager: {ros__parameters: {seed: 1}}", "'hypothesis_manager'"),
+        ("/robot1/classifier: {ros__parameters: {seed: 1}}", "'/robot1/classifier'"),
+        ("robot1: {classifier: {ros__parameters: {seed: 1}}}", "'robot1'"),
+        ("ros__parameters: {seed: 1}", "'ros__parameters'"),
+    ],
+)
+def test_parameters_of_nodes_by_name_are_refused_with_the_name_that_all_read(
+    tmp_path: Path, text: str, named: str
+) -> None:
+    path = tmp_path / "configuration.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"below {named}.*put them below '/\*\*:'"):
+        load_configuration(path)
+
+
+@pytest.mark.parametrize(
     ("values", "text"),
     [
         ({"perception": {"extrinsics": [0.0] * 6}}, "'perception.extrinsics' has 6 numbers; give 0 or 7"),

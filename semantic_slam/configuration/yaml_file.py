@@ -25,7 +25,17 @@ def load_configuration(path: str | Path) -> Configuration:
             values = values.get(key) or {}
             if not isinstance(values, dict):
                 raise InputError(f"{path}: '{key}' must be a mapping; {REMEDY}")
+    elif addressed := [str(key) for key, value in values.items() if _is_of_nodes(key, value)]:
+        raise InputError(
+            f"{path}: its parameters stand below '{addressed[0][:80]}', for nodes of that name alone; commands have no"
+            " such name: put them below '/**:' and 'ros__parameters:'"
+        )
     return from_dict(values, str(path))
+
+
+def _is_of_nodes(key: Any, value: Any) -> bool:
+    """Whether what stands below a key has the form of a ROS 2 parameter file, addressed to nodes by name."""
+    return key == "ros__parameters" or (isinstance(value, dict) and any(_is_of_nodes(*item) for item in value.items()))
 
 
 def _check_alone(values: dict[Any, Any], key: str, path: Path) -> None:
