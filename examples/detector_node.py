@@ -6,6 +6,7 @@ With -p compressed:=false it takes the topic image instead. Where the file leave
 states it, and where its output fits several layouts -p layout:=yolov5 does.
 """
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -57,10 +58,13 @@ class DetectorNode(Node):
 
 
 def main():
-    network, names = map(Path, remove_ros_args(sys.argv)[1:])
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("network", type=Path, metavar="NETWORK.onnx")
+    arguments.add_argument("names", type=Path, metavar="CLASSES.names", help="one class name a line")
+    given = arguments.parse_args(remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)
     try:
-        node = DetectorNode(network, names)
+        node = DetectorNode(given.network, given.names)
         while rclpy.ok():
             rclpy.spin_once(node, timeout_sec=1.0)  # spin() may wait for ever: a signal just before it waits is missed
     except KeyboardInterrupt:

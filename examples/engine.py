@@ -1,6 +1,6 @@
 """A robot lost among identical pillars drives until it knows where it is: python examples/engine.py [NEW.png]"""
 
-import sys
+import argparse
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -8,7 +8,9 @@ from matplotlib.patches import Ellipse
 
 from semantic_slam import Configuration, Detection, Engine, Keyframe, MapPrior, ObjectPrior
 
-picture = open(sys.argv[1], "xb") if sys.argv[1:] else None  # noqa: SIM115  # never over another
+arguments = argparse.ArgumentParser(description=__doc__)
+arguments.add_argument("picture", nargs="?", type=argparse.FileType("xb"), metavar="NEW.png")  # never over another
+picture = arguments.parse_args().picture
 PILLARS = np.array([(x, y) for x in range(0, 24, 4) for y in (-1.5, 1.5)] + [(13.0, -1.5)])
 START, STEP, SHOWN = np.array([2.0, 0.0]), (1.0, 0.0, 0.0), (0, 4, 9)
 noise, paths = np.random.default_rng(3), dict[int, list[np.ndarray]]()

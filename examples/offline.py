@@ -1,12 +1,19 @@
 """Runs a bag without ROS and prints what is known of every object: python examples/offline.py BAG NEW_BELIEF_BAG"""
 
-import sys
+import argparse
 from pathlib import Path
 
-from semantic_slam import load_configuration, read_record, run_bag
+from semantic_slam import InputError, load_configuration, read_record, run_bag
+from semantic_slam.shipped import CONFIGURATIONS
 
-bag, out = Path(sys.argv[1]), Path(sys.argv[2])
-summary = run_bag(bag, out, load_configuration(Path("config/default.yaml")), max_keyframes=5)
+arguments = argparse.ArgumentParser(description=__doc__)
+arguments.add_argument("bag", type=Path, metavar="BAG")
+arguments.add_argument("out", type=Path, metavar="NEW_BELIEF_BAG")
+given = arguments.parse_args()
+try:
+    summary = run_bag(given.bag, given.out, load_configuration(CONFIGURATIONS / "default.yaml"), max_keyframes=5)
+except InputError as fault:  # one line that names the remedy
+    arguments.error(str(fault))
 print(f"{summary.num_keyframes} keyframes, dropped: {summary.dropped}")
 for known in read_record(summary.belief_bag).beliefs[-1].objects:
     print(known.name, {name: round(p, 3) for name, p in known.class_probabilities.items()})

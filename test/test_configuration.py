@@ -117,6 +117,42 @@ def test_parameters_that_are_no_mapping_are_named(tmp_path: Path) -> None:
         load_configuration(path)
 
 
+@pytest.mark.parametrize("form", ["{}", "/**: {{ros__parameters: {}}}"])
+def test_a_dotted_key_is_the_nested_one_as_in_ros_and_may_not_contradict_it(tmp_path: Path, form: str) -> None:
+    def read(text: str) -> Configuration:
+        path = tmp_path / "configuration.yaml"
+        path.write_text(form.format(text))
+        return load_configuration(path)
+
+    nested = read("{pruning: {ratio: 7.0, max_hypotheses: 9}, moving: {share: 0.1}}")
+    assert nested.pruning.ratio == 7.0
+    assert read("{pruning.ratio: 7.0, pruning: {max_hypotheses: 9}, moving.share: 0.1}") == nested
+    assert read("{pruning.ratio: 7.0, pruning: , pruning.max_hypotheses: 9, moving.share: 0.1}") == nested
+    for clash in ("pruning: {ratio: 7.0}", "pruning: 7.0"):
+        with pytest.raises(InputError, match=r"'pruning\.ratio' is given again below 'pruning'"):
+            read(f"{{pruning.ratio: 7.0, {clash}}}")
+    with pytest.raises(InputError, match=r"unknown parameter 'pruning\.ration'"):
+        read("{pruning.ration: 7.0}")
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("hypothesis_manager: {ros__parameters: {seed: 1}}", "'hypothesis_manager'"),
+        ("/robot1/classifier: {ros__parameters: {seed: 1}}", "'/robot1/classifier'"),
+        ("robot1: {classifier: {ros__parameters: {seed: 1}}}", "'robot1'"),
+        ("ros__parameters: {seed: 1}", "'ros__parameters'"),
+    ],
+)
+def test_parameters_of_nodes_by_name_are_refused_with_the_name_that_all_read(
+    tmp_path: Path, text: str, named: str
+) -> None:
+    path = tmp_path / "configuration.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"below {named}.*put them below '/\*\*:'"):
+        load_configuration(path)
+
+
 @pytest.mark.parametrize(
     ("values", "text"),
     [

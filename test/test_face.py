@@ -293,7 +293,7 @@ def test_the_lost_robot_of_the_example_finds_itself_and_leaves_no_file_unasked(t
     first, *_, last = [re.findall(r"[\d.]+", line.partition("weights")[2]) for line in told.stdout.splitlines()]
     assert len(first) == 5 and max(map(float, first)) < 0.5 and list(map(float, last)) == [1.0]
     assert list(tmp_path.iterdir()) == []
-    assert len(EXAMPLE.read_text(encoding="utf-8").splitlines()) <= 40
+    assert len(EXAMPLE.read_text(encoding="utf-8").splitlines()) <= 42
 
 
 @pytest.mark.slow
@@ -303,9 +303,34 @@ def test_the_example_draws_its_picture_and_never_over_another(tmp_path: Path, mo
     monkeypatch.setenv("MPLBACKEND", "agg")
     runpy.run_path(str(EXAMPLE), run_name="__main__")
     assert picture.stat().st_size > 20_000
-    with pytest.raises(FileExistsError):
+    with pytest.raises(SystemExit, match="2"):
         runpy.run_path(str(EXAMPLE), run_name="__main__")
     assert picture.stat().st_size > 20_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["engine", "offline", "detector_node"])
+def test_an_example_tells_its_arguments_and_writes_nothing(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = str(EXAMPLE.with_name(f"{name}.py"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [example, "--help"])
+    with pytest.raises(SystemExit, match="0"):
+        runpy.run_path(example, run_name="__main__")
+    assert capsys.readouterr().out.startswith(f"usage: {name}.py [-h]")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_offline_example_says_in_one_line_that_there_is_no_such_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = str(EXAMPLE.with_name("offline.py"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [example, "nowhere", "belief"])
+    with pytest.raises(SystemExit, match="2"):
+        runpy.run_path(example, run_name="__main__")
+    assert capsys.readouterr().err.splitlines()[-1].startswith("offline.py: error: nowhere: no such bag; give a ")
 
 
 @pytest.mark.slow

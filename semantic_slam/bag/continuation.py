@@ -8,7 +8,7 @@ from pathlib import Path
 
 from semantic_slam.bag.mcap_stream import McapStream, RawMessage
 from semantic_slam.bag.metadata_check import METADATA
-from semantic_slam.bag.reader import storage_files
+from semantic_slam.bag.storage import storage_files
 from semantic_slam.errors import InputError
 from semantic_slam.outputs import staged_places
 

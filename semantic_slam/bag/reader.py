@@ -1,8 +1,6 @@
 """Reading of bags: rosbag2 folders and single storage files, mcap or sqlite3, compressed, damaged or intact."""
 
 import hashlib
-import re
-import string
 import sys
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -27,6 +25,7 @@ from semantic_slam.bag.mcap_stream import McapStream, RawMessage
 from semantic_slam.bag.metadata_check import METADATA, REINDEX, Contents, check_files, contents_told, differences
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.older_messages import current_bytes
+from semantic_slam.bag.storage import parts_of_one, storage_files
 from semantic_slam.errors import InputError, one_line
 from semantic_slam.messages.typestore import typestore
 
@@ -71,9 +70,13 @@ class BagReader:
     def __enter__(self) -> Self:
         """Open the bag. Raises InputError when nothing can be read, or it would take too much memory.
 
-        Raises it, too, when ``metadata.yaml`` names a storage file twice, or not at all.
+        Raises it, too, when ``metadata.yaml`` names a storage file twice, or not at all, and when there is none in a
+        folder of several recordings.
         """
-        for path in storage_files(self.path):
+        files = storage_files(self.path)
+        if len(files) > 1 and not (self.path / METADATA).exists():
+            self._announce(parts_of_one(self.path, files))
+        for path in files:
             if path.suffix == ".mcap":
                 check_chunks(path)
         with ExitStack() as opened:
@@ -268,22 +271,6 @@ def _contents(sources: Collection[Source]) -> Contents:
     counts = sum((source.counts for source in sources), Counter[str]())
     types = {topic: name for source in sources for topic, name in source.topics.items()}
     return Contents(counts.total(), counts, types)
-
-
-def storage_files(path: Path) -> list[Path]:
-    """The storage files of a bag in the order in which its recorder wrote them, ``NAME_2.mcap`` before ``NAME_10``."""
-    if path.is_file():
-        return [path]
-    found = [item for item in path.iterdir() if {".mcap", ".db3"} & set(item.suffixes) and item.is_file()]
-    return sorted(found, key=_split)
-
-
-def _split(path: Path) -> tuple[str, int, str]:
-    """Sort key: name of the recording, number of its storage file (-1 without one), and the whole name for ties."""
-    stem = re.split(r"\.(?:mcap|db3)", path.name)[0]
-    recording = stem.rstrip(string.digits)
-    number = stem[len(recording) :]
-    return recording, int(number) if number else -1, path.name
 
 
 def _compression(folder: Path) -> str:

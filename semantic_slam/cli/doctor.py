@@ -14,7 +14,9 @@ from semantic_slam.errors import InputError
 from semantic_slam.shipped import DEFAULT_CONFIGURATION, configuration_file
 
 if TYPE_CHECKING:
+    from semantic_slam.configuration import Configuration
     from semantic_slam.doctor.finding import Finding
+    from semantic_slam.inference.protocol import RunConfiguration
     from semantic_slam.inference.world.map_prior import MapPrior
 
 ROS_ARGUMENTS = "--ros-args"
@@ -35,15 +37,15 @@ def parse(words: list[str] | None = None) -> Namespace:
         "--config",
         type=configuration_file,
         metavar="YAML",
-        help="file, or the name of a shipped configuration (default: what semantic_slam report takes; of a running"
-        " system the parameters of its nodes)",
+        help="file, or the name of a shipped configuration (default: what semantic_slam report takes, or took of a"
+        " belief bag; of a running system the parameters of its nodes)",
     )
     parser.add_argument(
         "--map-prior",
         type=Path,
         metavar="MAP",
-        help="FILE.map or objects.json of objects known before (default: objects.json beside BAG; of a running system"
-        " the map of its manager)",
+        help="FILE.map or objects.json of objects known before (default: objects.json beside BAG, or that of a"
+        " belief bag's run; of a running system the map of its manager)",
     )
     parser.add_argument(
         "--seconds", type=float, default=5.0, metavar="N", help="how long a running system is listened to (default: 5)"
@@ -77,26 +79,48 @@ def command() -> None:
 def of_bag(arguments: Namespace) -> "list[Finding]":
     """Findings on a bag. Raises InputError if there is no such bag."""
     from semantic_slam.bag.reader import REMEDY
-    from semantic_slam.configuration import load_configuration
     from semantic_slam.doctor.bag_summary import summarise_bag
     from semantic_slam.doctor.examination import examine
     from semantic_slam.doctor.finding import of_fault
-    from semantic_slam.maps.map_file import read_map_prior
-    from semantic_slam.pipeline.preamble import map_prior_path
+    from semantic_slam.doctor.recorded_run import recorded_run
 
     if not arguments.bag.exists():
         raise InputError(f"{arguments.bag}: no such bag; {REMEDY}")
-    path = arguments.map_prior or map_prior_path(arguments.bag)
+    run = recorded_run(arguments.bag)
+    if run is not None:
+        print(f"{arguments.bag}: a recorded run; its configuration and map are used where no others are given")
     try:
-        prior = read_map_prior(path) if path else None
+        prior = _map_prior(arguments, run)
     except InputError as fault:
         return [of_fault("map prior", fault)]
     try:
-        configuration = load_configuration(arguments.config or _usual(arguments.bag, prior))
+        configuration = _configuration(arguments, run, prior)
     except InputError as fault:
         return [of_fault("configuration", fault)]
     summary, faults = summarise_bag(arguments.bag, configuration, prior)
     return [*faults, *examine(summary)]
+
+
+def _map_prior(arguments: Namespace, run: "RunConfiguration | None") -> "MapPrior | None":
+    """Map that is given, that of the recorded ``run``, or the one beside the bag. Raises InputError."""
+    from semantic_slam.inference.world.map_prior import parse_map_prior
+    from semantic_slam.maps.map_file import read_map_prior
+    from semantic_slam.pipeline.preamble import map_prior_path
+
+    if run is not None and arguments.map_prior is None:
+        return parse_map_prior(run.map_prior, str(arguments.bag)) if run.map_prior else None
+    path = arguments.map_prior or map_prior_path(arguments.bag)
+    return read_map_prior(path) if path else None
+
+
+def _configuration(arguments: Namespace, run: "RunConfiguration | None", prior: "MapPrior | None") -> "Configuration":
+    """Configuration that is given, that of the recorded ``run``, or the usual one. Raises InputError."""
+    from semantic_slam.configuration import from_dict, load_configuration
+    from semantic_slam.evaluation.record import json_object
+
+    if run is not None and arguments.config is None:
+        return from_dict(json_object(run.configuration), str(arguments.bag))
+    return load_configuration(arguments.config or _usual(arguments.bag, prior))
 
 
 def _usual(bag: Path, prior: "MapPrior | None") -> Path:

@@ -25,7 +25,30 @@ def load_configuration(path: str | Path) -> Configuration:
             values = values.get(key) or {}
             if not isinstance(values, dict):
                 raise InputError(f"{path}: '{key}' must be a mapping; {REMEDY}")
-    return from_dict(values, str(path))
+    elif addressed := [str(key) for key, value in values.items() if _is_of_nodes(key, value)]:
+        raise InputError(
+            f"{path}: its parameters stand below '{addressed[0][:80]}', for nodes of that name alone; commands have no"
+            " such name: put them below '/**:' and 'ros__parameters:'"
+        )
+    return from_dict(_nested(values, path), str(path))
+
+
+def _nested(values: dict[Any, Any], path: Path) -> dict[Any, Any]:
+    """The values, each key ``group.name`` moved into its group, as ROS 2 reads it. Raises InputError for a clash."""
+    dotted = {key: value for key, value in values.items() if isinstance(key, str) and "." in key}
+    nested = {key: value for key, value in values.items() if key not in dotted}
+    for key, value in dotted.items():
+        group, _, name = key.partition(".")
+        section = nested.get(group)
+        if section is not None and (not isinstance(section, dict) or name in section):
+            raise InputError(f"{path}: '{key[:80]}' is given again below '{group[:80]}'; leave one of the two out")
+        nested[group] = {**(section or {}), name: value}
+    return nested
+
+
+def _is_of_nodes(key: Any, value: Any) -> bool:
+    """Whether what stands below a key has the form of a ROS 2 parameter file, addressed to nodes by name."""
+    return key == "ros__parameters" or (isinstance(value, dict) and any(_is_of_nodes(*item) for item in value.items()))
 
 
 def _check_alone(values: dict[Any, Any], key: str, path: Path) -> None:

@@ -119,7 +119,10 @@ def read_record(path: str | Path) -> Record:
             raise
         fault = str(error)
     if not found.beliefs:
-        raise InputError(f"{path}: holds no message on {topics.BELIEF}; give a recorded belief bag or an input bag")
+        raise InputError(
+            f"{path}: holds no message on {topics.BELIEF}; run semantic_slam report {path} --out DIR first, and give"
+            " DIR"
+        )
     if found.run is None:
         raise InputError(f"{path}: holds no {topics.RUN_CONFIGURATION}; record that topic together with the beliefs")
     beliefs = tuple(found.beliefs[k] for k in sorted(found.beliefs))

@@ -29,34 +29,42 @@ class _Labels:
     @property
     def need_second_session(self) -> bool:
         """Whether the default, though there is a map, would refuse this map's classes or these detections."""
-        if self.mapped is None or not self.told:
+        if self.mapped is None:
             return False
-        return not self.have_evidence or not self.mapped <= self.known
+        return not self.have_evidence or (bool(self.told) and not self.mapped <= self.known)
 
     @property
-    def strange(self) -> list[str]:
-        """Labels that the default's classifier does not have."""
-        return sorted(self.told - self.known)
+    def need_detector(self) -> bool:
+        """Whether the default's classifier lacks some of these labels, or has nothing to go by."""
+        return not self.have_evidence or bool(self.told - self.known)
+
+    @property
+    def named(self) -> str:
+        """The first few labels, those that the default's classifier does not have before the others."""
+        labels = sorted(self.told - self.known) or sorted(self.told)
+        shown = ", ".join(labels[:MOST_NAMED]) + (", …" if len(labels) > MOST_NAMED else "")
+        return f"labels ({shown})" if labels else "places without classes"
 
 
 def configuration_for(bag: Path, prior: MapPrior | None = None) -> Path:
     """Configuration file that suits a bag and its map; if it is not the default one, a line about it is printed.
 
-    The default's network knows five classes of furniture. Detections with other labels get the detector configuration;
-    with a map (``prior``, or the one beside the bag) that of a second session if the map has other classes, too, or
-    if there are neither images nor scores of these five. Raises InputError if the bag or the map cannot be used.
+    The default's network knows five classes of furniture. Detections with other labels get the detector configuration,
+    and so do those without pictures and without scores of these five; with a map (``prior``, or the one beside the
+    bag) that of a second session if there is no such evidence, or if labelled detections are of a map with other
+    classes, too. Raises InputError if the bag or the map cannot be used.
     """
     beside = map_prior_path(bag) if prior is None else None
     labels = _labels(bag, read_map_prior(beside) if beside is not None else prior)
     if labels.need_second_session:
         print(
-            f"{bag}: labels ({_named(sorted(labels.told))}) and a map that the default's classifier cannot go on with;"
+            f"{bag}: {labels.named} and a map that the default's classifier cannot go on with;"
             f" using config/{SECOND_SESSION}.yaml, which goes by the detector's labels (--config for another)"
         )
         return configuration_file(SECOND_SESSION)
-    if labels.strange:
+    if labels.need_detector:
         print(
-            f"{bag}: labels ({_named(labels.strange)}) that the default's classifier does not have; using"
+            f"{bag}: {labels.named}, which the default's classifier cannot go by; using"
             f" config/{DETECTOR}.yaml, which goes by the detector's labels (--config for another)"
         )
         return configuration_file(DETECTOR)
@@ -75,10 +83,6 @@ def _labels(bag: Path, prior: MapPrior | None) -> _Labels:
         known=known,
         have_evidence=scored == known,
     )
-
-
-def _named(labels: list[str]) -> str:
-    return ", ".join(labels[:MOST_NAMED]) + (", …" if len(labels) > MOST_NAMED else "")
 
 
 def _classes() -> frozenset[str]:

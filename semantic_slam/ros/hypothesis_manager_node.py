@@ -104,7 +104,7 @@ class HypothesisManagerNode(PipelineNode):
         self._transforms = TransformTree()
         has_imu, waits = declare_fixed(self, "has_imu", False), self.lossless
         self._imu = imu_source(self, self._configuration, self._transforms, waits=waits) if has_imu else None
-        self._map_prior = map_prior_of(declare_fixed(self, "map_prior", ""))
+        self._map_prior = map_prior_of(self, self._configuration, declare_fixed(self, "map_prior", ""))
         source_bag = declare_fixed(self, "source_bag", "")
         journal = declare_fixed(self, "journal", "")
         frames = declare_frames(self)

@@ -85,7 +85,7 @@ def test_its_json_has_an_account_of_every_class_to_the_last_digit(folder, monkey
         (("report", "--object", 1, "--classes", "cup", "cup"), "'cup' is compared with itself; name two classes"),
         (("report", "--object", 1, "--history", 0), "--history 0: must be at least 1"),
         (("report", "--object", 1, "--history", 99), "--history 99: the last belief has"),
-        (("input", "--object", 1), "holds no message on /hypothesis_manager/belief; give a recorded belief bag"),
+        (("input", "--object", 1), "input --out DIR first, and give DIR"),
         (("nowhere", "--object", 1), "nowhere"),
         (("report",), "--object"),
     ],

@@ -12,7 +12,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from semantic_slam.bag.definitions import register
-from semantic_slam.bag.reader import BagReader, TruncatedBagError, storage_files
+from semantic_slam.bag.reader import BagReader, TruncatedBagError
+from semantic_slam.bag.storage import storage_files
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.errors import InputError
 from semantic_slam.messages.codec import from_message, to_message
@@ -167,16 +168,41 @@ def test_the_parts_of_a_split_recording_are_in_the_order_of_their_numbers(tmp_pa
     assert found == [f"rosbag2_2024_01_02_{number}" for number in (0, 1, 2, 9, 10)]
 
 
-def test_a_killed_recorders_parts_are_read_in_the_order_of_time(tmp_path):
-    (tmp_path / "split").mkdir()
-    for number in range(11):
-        with BagWriter(tmp_path / "part") as writer:
-            writer.write("odom", odometry(number + 1), number + 1)
-        (part,) = (tmp_path / "part").glob("*.mcap")
-        part.rename(tmp_path / "split" / f"split_{number}.mcap")
-        shutil.rmtree(tmp_path / "part")
-    with BagReader(tmp_path / "split") as reader:
+def write_parts(folder, names):
+    """A folder without metadata.yaml of a storage file for each name, with one message."""
+    folder.mkdir()
+    for stamp, name in enumerate(names, start=1):
+        with BagWriter(folder / "part") as writer:
+            writer.write("odom", odometry(stamp), stamp)
+        (part,) = (folder / "part").glob("*.mcap")
+        part.rename(folder / name)
+        shutil.rmtree(folder / "part")
+    return folder
+
+
+def test_a_killed_recorders_parts_are_read_in_the_order_of_time_which_is_said(tmp_path, capsys):
+    with BagReader(write_parts(tmp_path / "split", [f"split_{number}.mcap" for number in range(11)])) as reader:
         assert [message.stamp_ns for message in reader.messages()] == list(range(1, 12))
+    told = capsys.readouterr().err
+    assert "split_0.mcap, split_1.mcap" in told and "and 3 others are read as the parts of one recording" in told
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("drive_0.mcap", "room_0.mcap"),
+        ("drive_1.mcap", "drive_2.mcap"),
+        ("run0.mcap", "run1.mcap"),
+        ("drive.mcap", "drive_0.mcap"),
+    ],
+)
+def test_several_recordings_in_a_folder_without_metadata_are_not_merged(tmp_path, names):
+    folder = write_parts(tmp_path / "bags", names)
+    with pytest.raises(InputError, match=rf"{names[0]}, {names[1]} are no parts of one .*; give one of them") as told:
+        BagReader(folder).__enter__()
+    assert str(folder / names[0]) in str(told.value)
+    with BagReader(folder / names[1]) as reader:
+        assert reader.num_messages == 1
 
 
 @pytest.mark.parametrize("form", ["folder", "file", "folder without metadata"])

@@ -3,10 +3,12 @@
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
 from semantic_slam.cli.commands import COMMANDS, Command, Group, main
+from semantic_slam.cli.import_dataset import FORMATS
 
 HEAVY = ("numpy", "scipy", "torch", "gtsam", "cv2", "rosbags", "rclpy", "matplotlib", "yaml", "jinja2")
 LEFT_OVER = f"""
@@ -96,3 +98,8 @@ def test_without_ros_the_view_says_in_one_line_what_to_do(
     assert call(monkeypatch, "view") == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("semantic_slam view: needs rclpy, not found here; source ROS 2")
+
+
+def test_the_table_of_commands_names_every_import_format() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "install.md").read_text(encoding="utf-8")
+    assert f"`semantic_slam import {{{','.join(FORMATS)}}} " in page

@@ -31,6 +31,7 @@ from worlds.bags.mistakes import (
     swapped,
     varied,
 )
+from worlds.bags.places import place_entries
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.doctor.bag_summary import summarise_bag
@@ -238,6 +239,13 @@ MISTAKES = [
         ("detector_embedding", "carries an embedding", "semantic_model.kind: detector"),
         each(topics.DETECTIONS, varied),
         configuration={"association": "open", "semantic_model": {"kind": "detector_embedding"}},
+    ),
+    Mistake(
+        "a configuration that needs class scores of places that have none",
+        "configuration",
+        ("no class scores", "the class models know cabinet", "semantic_model.kind: none"),
+        lambda _: place_entries("ranges"),
+        configuration={},
     ),
     Mistake(
         "a configuration that needs identities that nobody gives",

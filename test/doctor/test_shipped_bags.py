@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from worlds.bags.bag_factory import map_prior, write_bag
+from worlds.bags.mistakes import each, varied
+from worlds.bags.places import place_entries
 from worlds.bags.spoiled_bag import Change, later, spoiled
 
 from semantic_slam.cli import doctor
@@ -14,6 +17,8 @@ from semantic_slam.configuration import from_dict
 from semantic_slam.doctor.bag_summary import summarise_bag
 from semantic_slam.doctor.examination import examine
 from semantic_slam.doctor.finding import Finding
+from semantic_slam.messages import topics
+from semantic_slam.pipeline.offline import run_bag
 
 BAGS = Path(__file__).parents[2] / "bags"
 ROOM = BAGS / "aliased_room"
@@ -55,6 +60,22 @@ def test_shipped_bags_are_healthy(
     monkeypatch.setattr("sys.argv", ["semantic_slam doctor", str(BAGS / bag)])
     assert exit_code(doctor.command) == DONE
     assert capsys.readouterr().out == "nothing wrong\n"
+
+
+def test_a_belief_bag_is_examined_as_the_run_that_it_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = write_bag(tmp_path / "bag", each(topics.DETECTIONS, varied)(place_entries("ranges", 24)))
+    run_bag(bag, tmp_path / "belief", from_dict({"semantic_model": {"kind": "none"}}), map_prior())
+    capsys.readouterr()
+    words = ["semantic_slam doctor", str(tmp_path / "belief")]
+    monkeypatch.setattr("sys.argv", words)
+    assert exit_code(doctor.command) == DONE
+    told = capsys.readouterr()
+    assert told.out == "nothing wrong\n" and "belief: a recorded run; its configuration and map" in told.err
+    monkeypatch.setattr("sys.argv", [*words, "--config", "default"])
+    assert exit_code(doctor.command) == BAD_INPUT
+    assert "no class scores" in capsys.readouterr().out
 
 
 @pytest.mark.long

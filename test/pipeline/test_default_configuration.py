@@ -118,11 +118,16 @@ def test_what_the_default_would_say_of_that_map_names_the_remedy(
 def test_places_alone_are_found_on_a_map_whatever_they_are_called(
     report: Callable[..., dict[int, dict[str, Any]]], tmp_path: Path
 ) -> None:
-    """On a map of other words, and on one without classes."""
+    """On a map of other words, and on one without classes; where they have no names at all a remedy is told."""
     bag = without_map(tmp_path / "of_desks", labelled(place_entries("ranges"), "landmark"))
     assert names(report(bag, "--map-prior", map_file(tmp_path / "objects.json", "desk"))) == {1: "desk", 2: "desk"}
     bag = write_bag(tmp_path / "of_places", labelled(place_entries("ranges"), "landmark"))
     assert names(report(bag)) == {1: "landmark", 2: "landmark"}
+    bag = write_bag(tmp_path / "of_anything", labelled(place_entries("ranges"), "object"))
+    assert names(report(bag, "--map-prior", tmp_path / "objects.json")) == {1: "desk", 2: "desk"}
+    bag = without_map(tmp_path / "unnamed", labelled(place_entries("ranges"), ""))
+    with pytest.raises(InputError, match=r"nothing tells which labels.*set semantic_model\.kind: none"):
+        report(bag)
 
 
 def test_scores_of_the_shipped_classes_are_evidence_for_the_default(
@@ -173,7 +178,8 @@ def test_labels_and_map_choose_for_a_bag_with_pictures(
         ("landmark", "desk", SECOND_SESSION),
         ("landmark", "landmark", SECOND_SESSION),
         ("desk", "desk", SECOND_SESSION),
-        ("object", "desk", DEFAULT_CONFIGURATION),
+        ("object", "desk", SECOND_SESSION),
+        ("", "", SECOND_SESSION),
     ],
 )
 def test_labels_and_map_choose_for_places_alone(label: str, mapped: str, chosen: Path, tmp_path: Path) -> None:

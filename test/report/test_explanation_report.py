@@ -1,6 +1,7 @@
 """What a report says of beliefs that do not explain their data."""
 
 import dataclasses
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -83,3 +84,14 @@ def test_every_keyframe_of_the_document_says_how_well_it_was_explained() -> None
     found = [(row["log_evidence"], row["innovation_nees"], row["unexplained"]) for row in document["keyframes"]]
     assert found == [(-3.0, 1.2, 0.1), (-3.0, 1.2, 0.7)]
     assert all(np.isnan(row["discarded_mass_window"]) for row in document["keyframes"])
+
+
+def test_small_innovations_are_told_apart() -> None:
+    beliefs = beliefs_of([0.1] * 3)
+    small = (1.2, 2e-3, 2e-4)
+    told = tuple(dataclasses.replace(own, innovation_nees=nees) for own, nees in zip(beliefs, small, strict=True))
+    chart = next(chart for chart in explanation_charts(record_of(told)) if chart.title == "Innovations (NIS)")
+    (points,) = re.findall(r'<polyline class="line first" points="([^"]*)"', str(chart.svg))
+    heights = [float(point.partition(",")[2]) for point in points.split()]
+    assert heights[0] + 20 < heights[1] and heights[1] + 20 < heights[2]
+    assert "the scale" not in str(chart.svg)

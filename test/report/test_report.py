@@ -321,6 +321,13 @@ def test_a_line_breaks_where_nothing_is_known() -> None:
     assert str(plot.svg()).count("<polyline") == 2
 
 
+def test_a_value_beyond_the_scale_is_marked_at_its_edge() -> None:
+    plot = Plot((0, 4), (0.01, 1.0), logarithmic=True)
+    plot.line([0, 1, 2, 3, 4], [0.01, 0.001, 0.0, 2.0, float("nan")], "line")
+    drawn = str(plot.svg())
+    assert drawn.count("below the scale") == 2 and drawn.count("above the scale") == 1
+
+
 def test_wording_never_rounds_doubt_away() -> None:
     assert [percent(value) for value in (1.0, 0.9999, 0.998, 0.5, 0.0)] == [
         "100 %",

@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import rclpy
 from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import MarkerArray
 from worlds.belief_factory import CLASSES, small_belief
 
+from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.transform import compose
 from semantic_slam.messages import topics
@@ -19,6 +21,7 @@ from semantic_slam.messages.standard import OdometryEstimate, header_stamp_ns
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.plain_views import MarkersView, pose_view
 from semantic_slam.ros.node.health import Level, explanation_status
+from semantic_slam.ros.node.run_inputs import map_prior_of
 from semantic_slam.ros.publishing.frames import Frames
 from semantic_slam.ros.publishing.transforms import Transforms
 from semantic_slam.ros.replay.flow_control import Credit
@@ -36,6 +39,22 @@ def test_credit_lets_a_window_of_frames_go_and_then_waits() -> None:
 
 def test_credit_goes_on_when_nothing_moves() -> None:
     assert not Credit(window=1, stall_s=0.1).wait(1, lambda: True)
+
+
+@pytest.mark.ros
+def test_a_manager_that_needs_a_map_and_has_none_says_so_at_its_start(capfd: pytest.CaptureFixture[str]) -> None:
+    """The map may still come by a service, so it is no fault yet."""
+    rclpy.init()
+    node = rclpy.create_node("manager")
+    try:
+        assert map_prior_of(node, Configuration.of(association="open"), "") is None
+        assert capfd.readouterr().err == ""
+        assert map_prior_of(node, Configuration(), "") is None
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    told = capfd.readouterr().err
+    assert "association is 'enumerated'" in told and "~/load_map" in told and told.count("\n") == 1
 
 
 def test_playlist_renames_and_leaves_out_what_the_nodes_publish() -> None:

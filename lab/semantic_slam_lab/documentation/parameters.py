@@ -17,13 +17,14 @@ plain or in the form of a ROS 2 parameter file:
 /**:
   ros__parameters:
     association: open
-    pruning: {ratio: 100.0}
+    pruning: {ratio: 100.0}                # or pruning.ratio: 100.0
 ```
 
 `semantic_slam report --config FILE`, `semantic_slam demo --config FILE` and the nodes' `--params-file FILE` read the
-same file; what is left out keeps its default, an unknown key is refused by name. The effective configuration is
-latched on `/hypothesis_manager/run_configuration` and saved with every result. `config/default.yaml` is a file to
-start from. Parameters of single nodes (`compressed`, `backends`, …) are on the page about [ROS](ros.md).
+same file; what is left out keeps its default, an unknown key is refused by name. Commands, unlike nodes, read only
+what stands below `/**`; they refuse a file that addresses nodes by name. The effective configuration is latched on
+`/hypothesis_manager/run_configuration` and saved with every result. `config/default.yaml` is a file to start from.
+Parameters of single nodes (`compressed`, `backends`, …) are on the page about [ROS](ros.md).
 """
 
 

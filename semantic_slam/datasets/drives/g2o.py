@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from semantic_slam.datasets.drives.tables import Line, lines_of, numbers
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, shortened
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.reasons import LONGEST_NAME
 
 REMEDY = "name a g2o file of VERTEX_SE2, EDGE_SE2 and EDGE_SE2_XY"
 RECORDS = {
@@ -58,7 +59,11 @@ def read_graph(path: Path) -> LandmarkGraph:
         _read(line, records)
     order = sorted(records.poses)
     if not records.sightings or len(order) < 2:
-        others = f", besides {', '.join(sorted(records.left_out))}" if records.left_out else ""
+        others = (
+            f", besides {shortened([kind[:LONGEST_NAME] for kind in sorted(records.left_out)])}"
+            if records.left_out
+            else ""
+        )
         seen = f"{len(order)} poses and {len(records.sightings)} sightings of landmarks{others}"
         raise InputError(f"{path}: {seen}; {REMEDY}")
     broken = [pair for pair in pairwise(order) if pair not in records.steps]

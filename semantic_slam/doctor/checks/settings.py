@@ -27,13 +27,15 @@ def check(summary: InputSummary) -> Iterator[Finding]:
 
 
 def _start(summary: InputSummary) -> Iterator[Finding]:
-    """What would end a run at its first keyframe."""
+    """What would end a run at one of the keyframes; the front end gives those of pictures no class scores."""
     first, prior = summary.keyframes[0], summary.prior
     try:
         labels = summary.detections.told_labels
         configuration = with_labels(summary.configuration, first.measurements, prior, labels)
         pose, covariance = initial_pose_of(configuration)
-        problem_of(make_run_configuration(configuration, prior, pose, covariance, stamp_ns=first.stamp_ns))
+        problem = problem_of(make_run_configuration(configuration, prior, pose, covariance, stamp_ns=first.stamp_ns))
+        for keyframe in summary.keyframes if not summary.found.has_images else ():
+            problem.reader.step(keyframe)
     except InputError as fault:
         if not str(fault).startswith("map prior"):  # which has a check of its own
             yield of_fault(NAME, fault)

@@ -9,6 +9,9 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.explanation import UNEXPLAINED
 from semantic_slam.report.drawing.charts import Chart, Key, keyframes, time_plot
 
+LOW_NIS, LOWEST_NIS = 1e-2, 1e-4
+"""Greatest and least lower limit of the axis of normalised innovations; smaller values are marked at its end."""
+
 
 def explanation_charts(record: Record) -> list[Chart]:
     """Charts of what the beliefs say of their data; those without any value are left out."""
@@ -35,7 +38,9 @@ def _innovations(record: Record) -> Chart:
     low, high = innovation_band(record)
     finite = np.concatenate([values, high, [2.0]])
     top = 1.3 * float(np.nanmax(finite[np.isfinite(finite)]))
-    plot = time_plot(beliefs, 0.01, top, "normalised innovation squared per degree of freedom", logarithmic=True)
+    least = float(values[values > 0.0].min(initial=LOW_NIS))
+    bottom = max(10.0 ** np.floor(np.log10(least)), LOWEST_NIS)
+    plot = time_plot(beliefs, bottom, top, "normalised innovation squared per degree of freedom", logarithmic=True)
     for place in np.flatnonzero(np.isfinite(high)).tolist():
         plot.column(beliefs[place].keyframe, low[place], high[place], "#e4eef8")
     plot.axes()

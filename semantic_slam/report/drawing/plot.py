@@ -82,7 +82,7 @@ class Plot:
             )
 
     def line(self, xs: Values, ys: Values, kind: str) -> None:
-        """A line of CSS class ``kind``, broken where a value is not finite."""
+        """A line of CSS class ``kind``, broken where a value is not finite; values beyond the range are marked."""
         runs: list[list[str]] = [[]]
         for x, y in zip(xs, ys, strict=True):
             if math.isfinite(y):
@@ -95,6 +95,17 @@ class Plot:
                 self._add('<circle class="dot {}" cx="{}" cy="{}" r="2"/>', kind, x, y)
             elif run:
                 self._add('<polyline class="{}" points="{}"/>', kind, " ".join(run))
+        for x, y in zip(xs, ys, strict=True):
+            self._mark_beyond(x, y, kind)
+
+    def _mark_beyond(self, x: float, y: float, kind: str) -> None:
+        """A small triangle at the edge of the range that points to where a value lies beyond it."""
+        low, high = self.y_range
+        if not math.isfinite(y) or low <= y <= high:
+            return
+        where, side = ("below", 1) if y < low else ("above", -1)
+        shape = '<path class="dot {}" d="M{} {}h8l-4 {}z"><title>{} the scale</title></path>'
+        self._add(shape, kind, self.x(x) - 4, self.y(y) - 6.0 * side, 6 * side, where)
 
     def area(self, xs: Values, low: Values, high: Values, fill: str) -> None:
         """The area between two lines."""

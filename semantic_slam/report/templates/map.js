@@ -79,7 +79,7 @@ class MapView {
     const u = this.u = this.width / (this.svg.clientWidth || this.width); // one CSS pixel
     this.svg.replaceChildren();
     this.labels = [];
-    this.grid();
+    const step = this.grid();
     const line = (points, stroke, width, more) =>
       make(this.svg, "polyline", { points: this.path(points), fill: "none", stroke, "stroke-width": width * u, "stroke-linejoin": "round", "stroke-linecap": "round", ...more });
     line(scene.truth, "#ffd34d", this.small ? 5 : 8, { opacity: .8 });
@@ -104,21 +104,28 @@ class MapView {
       this.arrow(o[0], o[1], o[0] + AHEAD * vx, o[1] + AHEAD * vy);
     }
     for (const j of order) this.robot(frame.h[j], j === best);
+    this.scaleBar(step);
     if (this.small) return;
     for (const [place, , o] of shown) this.fading(exists.get(place), () => this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
     for (const [place, , o] of shown) this.question(this.x(o[0]), this.y(o[1]), scene.objects[place]);
   }
 
-  grid() {
+  grid() { // lines so many metres apart
     const span = this.x1 - this.x0, u = this.u, wanted = span / (this.small ? 4 : 8);
     const power = 10 ** Math.floor(Math.log10(wanted)), step = [1, 2, 5, 10].map(f => f * power).find(s => s >= wanted);
     for (let x = Math.ceil(this.x0 / step) * step; x < this.x1; x += step)
       make(this.svg, "line", { class: "gridline", x1: this.x(x), x2: this.x(x), y1: 0, y2: this.height });
     for (let y = Math.ceil(this.y0 / step) * step; y < this.y1; y += step)
       make(this.svg, "line", { class: "gridline", y1: this.y(y), y2: this.y(y), x1: 0, x2: this.width });
-    const length = step * this.scale, y = this.height - 12 * u, x = 12 * u;
-    make(this.svg, "line", { x1: x, x2: x + length, y1: y, y2: y, stroke: GREY, "stroke-width": 2 * u });
-    make(this.svg, "text", { x: x + length + 6 * u, y: y + 4 * u, "font-size": 12 * u }, +step.toPrecision(3) + " m");
+    return step;
+  }
+
+  scaleBar(step) { // over whatever lies in its corner, with a white edge
+    const u = this.u, length = step * this.scale, y = this.height - 12 * u, x = 12 * u, text = +step.toPrecision(3) + " m";
+    for (const [stroke, width] of [["#fff", 6], [GREY, 2]])
+      make(this.svg, "line", { x1: x, x2: x + length, y1: y, y2: y, stroke, "stroke-width": width * u });
+    make(this.svg, "text", { class: "scale", x: x + length + 6 * u, y: y + 4 * u, "font-size": 12 * u, "stroke-width": 4 * u }, text);
+    this.labels.push([x, y - 7 * u, x + length + (6 + 7.5 * text.length) * u, this.height]);
   }
 
   ellipse(x, y, a, b, angle, attributes) {

@@ -6,6 +6,7 @@ from rclpy.node import Node
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import Configuration
+from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.maps.map_file import read_map_prior
 from semantic_slam.messages import topics
@@ -24,9 +25,17 @@ def imu_source(node: Node, configuration: Configuration, transforms: TransformTr
     return ImuSource(transforms, waits=waits)
 
 
-def map_prior_of(path: str) -> MapPrior | None:
-    """The map in a file; "" names none. Raises InputError."""
-    return read_map_prior(Path(path)) if path else None
+def map_prior_of(node: Node, configuration: Configuration, path: str) -> MapPrior | None:
+    """The map in a file; "" names none, with a warning where a run needs one. Raises InputError."""
+    if path:
+        return read_map_prior(Path(path))
+    if strategy_of(configuration).needs_map:
+        node.get_logger().warning(
+            f"association is '{configuration.association}' and parameter map_prior names no map: unless"
+            " ~/load_map gives one before, the first keyframe ends this node; set map_prior, or set association: open"
+            " to map as you go"
+        )
+    return None
 
 
 def source_of(bag: str) -> str:

@@ -75,6 +75,14 @@ def test_a_bad_graph_is_named_with_its_line(graph, old, new, fault):
         read_graph(graph)
 
 
+def test_a_file_of_another_kind_is_refused_with_its_first_words_alone(tmp_path):
+    path = tmp_path / "measurements.csv"
+    path.write_text("".join(f"{row},1.0\n" for row in range(10, 5000)) + f"{'9' * 1000},1.0\n")
+    with pytest.raises(InputError, match=r"besides 10,1\.0, .* and 4983 others; name a g2o file") as told:
+        read_graph(path)
+    assert len(str(told.value)) < len(str(path)) + 400
+
+
 def test_a_truncated_archive_is_named(tmp_path):
     path = tmp_path / "graph.g2o.gz"
     path.write_bytes(gzip.compress(GRAPH.encode())[:-20])
