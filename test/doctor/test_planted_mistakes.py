@@ -31,6 +31,7 @@ from worlds.bags.mistakes import (
     swapped,
     varied,
 )
+from worlds.bags.stereo import by_stereo
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.doctor.bag_summary import summarise_bag
@@ -86,6 +87,13 @@ MISTAKES = [
         "intrinsics",
         ("do not fit a picture of 160 x 120", "scale fx, fy, cx and cy"),
         each(topics.CAMERA_INFO, lambda m: setattr(m, "k", m.k * np.array([4, 1, 4, 1, 4, 4, 1, 1, 1.0]))),
+    ),
+    Mistake(
+        "disparities beside a camera_info with the lens's distortion",
+        "intrinsics",
+        ("disparities are of rectified ones", "set perception.rectified: true"),
+        lambda e: by_stereo(each(topics.CAMERA_INFO, lambda m: setattr(m, "d", np.array([0.01, 0, 0, 0, 0.0])))(e)),
+        severity=Severity.WARNING,
     ),
     Mistake("32FC1 depth in millimetres", "depth", ("median of", "divide it by 1000"), raw_depth(1000.0, "32FC1")),
     Mistake("16UC1 depth in metres", "depth", ("median of 0.00", "multiply it by 1000"), raw_depth(1.0, "16UC1")),

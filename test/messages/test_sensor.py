@@ -20,9 +20,10 @@ from semantic_slam.errors import InputError
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar, transform_points
 from semantic_slam.geometry.transform import between, compose, interpolate, inverse, rotation_angle
 from semantic_slam.messages import topics
+from semantic_slam.messages.camera_info import camera_model
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.images import decode_depth, decode_image
-from semantic_slam.messages.sensor import TransformTree, camera_model, odometry_sample, sensor_pose
+from semantic_slam.messages.sensor import TransformTree, odometry_sample, sensor_pose
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class
 

@@ -65,7 +65,7 @@ def test_boxes_in_shares_of_the_image_are_no_objects() -> None:
     boxes = Detections(
         stamp_ns=1, frame_id=OPTICAL, boxes=shares, labels=("a", "a"), scores=np.ones(2), track_ids=("", "")
     )
-    from semantic_slam.messages.sensor import camera_model
+    from semantic_slam.messages.camera_info import camera_model
 
     camera = camera_model(camera_info(1), "camera_info")
     assert not len(reader.measure(boxes, 0, camera, np.array([0.0, 0, 0, -0.5, 0.5, -0.5, 0.5])))
