@@ -10,6 +10,8 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.frame import CameraModel
 
 DISTORTION_MODELS = ("plumb_bob", "rational_polynomial", "")
+NUMBERS_OF_COEFFICIENTS = (4, 5, 8, 12, 14)
+"""Lengths of D that OpenCV's model of those lenses has."""
 ROTATION_TOLERANCE = 1e-3
 """Largest entry of R R^T - 1 that rounding leaves in a calibration file."""
 USE_RECTIFIED = "use rectified images and set perception.rectified: true"
@@ -66,6 +68,12 @@ def _distortion(message: Any, topic: str) -> tuple[float, ...]:
         return ()
     if message.distortion_model not in DISTORTION_MODELS:
         raise MessageError(f"{topic}: distortion model '{message.distortion_model}' is not known; {USE_RECTIFIED}")
+    if len(coefficients) not in NUMBERS_OF_COEFFICIENTS or not np.isfinite(coefficients).all():
+        told = " ".join(f"{value:g}" for value in coefficients[:8])
+        raise MessageError(
+            f"{topic}: the distortion D ({told}) is not 4, 5, 8, 12 or 14 finite numbers; calibrate the camera, or"
+            f" {USE_RECTIFIED}"
+        )
     return coefficients
 
 

@@ -89,6 +89,12 @@ MISTAKES = [
         each(topics.CAMERA_INFO, lambda m: setattr(m, "k", m.k * np.array([4, 1, 4, 1, 4, 4, 1, 1, 1.0]))),
     ),
     Mistake(
+        "a lens with six coefficients",
+        "dropped",
+        ("the distortion D", "is not 4, 5, 8, 12 or 14 finite numbers", "calibrate the camera"),
+        each(topics.CAMERA_INFO, lambda m: setattr(m, "d", np.full(6, 0.01))),
+    ),
+    Mistake(
         "disparities beside a camera_info with the lens's distortion",
         "intrinsics",
         ("disparities are of rectified ones", "set perception.rectified: true"),

@@ -16,7 +16,7 @@ from worlds.bags.bag_factory import (
     of_topic,
 )
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar, transform_points
 from semantic_slam.geometry.transform import between, compose, interpolate, inverse, rotation_angle
 from semantic_slam.messages import topics
@@ -124,6 +124,18 @@ def test_camera_model():
     message.distortion_model = "equidistant"
     with pytest.raises(InputError, match="distortion model 'equidistant'"):
         camera_model(message, "camera_info")
+
+
+@pytest.mark.parametrize("d", [np.full(6, 0.01), np.array([0.1]), np.full(16, 0.01), np.array([0.1, np.nan, 0, 0, 0])])
+def test_a_distortion_that_opencv_does_not_take_is_refused_with_its_remedy(d):
+    message = camera_info(START)
+    message.d = d
+    with pytest.raises(
+        MessageError, match=r"camera_info: the distortion D \(0.* is not 4, 5, .*; calibrate the camera"
+    ):
+        camera_model(message, "camera_info")
+    message.d = np.zeros(len(d))  # distorts nothing, by whatever model
+    assert camera_model(message, "camera_info").distortion == ()
 
 
 @pytest.mark.parametrize("spoil", ["position", "orientation"])
