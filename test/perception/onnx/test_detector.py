@@ -98,11 +98,22 @@ def test_a_table_that_fits_two_layouts_asks_which_it_is(tmp_path: Path) -> None:
     path = write_network(tmp_path / "net.onnx", "end_to_end")
     with pytest.raises(InputError, match="may be yolov5 or end_to_end; name the layout"):
         OnnxDetector(path, ("thing",))
-    with pytest.raises(InputError, match="class 2, counted from 0, has no name"):
+    with pytest.raises(InputError, match="class whose number is none of the 1 named ones"):
         detector = OnnxDetector(path, ("thing",), DetectorSettings(layout="end_to_end"))
         detect(detector, black_with_block((64, 64), (16, 24, 24, 32), "blue"))
     with pytest.raises(InputError, match="no layout of a detector"):
         OnnxDetector(path, ("thing",), DetectorSettings(layout="yolov99"))
+
+
+def test_a_class_without_a_name_matters_where_its_box_counts(tmp_path: Path) -> None:
+    """The third class of an end-to-end network, as a table of its best boxes lists it: with any score."""
+    path = write_network(tmp_path / "net.onnx", "end_to_end")
+    detector = OnnxDetector(path, COLOURS[:2], SURE)
+    picture = black_with_block((64, 64), (16, 24, 24, 32), "blue")
+    with pytest.raises(InputError, match="a class whose number is none of the 2 named ones; give its own class names"):
+        detect(detector, picture)
+    assert not len(detect(detector, picture // 2))
+    assert detect(detector, black_with_block((64, 64), (16, 24, 24, 32), "red")).labels == ("red",)
 
 
 def yolox_table(
