@@ -9,12 +9,16 @@ import numpy as np
 
 from semantic_slam.errors import InputError, one_line
 from semantic_slam.geometry.arrays import Array, Bytes
+from semantic_slam.perception.crops import are_in_shares
 from semantic_slam.perception.frame import Detections
 from semantic_slam.perception.onnx.declared_inputs import declared_inputs, stated_class_names, stated_input_size
 from semantic_slam.perception.onnx.letterbox import letterboxed
 from semantic_slam.perception.onnx.recognition import recognised
 from semantic_slam.perception.onnx.suppression import without_overlaps
 from semantic_slam.text_files import read_text
+
+SCORE_TOLERANCE = 0.01
+"""How far beyond 0 and 1 the rounding of a quantised network takes a score."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,16 +89,20 @@ class OnnxDetector:
 
     def _boxes(self, outputs: Sequence[Array]) -> tuple[Array, Array]:
         """(N, 4) boxes in pixels of the input and (N, C) scores, NaN where not reported. Raises InputError."""
-        num_classes = len(self.class_names)
+        num_classes, least = len(self.class_names), self.settings.least_score
         try:
             boxes, scores = self._layout.boxes(outputs)
-            if (scores[:, num_classes:] >= self.settings.least_score).any():
+            _check_scores(scores)
+            if (scores[:, num_classes:] >= least).any():
                 raise ValueError(f"it reports a class whose number is none of the {num_classes} named ones")
+            counting = boxes[(scores >= least).any(axis=1)]
+            if len(counting) and are_in_shares(counting).all():
+                raise ValueError("the boxes are in shares of the input, not in its pixels")
         except ValueError as fault:
             raise InputError(
                 f"{self._path}: {fault}; give its own class names, or export it in a layout of docs/own_bag.md"
             ) from None
-        return boxes, scores[:, :num_classes]
+        return boxes, np.clip(scores[:, :num_classes], 0.0, 1.0)
 
 
 def read_class_names(path: Path) -> tuple[str, ...]:
@@ -112,6 +120,13 @@ def _check_names(given: Sequence[str], stated: Sequence[str], path: Path) -> Non
         raise InputError(f"{path}: states {len(stated)} classes, and {len(given)} are named; give its own class names")
     if set(stated) == set(given) and list(stated) != list(given):
         raise InputError(f"{path}: states the same classes in another order; give the class names in its order")
+
+
+def _check_scores(scores: Array) -> None:
+    """Raise ValueError for logits, as an export without its last activation has them; NaN: not reported."""
+    low, high = np.nanmin(scores, initial=0.0), np.nanmax(scores, initial=1.0)
+    if low < -SCORE_TOLERANCE or high > 1.0 + SCORE_TOLERANCE:
+        raise ValueError(f"scores from {low:.3g} to {high:.3g} are not between 0 and 1; apply a sigmoid in the export")
 
 
 def _network(path: Path) -> cv2.dnn.Net:
