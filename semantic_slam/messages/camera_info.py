@@ -8,6 +8,7 @@ from semantic_slam.errors import MessageError
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.perception.frame import CameraModel
+from semantic_slam.reasons import quoted
 
 DISTORTION_MODELS = ("plumb_bob", "rational_polynomial", "")
 NUMBERS_OF_COEFFICIENTS = (4, 5, 8, 12, 14)
@@ -42,7 +43,7 @@ def _of_raw(message: Any, topic: str) -> tuple[float, float, float, float]:
     """Elements fx, fy, cx, cy of K."""
     k = np.asarray(message.k, dtype=np.float64)
     if not _are_intrinsics(k, k[0], k[4]):
-        raise MessageError(f"{topic}: the camera is not calibrated (fx {k[0]:g}, fy {k[4]:g}); calibrate it")
+        raise _refused(topic, "the camera is not calibrated", f"fx {k[0]:g}, fy {k[4]:g}", "calibrate it")
     return float(k[0]), float(k[4]), float(k[2]), float(k[5])
 
 
@@ -50,10 +51,8 @@ def _of_rectified(message: Any, topic: str) -> tuple[float, float, float, float]
     """Elements fx, fy, cx, cy of P."""
     p = np.asarray(message.p, dtype=np.float64)
     if not _are_intrinsics(p, p[0], p[5]):
-        raise MessageError(
-            f"{topic}: P tells no rectified picture (fx {p[0]:g}, fy {p[5]:g}); calibrate the camera with P, or set"
-            " perception.rectified: false for raw images"
-        )
+        remedy = "calibrate the camera with P, or set perception.rectified: false for raw images"
+        raise _refused(topic, "P tells no rectified picture", f"fx {p[0]:g}, fy {p[5]:g}", remedy)
     return float(p[0]), float(p[5]), float(p[2]), float(p[6])
 
 
@@ -67,13 +66,11 @@ def _distortion(message: Any, topic: str) -> tuple[float, ...]:
     if not any(coefficients):
         return ()
     if message.distortion_model not in DISTORTION_MODELS:
-        raise MessageError(f"{topic}: distortion model '{message.distortion_model}' is not known; {USE_RECTIFIED}")
+        raise _refused(topic, "the distortion model is not known", quoted(message.distortion_model), USE_RECTIFIED)
     if len(coefficients) not in NUMBERS_OF_COEFFICIENTS or not np.isfinite(coefficients).all():
         told = " ".join(f"{value:g}" for value in coefficients[:8])
-        raise MessageError(
-            f"{topic}: the distortion D ({told}) is not 4, 5, 8, 12 or 14 finite numbers; calibrate the camera, or"
-            f" {USE_RECTIFIED}"
-        )
+        what = "the distortion D is not 4, 5, 8, 12 or 14 finite numbers"
+        raise _refused(topic, what, told, f"calibrate the camera, or {USE_RECTIFIED}")
     return coefficients
 
 
@@ -82,6 +79,12 @@ def _rectification(message: Any, topic: str) -> tuple[float, float, float, float
     matrix = np.asarray(message.r, dtype=np.float64).reshape(3, 3)
     error = np.abs(matrix @ matrix.T - np.eye(3)).max()
     if not (error < ROTATION_TOLERANCE and np.linalg.det(matrix) > 0.0):  # NaN is none
-        raise MessageError(f"{topic}: R is not a rotation, as perception.rectified needs it; calibrate the camera")
+        remedy = "calibrate the camera, or set perception.rectified: false for raw images"
+        raise _refused(topic, "R is not a rotation", " ".join(f"{value:g}" for value in matrix.flat), remedy)
     x, y, z, w = so3.from_matrix(matrix).tolist()
     return x, y, z, w
+
+
+def _refused(topic: str, what: str, told: str, remedy: str) -> MessageError:
+    """The error of one line; runs count it by fault and remedy, whatever is ``told``."""
+    return MessageError(f"{topic}: {what} ({told}); {remedy}", kind=f"{what}, {remedy}")

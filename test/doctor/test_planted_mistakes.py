@@ -91,7 +91,7 @@ MISTAKES = [
     Mistake(
         "a lens with six coefficients",
         "dropped",
-        ("the distortion D", "is not 4, 5, 8, 12 or 14 finite numbers", "calibrate the camera"),
+        ("the distortion D is not 4, 5, 8, 12 or 14 finite numbers", "calibrate the camera"),
         each(topics.CAMERA_INFO, lambda m: setattr(m, "d", np.full(6, 0.01))),
     ),
     Mistake(

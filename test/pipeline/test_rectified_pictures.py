@@ -77,7 +77,7 @@ def test_depth_lies_along_the_axis_of_the_rectified_camera() -> None:
 
 def test_a_lens_that_is_not_known_is_no_matter_once_its_pictures_are_rectified() -> None:
     fisheye = info(distortion_model="equidistant", d=np.array([0.1, 0.01, 0.0, 0.0]))
-    with pytest.raises(MessageError, match=r"'equidistant' is not known; use rectified .*perception.rectified: true"):
+    with pytest.raises(MessageError, match=r"not known \('equidistant'\); use rectified .*perception.rectified: true"):
         camera_model(fisheye, "camera_info")
     camera = camera_model(fisheye, "camera_info", rectified=True)
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (500.0, 505.0, 310.0, 235.0)

@@ -135,3 +135,13 @@ def test_an_import_says_where_the_camera_is_untold_once_the_body_is_the_odometry
 
 def test_an_import_that_can_run_says_nothing() -> None:
     assert hints({}) == []
+
+
+def test_a_run_without_a_usable_camera_names_the_fault_and_the_remedy(tmp_path: Path) -> None:
+    entries = input_entries(3)
+    for entry in of_topic(entries, topics.CAMERA_INFO):
+        entry.message.d = np.full(6, 0.01)
+    bag = write_bag(tmp_path / "bag", entries)
+    fault = r"camera_info: the distortion D is not 4, .* finite numbers, calibrate the camera, or use rectified images"
+    with pytest.raises(InputError, match=fault):
+        run_bag(bag, tmp_path / "out", from_dict({"semantic_model": {"kind": "none"}}))
