@@ -17,7 +17,7 @@ from rclpy.utilities import remove_ros_args
 from semantic_slam_msgs.msg import DetectionArray
 from sensor_msgs.msg import CompressedImage, Image
 
-from semantic_slam.errors import MessageError
+from semantic_slam.errors import InputError
 from semantic_slam.messages.images import decode_image
 from semantic_slam.perception.onnx.detector import DetectorSettings, OnnxDetector, read_class_names
 
@@ -27,7 +27,8 @@ def detection_array(detector, image):
 
     For a detector of yours fill the same fields: boxes and labels, and if it tells them the classes that it knows with
     the scores of all. A picture of nothing is a message, too: it says what is not there. Types are what the fields
-    want, float() and list(): rclpy checks none of them. Raises MessageError for a picture that does not decode.
+    want, float() and list(): rclpy checks none of them. Raises InputError for a picture that does not decode, and for
+    one in which the network reports a class without a name.
     """
     found = detector(decode_image(image, "image"), stamp_ns=0, frame_id=image.header.frame_id)
     message = DetectionArray(header=image.header)  # stamp and frame of the picture
@@ -53,7 +54,7 @@ class DetectorNode(Node):
     def _detect(self, image):
         try:
             self._publisher.publish(detection_array(self._detector, image))
-        except MessageError as fault:
+        except InputError as fault:
             self.get_logger().warning(str(fault), throttle_duration_sec=10.0)
 
 

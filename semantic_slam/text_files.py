@@ -25,14 +25,37 @@ def read_text(path: Path, remedy: str) -> str:
 
 
 def parse_yaml(text: str, origin: str, remedy: str) -> Any:
-    """Parse YAML. Raises InputError, also for aliases: a few of them can expand to a document of any size."""
+    """Parse YAML. Raises InputError, also for a key that a mapping has twice, and for aliases.
+
+    A few aliases can expand to a document of any size.
+    """
     try:
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.SafeLoader)):
             raise InputError(f"{origin}: YAML aliases (*name) are not read; write the values out")
-        return yaml.safe_load(text)
+        loader = yaml.SafeLoader(text)
+        document = loader.get_single_node()
+        _check_keys(document)
+        return None if document is None else loader.construct_document(document)
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as fault:
         reason = one_line(fault, 200)
         raise InputError(f"{origin}: not a readable YAML file ({reason}); {remedy}") from None
+
+
+def _check_keys(document: Any) -> None:
+    """Raise YAMLError for a key that a mapping has twice: a loader would keep its last value, in silence."""
+    nodes = [document]
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, yaml.SequenceNode):
+            nodes += node.value
+        elif isinstance(node, yaml.MappingNode):
+            first: dict[tuple[str, str], Any] = {}
+            for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+                other = first.setdefault((key.tag, key.value), key)
+                if other is not key:
+                    lines = [place.start_mark.line + 1 for place in (other, key)]
+                    raise yaml.YAMLError(f"'{key.value[:80]}' in line {lines[0]} and again in line {lines[1]}")
+            nodes += [value for _, value in node.value]
 
 
 def parse_json(text: str) -> Any:

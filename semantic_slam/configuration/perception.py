@@ -48,6 +48,11 @@ class PerceptionConfiguration:
     extrinsics: tuple[float, ...] = parameter(
         (), "T_base_camera as x y z qx qy qz qw; empty: from /tf_static", lengths=(0, 7)
     )
+    rectified: bool = parameter(
+        False,
+        "the images are rectified ones (image_rect), so that of camera_info P and R count, not K and D; the frame is"
+        " that of the raw camera all the same",
+    )
     base_frame: str = parameter("base_link", "the robot's body frame")
     sigma_range_m: float = parameter(0.1, "standard deviation of the range to an object's centre", minimum=1e-6)
     sigma_range_per_m: float = parameter(

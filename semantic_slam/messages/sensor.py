@@ -1,4 +1,4 @@
-"""Camera model, odometry and static transforms from sensor messages."""
+"""Odometry and static transforms from sensor messages."""
 
 from typing import Any, ClassVar
 
@@ -9,31 +9,9 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.transform import compose, inverse
 from semantic_slam.inference.inputs.keyframe import OdometrySample
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose, pose_vector
-from semantic_slam.perception.frame import CameraModel
 from semantic_slam.reasons import LONGEST_NAME
 
-DISTORTION_MODELS = ("plumb_bob", "rational_polynomial", "")
 IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-
-
-def camera_model(message: Any, topic: str) -> CameraModel:
-    """Intrinsics of a sensor_msgs/CameraInfo. Raises MessageError when uncalibrated or of another lens model."""
-    k = np.asarray(message.k, dtype=np.float64)
-    if not np.isfinite(k).all() or k[0] <= 0.0 or k[4] <= 0.0:
-        raise MessageError(f"{topic}: the camera is not calibrated (fx {k[0]:g}, fy {k[4]:g}); calibrate it")
-    distortion = tuple(float(value) for value in message.d)
-    if message.distortion_model not in DISTORTION_MODELS and any(distortion):
-        raise MessageError(f"{topic}: distortion model '{message.distortion_model}' is not known; rectify the images")
-    return CameraModel(
-        width=int(message.width),
-        height=int(message.height),
-        fx=float(k[0]),
-        fy=float(k[4]),
-        cx=float(k[2]),
-        cy=float(k[5]),
-        distortion=distortion if any(distortion) else (),
-        frame_id=message.header.frame_id,
-    )
 
 
 def odometry_sample(message: Any, topic: str) -> OdometrySample:

@@ -73,8 +73,9 @@ class Classifier:
             return self._extractor.num_features
         return len(self._network.class_names) if self._network is not None else 0
 
-    def measure(self, frame: Frame, sequence: int, T_base_camera: Array) -> SemanticMeasurements:
-        """Measurements of the frame's usable detections; ``T_base_camera`` is the (7,) pose of the optical frame."""
+    def measure(self, frame: Frame, sequence: int, T_base_frame: Array) -> SemanticMeasurements:
+        """Measurements of the frame's usable detections; ``T_base_frame`` is the (7,) pose of the camera's frame."""
+        T_base_camera = frame.camera.optical_pose(T_base_frame)
         usable = np.array(self._usable_detections(frame), dtype=np.intp)
         kept = best_scored(usable, frame.detections.scores, self._settings.max_detections, self.dropped).tolist()
         rows = frame.detections.take(np.array(kept, dtype=np.intp))

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Bytes, Index
 from semantic_slam.geometry.optional_arrays import fill_left_out, left_out
 from semantic_slam.geometry.rows import with_rows
+from semantic_slam.geometry.transform import compose, inverse
 
 
 @dataclass(frozen=True)
 class CameraModel:
-    """Pinhole intrinsics in pixels, for images of ``width`` x ``height``, with plumb-bob distortion."""
+    """Pinhole intrinsics in pixels, for images of ``width`` x ``height``, with distortion as OpenCV has it."""
 
     width: int
     height: int
@@ -20,8 +21,18 @@ class CameraModel:
     fy: float
     cx: float
     cy: float
-    distortion: tuple[float, ...] = ()  # k1 k2 p1 p2 [k3]
+    distortion: tuple[float, ...] = ()  # k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]]
     frame_id: str = "camera_optical_frame"  # optical frame: z forward, x right, y down (REP-103)
+    rectification: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)  # qx qy qz qw of R of rectified pictures
+
+    def optical_pose(self, T_base_frame: Array) -> Array:
+        """(7,) pose of the camera of the pictures, by the (7,) pose of the frame ``frame_id``.
+
+        R takes coordinates of the raw camera to those of the rectified one (sensor_msgs/CameraInfo): p_rect = R p_raw.
+        """
+        if self.rectification == CameraModel.rectification:
+            return T_base_frame
+        return compose(T_base_frame, inverse(np.array([0.0, 0.0, 0.0, *self.rectification])))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,4 +84,4 @@ class Frame:
     depth_m: NDArray[np.float32] | None  # (height, width) along the optical axis, NaN where invalid; None: no depth
     camera: CameraModel
     detections: Detections
-    T_base_camera: Array | None = None  # (7,) pose of the optical frame at this instant; None: fixed mounting
+    T_base_camera: Array | None = None  # (7,) pose of the camera's frame at this instant; None: fixed mounting

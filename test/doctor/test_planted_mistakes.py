@@ -32,6 +32,7 @@ from worlds.bags.mistakes import (
     varied,
 )
 from worlds.bags.places import place_entries
+from worlds.bags.stereo import by_stereo
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.doctor.bag_summary import summarise_bag
@@ -87,6 +88,19 @@ MISTAKES = [
         "intrinsics",
         ("do not fit a picture of 160 x 120", "scale fx, fy, cx and cy"),
         each(topics.CAMERA_INFO, lambda m: setattr(m, "k", m.k * np.array([4, 1, 4, 1, 4, 4, 1, 1, 1.0]))),
+    ),
+    Mistake(
+        "a lens with six coefficients",
+        "dropped",
+        ("the distortion D is not 4, 5, 8, 12 or 14 finite numbers", "calibrate the camera"),
+        each(topics.CAMERA_INFO, lambda m: setattr(m, "d", np.full(6, 0.01))),
+    ),
+    Mistake(
+        "disparities beside a camera_info with the lens's distortion",
+        "intrinsics",
+        ("disparities are of rectified ones", "set perception.rectified: true"),
+        lambda e: by_stereo(each(topics.CAMERA_INFO, lambda m: setattr(m, "d", np.array([0.01, 0, 0, 0, 0.0])))(e)),
+        severity=Severity.WARNING,
     ),
     Mistake("32FC1 depth in millimetres", "depth", ("median of", "divide it by 1000"), raw_depth(1000.0, "32FC1")),
     Mistake("16UC1 depth in metres", "depth", ("median of 0.00", "multiply it by 1000"), raw_depth(1.0, "16UC1")),

@@ -16,13 +16,14 @@ from worlds.bags.bag_factory import (
     of_topic,
 )
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.geometry.pose import planar_from_pose_vector, pose_vector_from_planar, transform_points
 from semantic_slam.geometry.transform import between, compose, interpolate, inverse, rotation_angle
 from semantic_slam.messages import topics
+from semantic_slam.messages.camera_info import camera_model
 from semantic_slam.messages.codec import to_message
 from semantic_slam.messages.images import decode_depth, decode_image
-from semantic_slam.messages.sensor import TransformTree, camera_model, odometry_sample, sensor_pose
+from semantic_slam.messages.sensor import TransformTree, odometry_sample, sensor_pose
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class
 
@@ -121,8 +122,20 @@ def test_camera_model():
     assert camera.distortion == (0.1, 0.2, 0.3, 0.4, 0.5)
     assert camera.frame_id == OPTICAL
     message.distortion_model = "equidistant"
-    with pytest.raises(InputError, match="distortion model 'equidistant'"):
+    with pytest.raises(InputError, match=r"distortion model is not known \('equidistant'\)"):
         camera_model(message, "camera_info")
+
+
+@pytest.mark.parametrize("d", [np.full(6, 0.01), np.array([0.1]), np.full(16, 0.01), np.array([0.1, np.nan, 0, 0, 0])])
+def test_a_distortion_that_opencv_does_not_take_is_refused_with_its_remedy(d):
+    message = camera_info(START)
+    message.d = d
+    with pytest.raises(
+        MessageError, match=r"camera_info: the distortion D is not 4, 5, .* \(0.*; calibrate the camera"
+    ):
+        camera_model(message, "camera_info")
+    message.d = np.zeros(len(d))  # distorts nothing, by whatever model
+    assert camera_model(message, "camera_info").distortion == ()
 
 
 @pytest.mark.parametrize("spoil", ["position", "orientation"])

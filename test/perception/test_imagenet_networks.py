@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
 from torch import nn
 from worlds.networks import SQUEEZENET_WIDTHS, squeezenet_tensors
 
@@ -112,6 +113,23 @@ def test_weights_of_another_shape_are_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"few\.pth: .*conv10\.weight") as fault:
         squeezenet(tmp_path / "few.pth")
     assert "\n" not in str(fault.value)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_not_finite_are_one_line_in_either_kind_of_file(value: float, tmp_path: Path) -> None:
+    tensors = squeezenet_tensors()
+    tensors["classifier.1.bias"][7] = value
+    torch.save(tensors, tmp_path / "net.pth")
+    save_file(tensors, tmp_path / "net.safetensors")
+    for name in ("net.pth", "net.safetensors"):
+        with pytest.raises(InputError, match=rf"{name}: the weights 'conv10\.bias' are not finite; train them anew"):
+            squeezenet(tmp_path / name)
+
+
+def test_a_file_whose_tensors_are_numbered_holds_no_state_dict(tmp_path: Path) -> None:
+    torch.save(dict(enumerate(squeezenet_tensors().values())), tmp_path / "net.pth")
+    with pytest.raises(InputError, match=r"net\.pth: holds no state dict; save model\.state_dict\(\)"):
+        squeezenet(tmp_path / "net.pth")
 
 
 def test_a_group_has_the_sum_of_its_classes_and_the_rest_is_none_of_these(tmp_path: Path) -> None:

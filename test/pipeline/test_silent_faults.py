@@ -65,7 +65,7 @@ def test_boxes_in_shares_of_the_image_are_no_objects() -> None:
     boxes = Detections(
         stamp_ns=1, frame_id=OPTICAL, boxes=shares, labels=("a", "a"), scores=np.ones(2), track_ids=("", "")
     )
-    from semantic_slam.messages.sensor import camera_model
+    from semantic_slam.messages.camera_info import camera_model
 
     camera = camera_model(camera_info(1), "camera_info")
     assert not len(reader.measure(boxes, 0, camera, np.array([0.0, 0, 0, -0.5, 0.5, -0.5, 0.5])))
@@ -135,3 +135,13 @@ def test_an_import_says_where_the_camera_is_untold_once_the_body_is_the_odometry
 
 def test_an_import_that_can_run_says_nothing() -> None:
     assert hints({}) == []
+
+
+def test_a_run_without_a_usable_camera_names_the_fault_and_the_remedy(tmp_path: Path) -> None:
+    entries = input_entries(3)
+    for entry in of_topic(entries, topics.CAMERA_INFO):
+        entry.message.d = np.full(6, 0.01)
+    bag = write_bag(tmp_path / "bag", entries)
+    fault = r"camera_info: the distortion D is not 4, .* finite numbers, calibrate the camera, or use rectified images"
+    with pytest.raises(InputError, match=fault):
+        run_bag(bag, tmp_path / "out", from_dict({"semantic_model": {"kind": "none"}}))

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import cv2
 import numpy as np
@@ -19,7 +19,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from worlds.processes.installed import ROOT
 from worlds.views.onnx_networks import black_with_block, write_network
 
-from semantic_slam.errors import MessageError
+from semantic_slam.errors import InputError, MessageError
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.perception.frame import Detections
@@ -110,6 +110,18 @@ def test_its_message_is_read_as_what_was_seen(example: ModuleType, node: Node, c
 def test_a_picture_that_does_not_decode_is_an_error_of_ours(example: ModuleType) -> None:
     with pytest.raises(MessageError, match="does not decode"):
         example.detection_array(boxes_of(1), CompressedImage(format="jpeg", data=b"none"))
+
+
+def test_a_class_without_a_name_is_a_warning_and_the_node_goes_on(example: ModuleType) -> None:
+    def detect(image: np.ndarray, *, stamp_ns: int, frame_id: str) -> Detections:
+        raise InputError("net.onnx: it reports a class whose number is none of the 1 named ones")
+
+    told: list[str] = []
+    logger = SimpleNamespace(warning=lambda text, throttle_duration_sec: told.append(text))
+    publisher = SimpleNamespace(publish=pytest.fail)
+    node = SimpleNamespace(_detector=detect, _publisher=publisher, get_logger=lambda: logger)
+    example.DetectorNode._detect(node, picture(np.zeros((4, 4, 3), dtype=np.uint8)))
+    assert told == ["net.onnx: it reports a class whose number is none of the 1 named ones"]
 
 
 def heard(node: Node, message: CompressedImage | Image, topic: str, words: list[str]) -> Detections:

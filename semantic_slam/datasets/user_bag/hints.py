@@ -6,8 +6,9 @@ from semantic_slam.configuration.perception import PerceptionConfiguration
 from semantic_slam.datasets.user_bag.camera_joints import CameraJoints
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
+from semantic_slam.messages.camera_info import USE_RECTIFIED, camera_model
 from semantic_slam.messages.images import size_of
-from semantic_slam.messages.sensor import TransformTree, camera_model, plain_frame
+from semantic_slam.messages.sensor import TransformTree, plain_frame
 
 FIRST = (topics.ODOMETRY, topics.CAMERA_INFO, topics.DETECTIONS, topics.IMAGE_COMPRESSED, topics.DISPARITY)
 """Topics of which the first message tells."""
@@ -37,7 +38,7 @@ class Hints:
         """One line for each thing that a run would not accept, or would have to be told."""
         found = [self._body()]
         if has_images:
-            found += [self._camera(), self._detections(), self._size(), self._stereo()]
+            found += [self._camera(), self._detections(), self._size(), self._stereo(), self._rectified()]
         return [line for line in found if line]
 
     def _body(self) -> str:
@@ -103,3 +104,9 @@ class Hints:
             f"depth is by a stereo pair ({pair.f:g} px, {pair.t:g} m): set perception.sigma_range_per_m2:"
             f" {SIGMA_PX / scale:.2g}, for disparities known to {SIGMA_PX:g} px"
         )
+
+    def _rectified(self) -> str:
+        camera = self._first.get(topics.CAMERA_INFO)
+        if camera is None or topics.DISPARITY not in self._first or not any(camera.d):
+            return ""
+        return f"{topics.CAMERA_INFO} states a distortion, and disparities are of rectified images: {USE_RECTIFIED}"

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from semantic_slam.doctor.finding import Finding, Severity, error, of_fault, warning
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
 from semantic_slam.perception.places import BAD_COVARIANCE, BAD_RANGE, NO_PLACE
 
 NAME = "dropped"
@@ -16,8 +17,9 @@ SAID_ELSEWHERE = (
     "no static transforms", "/tf from", "same outline", "imu: not used", "come to gravity",
     "jumps farther", "scores outside 0..1",
 )  # fmt: skip
+NO_CAMERA = f"no {topics.CAMERA_INFO} came"
 REMEDIES = {
-    "no camera_info": "publish camera_info, or name it: semantic_slam import bag --camera-info",
+    NO_CAMERA: "publish camera_info, or name it: semantic_slam import bag --camera-info",
     "arrays of different lengths": "fill all arrays of DetectionArray with one row a detection",
     "does not decode": "record it with the definitions that its publisher has",
     "not finite": "correct its publisher",
@@ -35,9 +37,11 @@ def check(summary: InputSummary) -> Iterator[Finding]:
     for text in summary.faults:
         if not any(words in text for words in SAID_ELSEWHERE):
             yield of_fault(NAME, InputError(text))
+    refused = any(text.startswith(f"{topics.CAMERA_INFO}: ") for text in summary.faults)  # one came, and is no camera
+    told = (*SAID_ELSEWHERE, NO_CAMERA) if refused else SAID_ELSEWHERE
     for reason, count in sorted(summary.dropped.items()):
         share = count / max(summary.num_frames, 1)
-        if share > SOME and not any(words in reason for words in SAID_ELSEWHERE):
+        if share > SOME and not any(words in reason for words in told):
             yield Finding(
                 Severity.ERROR if share > MOST else Severity.WARNING,
                 NAME,

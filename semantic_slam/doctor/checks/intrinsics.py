@@ -1,11 +1,12 @@
-"""Check of intrinsics: consistency with the image size, and internal plausibility."""
+"""Check of intrinsics: consistency with the image size and with disparities, and internal plausibility."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from semantic_slam.doctor.finding import Finding, error, warning
-from semantic_slam.doctor.input_summary import InputSummary
+from semantic_slam.doctor.input_summary import DISPARITIES, InputSummary
+from semantic_slam.messages.camera_info import USE_RECTIFIED
 from semantic_slam.perception.frame import CameraModel
 
 NAME = "intrinsics"
@@ -31,6 +32,10 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         )
     if not others:
         yield from _of_itself(camera)
+    if camera.distortion and DISPARITIES in summary.depths.encodings:  # none is left where rectified is set
+        yield warning(
+            NAME, "pictures count as distorted by the lens, and disparities are of rectified ones", USE_RECTIFIED
+        )
 
 
 def _of_itself(camera: CameraModel) -> Iterator[Finding]:

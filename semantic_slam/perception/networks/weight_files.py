@@ -35,7 +35,10 @@ def read_safetensors(path: Path) -> tuple[Tensors, dict[str, str]]:
 
 
 def load_strictly(network: nn.Module, tensors: Tensors, path: Path) -> None:
-    """Load tensors, set evaluation mode, disable gradients. Raises InputError where names or shapes do not match."""
+    """Load tensors, set evaluation mode, disable gradients.
+
+    Raises InputError where names or shapes do not match, and for numbers that are not finite.
+    """
     try:
         network.load_state_dict(tensors, strict=True)
     except RuntimeError as fault:
@@ -43,6 +46,9 @@ def load_strictly(network: nn.Module, tensors: Tensors, path: Path) -> None:
         raise InputError(
             f"{path}: the weights do not fit the network ({reason}); check perception.architecture"
         ) from None
+    for name, tensor in network.state_dict().items():
+        if not tensor.isfinite().all():
+            raise InputError(f"{path}: the weights '{name}' are not finite; train them anew, or get the file anew")
     network.eval()
     network.requires_grad_(False)
 
@@ -53,6 +59,8 @@ def _read_state_dict(path: Path) -> Tensors:
     except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as fault:
         reason = one_line(fault).split(". ")[0]
         raise InputError(f"{path}: not a state dict of plain tensors ({reason}); save one with torch.save") from None
-    if not isinstance(tensors, dict) or not all(isinstance(value, torch.Tensor) for value in tensors.values()):
+    if not isinstance(tensors, dict) or not all(
+        isinstance(name, str) and isinstance(value, torch.Tensor) for name, value in tensors.items()
+    ):
         raise InputError(f"{path}: holds no state dict; save model.state_dict() with torch.save")
     return tensors

@@ -1,4 +1,4 @@
-"""Inputs that an ONNX file declares, which OpenCV does not tell: their shapes from the file's protocol buffer.
+"""Inputs that an ONNX file declares, and metadata, which OpenCV does not tell: from the file's protocol buffer.
 
 Field numbers are those of onnx.proto3: ModelProto.graph 7, .metadata_props 14; StringStringEntryProto.key 1, .value 2;
 GraphProto.initializer 5, .input 11; TensorProto.name 8;
@@ -6,6 +6,7 @@ ValueInfoProto.name 1, .type 2; TypeProto.tensor_type 1; TypeProto.Tensor.shape 
 TensorShapeProto.Dimension.dim_value 1.
 """
 
+import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -35,9 +36,28 @@ def stated_input_size(path: Path) -> tuple[int | None, int | None]:
 
     None where a file, which OpenCV has read, states none.
     """
-    stated = {_text(entry, 1): _text(entry, 2) for entry in _messages(memoryview(path.read_bytes()), 14)}
-    sizes = [int(number) for number in re.findall(r"\d+", stated.get("imgsz", ""))]
+    sizes = [int(number) for number in re.findall(r"\d+", _metadata(path).get("imgsz", ""))]
     return (sizes[0], sizes[-1]) if len(sizes) in (1, 2) and min(sizes) > 0 else (None, None)
+
+
+def stated_class_names(path: Path) -> tuple[str, ...]:
+    """Class names in the order of their numbers, by the entry ``names`` that Ultralytics' exports have.
+
+    It is a Python literal, {0: 'person', 1: 'bicycle'} or a list. () where a file, which OpenCV has read, states none.
+    """
+    try:
+        stated = ast.literal_eval(_metadata(path).get("names", ""))
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+        return ()
+    numbered = dict(enumerate(stated)) if isinstance(stated, list) else stated
+    if not isinstance(numbered, dict) or set(numbered) != set(range(len(numbered))):
+        return ()
+    return tuple(str(numbered[number]) for number in range(len(numbered)))
+
+
+def _metadata(path: Path) -> dict[str, str]:
+    """Entries of a file's metadata."""
+    return {_text(entry, 1): _text(entry, 2) for entry in _messages(memoryview(path.read_bytes()), 14)}
 
 
 def _shape(value: memoryview) -> Shape:

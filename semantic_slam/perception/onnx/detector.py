@@ -9,12 +9,16 @@ import numpy as np
 
 from semantic_slam.errors import InputError, one_line
 from semantic_slam.geometry.arrays import Array, Bytes
+from semantic_slam.perception.crops import are_in_shares
 from semantic_slam.perception.frame import Detections
-from semantic_slam.perception.onnx.declared_inputs import declared_inputs, stated_input_size
+from semantic_slam.perception.onnx.declared_inputs import declared_inputs, stated_class_names, stated_input_size
 from semantic_slam.perception.onnx.letterbox import letterboxed
 from semantic_slam.perception.onnx.recognition import recognised
 from semantic_slam.perception.onnx.suppression import without_overlaps
 from semantic_slam.text_files import read_text
+
+SCORE_TOLERANCE = 0.01
+"""How far beyond 0 and 1 the rounding of a quantised network takes a score."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,10 +38,11 @@ class OnnxDetector:
         """Load the network and run it once, on a blank picture, to see which layout its outputs have.
 
         Raises InputError when OpenCV cannot read or run ``path``, when its input size is open and not given, and for
-        outputs of another layout or of another number of classes.
+        outputs of another layout, and for class names that are not as many as it has, or in another order.
         """
         self.class_names, self.settings, self._path = tuple(class_names), settings or DetectorSettings(), path
         self._network = _network(path)
+        _check_names(self.class_names, stated_class_names(path), path)
         self.input_size = _input_size(path, self.settings.input_size)  # height and width
         outputs = self._outputs(np.zeros((*self.input_size, 3)))
         self._layout = recognised(outputs, len(self.class_names), self.input_size, self.settings.layout, path)
@@ -83,12 +88,21 @@ class OnnxDetector:
         return [np.asarray(output, dtype=np.float64) for output in outputs]
 
     def _boxes(self, outputs: Sequence[Array]) -> tuple[Array, Array]:
+        """(N, 4) boxes in pixels of the input and (N, C) scores, NaN where not reported. Raises InputError."""
+        num_classes, least = len(self.class_names), self.settings.least_score
         try:
-            return self._layout.boxes(outputs)
+            boxes, scores = self._layout.boxes(outputs)
+            _check_scores(scores)
+            if (scores[:, num_classes:] >= least).any():
+                raise ValueError(f"it reports a class whose number is none of the {num_classes} named ones")
+            counting = boxes[(scores >= least).any(axis=1)]
+            if len(counting) and are_in_shares(counting).all():
+                raise ValueError("the boxes are in shares of the input, not in its pixels")
         except ValueError as fault:
             raise InputError(
                 f"{self._path}: {fault}; give its own class names, or export it in a layout of docs/own_bag.md"
             ) from None
+        return boxes, np.clip(scores[:, :num_classes], 0.0, 1.0)
 
 
 def read_class_names(path: Path) -> tuple[str, ...]:
@@ -98,6 +112,21 @@ def read_class_names(path: Path) -> tuple[str, ...]:
     if not names or len(set(names)) != len(names):
         raise InputError(f"{path}: {'no class' if not names else 'a class is named twice'}; {remedy}")
     return names
+
+
+def _check_names(given: Sequence[str], stated: Sequence[str], path: Path) -> None:
+    """Raise InputError where a file states other classes; names may be others, such as those of another language."""
+    if stated and len(stated) != len(given):
+        raise InputError(f"{path}: states {len(stated)} classes, and {len(given)} are named; give its own class names")
+    if set(stated) == set(given) and list(stated) != list(given):
+        raise InputError(f"{path}: states the same classes in another order; give the class names in its order")
+
+
+def _check_scores(scores: Array) -> None:
+    """Raise ValueError for logits, as an export without its last activation has them; NaN: not reported."""
+    low, high = np.nanmin(scores, initial=0.0), np.nanmax(scores, initial=1.0)
+    if low < -SCORE_TOLERANCE or high > 1.0 + SCORE_TOLERANCE:
+        raise ValueError(f"scores from {low:.3g} to {high:.3g} are not between 0 and 1; apply a sigmoid in the export")
 
 
 def _network(path: Path) -> cv2.dnn.Net:

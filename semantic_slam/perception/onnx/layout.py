@@ -19,6 +19,7 @@ class Layout(Protocol):
     def boxes(self, outputs: Sequence[Array]) -> tuple[Array, Array]:
         """Decode all (N, 4) boxes, in pixels of the input, and their (N, C) scores, NaN where not reported.
 
+        Where outputs number the classes, scores have one more column, of all numbers that are of none of the C.
         Raises ValueError for numbers that are not of this layout.
         """
         ...

@@ -155,11 +155,9 @@ class EndToEnd(YoloTable):
         return 6
 
     def _read(self, table: Array) -> tuple[Array, Array]:
-        numbers, scores = table[:, 5], np.full((len(table), self.num_classes), np.nan)
+        numbers, scores = table[:, 5], np.full((len(table), self.num_classes + 1), np.nan)
         if (numbers != np.round(numbers)).any():
             raise ValueError("the sixth column holds no numbers of classes")
-        if (numbers >= self.num_classes).any():
-            raise ValueError(f"class {numbers.max():.0f}, counted from 0, has no name")
         rows = np.flatnonzero(numbers >= 0)  # others fill the table up
-        scores[rows, numbers[rows].astype(np.intp)] = table[rows, 4]
+        scores[rows, np.minimum(numbers[rows], self.num_classes).astype(np.intp)] = table[rows, 4]
         return table[:, :4], scores

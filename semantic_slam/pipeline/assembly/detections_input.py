@@ -5,8 +5,8 @@ from typing import Any, Self
 
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
+from semantic_slam.messages.camera_info import camera_model
 from semantic_slam.messages.codec import from_message
-from semantic_slam.messages.sensor import camera_model
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 
@@ -14,16 +14,18 @@ from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 class DetectionsInput:
     """Detections in stamp order, and the camera of a session."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, rectified: bool) -> None:
+        """``rectified``: whether boxes lie in rectified pictures, so that P and R of camera_info count."""
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
-        self._camera_is_of_another = False
+        self._rectified, self._camera_is_of_another = rectified, False
         self._lost: Counter[str] = Counter()  # messages that cannot be used, by reason
         self._detections: StampedBuffer[Detections] = StampedBuffer(topics.DETECTIONS, self._lost)
 
     def add_camera_info(self, message: Any) -> None:
         """Take a sensor_msgs/CameraInfo; raises InputError if the camera is not calibrated."""
         if self.camera is None or self._camera_is_of_another:
-            self.camera, self._camera_is_of_another = camera_model(message, topics.CAMERA_INFO), False
+            self.camera = camera_model(message, topics.CAMERA_INFO, rectified=self._rectified)
+            self._camera_is_of_another = False
 
     def add_detections(self, message: Any) -> None:
         """Take a semantic_slam_msgs/DetectionArray."""

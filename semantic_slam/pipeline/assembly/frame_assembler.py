@@ -40,7 +40,7 @@ class FrameAssembler(DetectionsInput):
 
         ``fixed_transforms``: those of /tf_static, if /tf may contain the motion of a camera relative to the robot.
         """
-        super().__init__()
+        super().__init__(rectified=configuration.perception.rectified)
         self.dropped = self._lost
         self._has_depth = has_depth
         self._base_frame = configuration.perception.base_frame

@@ -26,8 +26,8 @@ class PlacesAssembler(DetectionsInput):
     """Turns detections into measurements, in stamp order; ``dropped`` counts unused ones by reason."""
 
     def __init__(self, configuration: Configuration, camera_pose: Callable[[str], Array]) -> None:
-        """``camera_pose`` returns (7,) T_base_camera of an optical frame, or raises InputError."""
-        super().__init__()
+        """``camera_pose`` returns the (7,) pose of a camera's frame in the body frame, or raises InputError."""
+        super().__init__(rectified=configuration.perception.rectified)
         self._reader = PlaceReader(configuration.perception, in_space=configuration.is_spatial)
         self._in_space = configuration.is_spatial
         self._has_region_of_camera = self._in_space and configuration.open_world.region_by_camera
@@ -84,7 +84,7 @@ class PlacesAssembler(DetectionsInput):
         if camera is None:
             return self._reader.measure(detections, self._num_measured)
         try:
-            T_base_camera = self._camera_pose(camera.frame_id)
+            T_base_camera = camera.optical_pose(self._camera_pose(camera.frame_id))
             if plain_frame(detections.frame_id) not in self._frames_of_boxes(detections, camera):
                 own, expected = quoted(detections.frame_id), quoted(camera.frame_id)
                 raise InputError(f"frame id {own} is not the camera's {expected}")

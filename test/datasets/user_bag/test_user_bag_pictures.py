@@ -5,12 +5,16 @@ import struct
 import cv2
 import numpy as np
 import pytest
+from worlds.bags.bag_factory import camera_info
 from worlds.bags.imported import import_bag, merge_bags, read_bag, run_import
 from worlds.bags.stereo import BASELINE_M, FOCAL_PX, disparity_message
 from worlds.bags.user_bag_factory import HEIGHT, SECOND, WIDTH, UserBag, picture, write_drive
 
+from semantic_slam.datasets.user_bag.hints import Hints
 from semantic_slam.datasets.user_bag.image_formats import to_millimetres
 from semantic_slam.errors import InputError
+from semantic_slam.messages import topics
+from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import header_message
 
 
@@ -50,6 +54,15 @@ def test_disparities_become_depth_where_there_are_no_depth_images(tmp_path, monk
     found = decoded(by_stereo[0])
     assert found[0, 0] == 0 and (found[1:] == 2000).all()
     assert decoded(by_depth[1])[1, 1] == 2900
+
+
+def test_disparities_beside_a_distorting_lens_are_worth_a_hint():
+    hints, info = Hints("base_link", TransformTree()), camera_info(1)
+    hints.see(topics.DISPARITY, disparity_message(info.header, np.ones((2, 2))))
+    hints.see(topics.CAMERA_INFO, info)
+    assert not any("rectified" in line for line in hints.lines(has_images=True))
+    info.d[0] = 0.01
+    assert "set perception.rectified: true" in hints.lines(has_images=True)[-1]
 
 
 def test_inverse_depth_of_compressed_depth_transport(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """The inputs that an ONNX file declares, against the library of the format."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from onnx import TensorProto, helper, numpy_helper
 from worlds.views.onnx_networks import write_network
 
 from semantic_slam.errors import InputError
-from semantic_slam.perception.onnx.declared_inputs import declared_inputs, stated_input_size
+from semantic_slam.perception.onnx.declared_inputs import declared_inputs, stated_class_names, stated_input_size
 from semantic_slam.perception.onnx.detector import DetectorSettings, OnnxDetector
 
 
@@ -61,6 +62,31 @@ def test_the_size_that_an_export_states_fills_in_for_an_open_one(
     if size == (320, 640):
         assert OnnxDetector(path, ("red", "green", "blue")).input_size == size
         assert OnnxDetector(path, ("red", "green", "blue"), DetectorSettings(input_size=64)).input_size == (64, 64)
+
+
+@pytest.mark.parametrize(
+    ("stated", "names", "fault"),
+    [
+        ("{0: 'red', 1: 'green', 2: 'blue'}", ("red", "green", "blue"), ""),
+        ("['rouge', 'vert', 'bleu']", ("rouge", "vert", "bleu"), ""),
+        ("{0: 'red', 1: 'green'}", ("red", "green"), "states 2 classes, and 3 are named"),
+        ("{2: 'red', 1: 'green', 0: 'blue'}", ("blue", "green", "red"), "the same classes in another order"),
+        ("{1: 'red', 2: 'green'}", (), ""),
+        ("__import__('os')", (), ""),
+        ("[" * 9999, (), ""),
+    ],
+)
+def test_the_names_that_an_export_states_are_compared_at_the_start(
+    stated: str, names: tuple[str, ...], fault: str, tmp_path: Path
+) -> None:
+    """Of an end-to-end table, whose shape tells nothing of the classes."""
+    path = write_network(tmp_path / "net.onnx", "end_to_end")
+    model = onnx.load(str(path))
+    model.metadata_props.add(key="names", value=stated)
+    onnx.save(model, str(path))
+    assert stated_class_names(path) == names
+    with pytest.raises(InputError, match=fault) if fault else nullcontext():
+        OnnxDetector(path, ("red", "green", "blue"))
 
 
 def test_names_in_another_encoding_keep_no_network_from_being_read(tmp_path: Path) -> None:

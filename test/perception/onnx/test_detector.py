@@ -98,11 +98,22 @@ def test_a_table_that_fits_two_layouts_asks_which_it_is(tmp_path: Path) -> None:
     path = write_network(tmp_path / "net.onnx", "end_to_end")
     with pytest.raises(InputError, match="may be yolov5 or end_to_end; name the layout"):
         OnnxDetector(path, ("thing",))
-    with pytest.raises(InputError, match="class 2, counted from 0, has no name"):
+    with pytest.raises(InputError, match="class whose number is none of the 1 named ones"):
         detector = OnnxDetector(path, ("thing",), DetectorSettings(layout="end_to_end"))
         detect(detector, black_with_block((64, 64), (16, 24, 24, 32), "blue"))
     with pytest.raises(InputError, match="no layout of a detector"):
         OnnxDetector(path, ("thing",), DetectorSettings(layout="yolov99"))
+
+
+def test_a_class_without_a_name_matters_where_its_box_counts(tmp_path: Path) -> None:
+    """The third class of an end-to-end network, as a table of its best boxes lists it: with any score."""
+    path = write_network(tmp_path / "net.onnx", "end_to_end")
+    detector = OnnxDetector(path, COLOURS[:2], SURE)
+    picture = black_with_block((64, 64), (16, 24, 24, 32), "blue")
+    with pytest.raises(InputError, match="a class whose number is none of the 2 named ones; give its own class names"):
+        detect(detector, picture)
+    assert not len(detect(detector, picture // 2))
+    assert detect(detector, black_with_block((64, 64), (16, 24, 24, 32), "red")).labels == ("red",)
 
 
 def yolox_table(
@@ -155,6 +166,8 @@ def test_a_transposed_table_is_read_by_the_layout_that_is_given(tmp_path: Path) 
         ("yolov8", COLOURS[:2], r"with 2 class names its outputs \(1, 7, 64\) are none of .*give its own class names"),
         ("nanodet", COLOURS[:2], r"with 2 class names its outputs \(1, 64, 3\) \(1, 64, 16\) are none of"),
         ("yolov8_shares", COLOURS, "not in pixels of the input"),
+        ("yolov8_logits", COLOURS, r"scores from -10 to 1 are not between 0 and 1; apply a sigmoid in the export"),
+        ("end_to_end_logits", COLOURS, "apply a sigmoid in the export"),
         ("yolov5", (*COLOURS, "none"), r"with 4 class names its outputs \(1, 64, 8\) are none of"),
         ("yolov8_rows", COLOURS, r"\(1, 7, N\) of yolov8"),
     ],
@@ -166,6 +179,13 @@ def test_outputs_that_fit_no_layout_are_one_line_at_the_start(
     with pytest.raises(InputError, match=fault) as told:
         OnnxDetector(path, names)
     assert "\n" not in str(told.value) and str(path) in str(told.value)
+
+
+def test_an_end_to_end_table_of_shares_is_refused_with_its_first_box(tmp_path: Path) -> None:
+    detector = OnnxDetector(write_network(tmp_path / "net.onnx", "end_to_end_shares"), COLOURS, SURE)
+    assert not len(detect(detector, np.zeros((64, 64, 3), dtype=np.uint8)))
+    with pytest.raises(InputError, match=r"in shares of the input, not in its pixels; .* export it in a layout"):
+        detect(detector, black_with_block((64, 64), (16, 24, 24, 32), "green"))
 
 
 def test_a_table_of_fractions_is_not_taken_for_an_end_to_end_networks(tmp_path: Path) -> None:

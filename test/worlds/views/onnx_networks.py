@@ -59,7 +59,18 @@ class ColourDetector(torch.nn.Module):
         half = side / 2
         return columns(x - half, y - half, x + half, y + half, best, number.to(best.dtype)).transpose(1, 2)
 
+    def _end_to_end_shares(self, x, y, side, scores):
+        """Boxes in shares of a 64 pixels' input."""
+        return self._end_to_end(x / 64, y / 64, side / 64, scores)
+
+    def _end_to_end_logits(self, x, y, side, scores):
+        return self._end_to_end(x, y, side, 20.0 * (scores - 0.5))
+
+    def _yolov8_logits(self, x, y, side, scores):
+        return self._yolov8(x, y, side, 20.0 * (scores - 0.5))
+
     def _nanodet(self, x, y, side, scores):
+        scores = scores.sigmoid()  # its normalisation leaves -2 to 3
         bins = torch.tensor([0.0, 1000.0, 0.0, 0.0]).repeat(4).reshape(1, -1, 1, 1)  # one cell to all sides
         return columns(scores).transpose(1, 2), columns(bins * torch.ones_like(x)).transpose(1, 2)
 
