@@ -304,7 +304,7 @@ class ClosedKeyframe:
 
     @property
     def _method(self) -> str:
-        """How evidence is computed: as configured, or by Laplace's approximation where a prior is too broad for samples.
+        """How evidence is computed: as configured, or by Laplace where a prior is too broad for samples.
 
         A named object that was seen once has such a prior. Prior samples would never hit the likelihood of its first
         view; importance samples do, but not well enough where candidates compete over it.

@@ -13,7 +13,8 @@ SPARE, MOST_USED = 8, 32
 def used_detections(problem: Problem, step: Step) -> Index:
     """(n,) ascending indices of the best-scored detections of ``step``, as many as there are objects.
 
-    An object and its displaced twin are one: they exclude each other. Where detections need not be of different objects it is all of them; with clutter some more than there are objects.
+    An object and its displaced twin count once, as they exclude each other. Where detections need not be of different
+    objects it is all of them; with clutter some more than there are objects.
     """
     num_objects = len(problem.objects) - len(problem.displaced.elsewhere)
     limit = num_objects if problem.distinct else (len(step.names) if num_objects else 0)
