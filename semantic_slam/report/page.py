@@ -74,7 +74,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
             has_crops=bool(pictures.crops),
             judges_models=any(view.mutual_information == view.mutual_information for view in objects)
             or not all(view.in_coverage for view in objects),
-            has_words=any(box.told for frame in pictures.frames for box in frame.boxes),
+            has_words=any(box.label for frame in pictures.frames for box in frame.boxes),
             configuration=flat(analysis.configuration),
             dropped=record.dropped,
             scene=plain({**drawn, "pictures": slider_pictures(pictures.slider)}),

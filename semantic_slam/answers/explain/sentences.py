@@ -14,41 +14,42 @@ OUTLIER = 0.5
 """Probability above which a view is called an outlier."""
 
 
-def sentences(told: Explanation, own: HistoryExplained) -> list[str]:
+def sentences(explanation: Explanation, own: HistoryExplained) -> list[str]:
     """Sentences on the belief and its rival, on the decisive views, and on their association."""
-    return [_belief(told, own), _views(told, own), _association(told, own)]
+    return [_belief(explanation, own), _views(explanation, own), _association(explanation, own)]
 
 
-def _belief(told: Explanation, own: HistoryExplained) -> str:
-    if told.classes is None or own.pair is None:
+def _belief(explanation: Explanation, own: HistoryExplained) -> str:
+    if explanation.classes is None or own.pair is None:
         return (
-            f"{told.name} exists with probability {told.belief.existence[told.row]:.4f}; the run has no class models."
+            f"{explanation.name} exists with probability {explanation.belief.existence[explanation.row]:.4f};"
+            " the run has no class models."
         )
-    one, other = (told.belief.class_names[cls] for cls in told.classes)
-    probability = told.belief.class_probabilities[told.row, told.classes[0]]
-    begin = f"{told.name} is of class {one} with probability {probability:.4f}"
+    one, other = (explanation.belief.class_names[cls] for cls in explanation.classes)
+    probability = explanation.belief.class_probabilities[explanation.row, explanation.classes[0]]
+    begin = f"{explanation.name} is of class {one} with probability {probability:.4f}"
     if not own.pair.is_pruned:
         return f"{begin}; {other} is left with log odds of {own.pair.log_odds:+.2f} nats for {one}."
-    at = told.run.keyframes[own.pair.until + 1].belief.keyframe
+    at = explanation.run.keyframes[own.pair.until + 1].belief.keyframe
     if not own.pair.was_weighed:
         return f"{begin}; {other} was not weighed in keyframe {at} any more (weights.gate, weights.max_candidates)."
     return f"{begin}; {other} was given up in keyframe {at} at log odds of {own.pair.gone:+.2f} nats for {one}."
 
 
-def _views(told: Explanation, own: HistoryExplained) -> str:
+def _views(explanation: Explanation, own: HistoryExplained) -> str:
     if not own.views:
         return "It was never seen; what is believed of it is what the map said."
     spread = f"{len(own.views)} views {_directions(own.views)}"
     trust = _trust(own.views)
-    alone = told.alone(own)
-    if told.classes is None or not np.isfinite(alone).any():
+    alone = explanation.alone(own)
+    if explanation.classes is None or not np.isfinite(alone).any():
         return f"It was seen in {spread}: {trust}."
     most = int(np.argmax(np.abs(np.nan_to_num(alone))))
-    told_most, little = own.views[most], int((np.abs(alone) < LITTLE_NATS).sum())
-    one, other = (told.belief.class_names[cls] for cls in told.classes)
+    decisive, little = own.views[most], int((np.abs(alone) < LITTLE_NATS).sum())
+    one, other = (explanation.belief.class_names[cls] for cls in explanation.classes)
     return (
-        f"Of {spread} the one of keyframe {told_most.keyframe} said most between {one} and {other} ({alone[most]:+.2f}"
-        f" nats, from {told_most.degrees} deg at {told_most.range_m:.1f} m), and {little} hardly tell them apart;"
+        f"Of {spread} the one of keyframe {decisive.keyframe} said most between {one} and {other} ({alone[most]:+.2f}"
+        f" nats, from {decisive.degrees} deg at {decisive.range_m:.1f} m), and {little} hardly tell them apart;"
         f" {trust}."
     )
 
@@ -56,41 +57,42 @@ def _views(told: Explanation, own: HistoryExplained) -> str:
 def _trust(views: Sequence[Sighting]) -> str:
     """Phrase on the reliability of the views."""
     strange, last = sum(not view.in_coverage for view in views), views[-1].mutual_information
-    told = [f"{strange} outside what the class models know"]
+    phrases = [f"{strange} outside what the class models know"]
     if np.isfinite([view.outlier for view in views]).any():
-        told.insert(0, f"{sum(view.outlier > OUTLIER for view in views)} judged outliers")
+        phrases.insert(0, f"{sum(view.outlier > OUTLIER for view in views)} judged outliers")
     if np.isfinite(last):
-        told.append(f"model uncertainty {last:.3f} nats at the last one")
-    return ", ".join(told)
+        phrases.append(f"model uncertainty {last:.3f} nats at the last one")
+    return ", ".join(phrases)
 
 
-def _association(told: Explanation, own: HistoryExplained) -> str:
-    of_it = [rival for rival in own.rivals if rival.taken_id == told.object_id]
-    of_others = [rival for rival in own.rivals if rival.taken_id != told.object_id]
+def _association(explanation: Explanation, own: HistoryExplained) -> str:
+    of_it = [rival for rival in own.rivals if rival.taken_id == explanation.object_id]
+    of_others = [rival for rival in own.rivals if rival.taken_id != explanation.object_id]
     if not of_it:
         begin = "None of its views might have been of anything else"
-        return f"{begin}, but {_of_others(told, of_others)}." if of_others else f"{begin}."
+        return f"{begin}, but {_of_others(explanation, of_others)}." if of_others else f"{begin}."
     likeliest = max(of_it, key=lambda rival: rival.then)
     last = max(of_it, key=lambda rival: (rival.gone is None, rival.gone or 0, rival.log_odds))
-    told_of = [
+    parts = [
         f"{_count(of_it)} of its views might have been of something else, most of all that of keyframe"
-        f" {likeliest.keyframe}, of {told.name_of(likeliest.object_id)} with probability {likeliest.then:.2f} then,"
+        f" {likeliest.keyframe}, of {explanation.name_of(likeliest.object_id)} with probability"
+        f" {likeliest.then:.2f} then,"
         f" {_ended(likeliest)}"
     ]
     if last != likeliest:
-        other = told.name_of(last.object_id)
-        told_of.append(f"that of keyframe {last.keyframe} was the last in doubt, for {other}, {_ended(last)}")
+        other = explanation.name_of(last.object_id)
+        parts.append(f"that of keyframe {last.keyframe} was the last in doubt, for {other}, {_ended(last)}")
     if of_others:
-        told_of.append(_of_others(told, of_others))
-    return "; ".join(told_of) + "."
+        parts.append(_of_others(explanation, of_others))
+    return "; ".join(parts) + "."
 
 
-def _of_others(told: Explanation, found: Sequence[Rival]) -> str:
+def _of_others(explanation: Explanation, found: Sequence[Rival]) -> str:
     """Phrase on detections associated with something else."""
     most = max(found, key=lambda rival: rival.then)
     return (
         f"{_count(found)} taken for something else might have been of it, most of all that of keyframe {most.keyframe},"
-        f" {told.name_of(most.taken_id)} now, with probability {most.then:.2f} then, {_ended(most)}"
+        f" {explanation.name_of(most.taken_id)} now, with probability {most.then:.2f} then, {_ended(most)}"
     )
 
 
