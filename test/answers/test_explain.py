@@ -186,7 +186,7 @@ def test_a_view_that_no_class_explains_is_judged_an_outlier():
 
 
 @pytest.mark.parametrize("name", ["a", "c"])
-def test_that_objects_before_it_were_called_something_is_the_prior_of_an_object(name):
+def test_the_names_of_earlier_objects_are_the_class_prior_of_a_new_one(name):
     """What comes first is as any object; what comes later is beside a chair and a cup, of which no view tells."""
     told = RUNS["detector"]()
     last = told.record.beliefs[-1]
