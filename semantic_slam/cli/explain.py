@@ -12,7 +12,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Why a map believes what it does of one object: which views said what of its class, in nats, which"
-        " other objects they might have been of, and how these alternatives ended. The run's inference is done again"
+        " other objects they could have been of, and how these alternatives ended. The run's inference is done again"
         " from its belief bag, which takes as long as it did, without the pictures.",
     )
     parser.add_argument("belief", type=Path, metavar="REPORT_OR_BELIEF_BAG", help="folder of a report, or belief bag")

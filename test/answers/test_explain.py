@@ -206,7 +206,7 @@ def test_a_replay_that_differs_says_so():
     other = replace(told.record, beliefs=(*told.record.beliefs[:-1], changed))
     run = replay(other, told.keyframes, [0])
     assert run.largest_difference == pytest.approx(1e-3) and not run.is_same
-    assert "differs from what was recorded by up to 1.0e-03 nats" in lines_of(explanation_of(other, run, 0))[-1]
+    assert "differs from the recorded beliefs by up to 1.0e-03 nats" in lines_of(explanation_of(other, run, 0))[-1]
 
 
 def test_a_run_that_cannot_be_repeated_is_an_error_with_a_remedy():

@@ -51,7 +51,7 @@ def test_explain_prints_three_sentences_and_tables(folder, monkeypatch, capsys):
     nats = [float(line.split()[at]) for line, at in ((prior, 1), *((row, 3) for row in rows), (revised, 3))]
     assert len(rows) == 6 and sum(nats) == pytest.approx(float(total.split()[-1]), abs=0.01)
     assert histories.splitlines()[-1].startswith("belief")
-    assert last.startswith("Inferred again: as recorded")
+    assert last.startswith("The replay reproduces the recorded beliefs")
 
 
 def test_from_python_a_reports_folder_is_its_belief_bag(folder):

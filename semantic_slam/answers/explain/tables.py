@@ -14,11 +14,11 @@ MOST_HISTORIES = 5
 DOUBTS = ("no object", "model [nats]", "outlier")
 COLUMNS = (
     "keyframe",
-    "taken for",
-    "might have been of",
+    "assigned to",
+    "could be",
     "then",
     "now",
-    "given up in",
+    "dropped in",
     "before [nats]",
     "behind [nats]",
 )
@@ -56,8 +56,8 @@ def _end(explanation: Explanation, pair: PairLedger) -> list[str]:
     """Row with the sum of the rows above."""
     if pair.is_pruned:
         at = explanation.run.keyframes[pair.until + 1].belief.keyframe
-        end = "given up" if pair.was_weighed else "not weighed any more"
-        return [f"{end} in keyframe {at} at", "", "", "", f"{pair.gone:+.3f}"]
+        end = "dropped in" if pair.was_weighed else "not considered from"
+        return [f"{end} keyframe {at}, at", "", "", "", f"{pair.gone:+.3f}"]
     return [f"log odds after keyframe {explanation.belief.keyframe}", "", "", "", f"{pair.log_odds:+.3f}"]
 
 

@@ -1,4 +1,4 @@
-"""An explanation as plain text: three sentences, and tables."""
+"""An explanation as plain text: sentences, and tables."""
 
 from semantic_slam.answers.explain.explanation import Explanation
 from semantic_slam.answers.explain.sentences import sentences
@@ -23,10 +23,10 @@ def replay_line(explanation: Explanation) -> str:
     """Line that says whether the replay reproduces the run's numbers."""
     difference = explanation.run.largest_difference
     if explanation.run.is_same:
-        return f"Inferred again: as recorded, to {difference:.0e} nats."
+        return f"The replay reproduces the recorded beliefs{f' to within {difference:.0e} nats' if difference else ''}."
     return (
-        f"Inferred again: differs from what was recorded by up to {difference:.1e} nats; explain with"
-        " the version that recorded the bag to have its own numbers."
+        f"These numbers are of a replay that differs from the recorded beliefs by up to {difference:.1e} nats; explain"
+        " with the version that recorded the bag to reproduce its own."
     )
 
 
