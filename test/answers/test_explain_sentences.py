@@ -55,7 +55,8 @@ def rival(keyframe: int, taken_id: int, object_id: int, then: float, **ended: fl
         (
             (rival(2, -1, IT, 0.3), rival(3, OTHER, IT, 0.2)),
             "All its views are unambiguous. Two detections assigned otherwise could have been it; the most likely is"
-            " that of keyframe 2 (now no object): probability 0.30 then, dropped in keyframe 3, 7.0 nats behind the best.",
+            " that of keyframe 2 (now no object): probability 0.30 then, dropped in keyframe 3, 7.0 nats behind the"
+            " best.",
         ),
         (
             (rival(0, IT, OTHER, 0.67), rival(1, IT, -1, 0.2, gone=None, now=0.05, log_odds=-3.0)),
