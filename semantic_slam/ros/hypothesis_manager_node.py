@@ -54,9 +54,9 @@ from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 from semantic_slam.pipeline.journal.snapshots import Snapshots
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.session import Session
+from semantic_slam.ros.manager_parameters import ManagerParameters
 from semantic_slam.ros.node.changes import Values
 from semantic_slam.ros.node.health import Level, Status, dropped_status, explanation_status
-from semantic_slam.ros.node.manager_parameters import ManagerParameters
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.node.repeats import Repeats
 from semantic_slam.ros.node.run_inputs import imu_source
