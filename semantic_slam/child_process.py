@@ -15,8 +15,8 @@ GRACE_S = 5.0
 """How long a process may take to end once nothing more will be asked of it."""
 
 
-def told(fault: Exception) -> Exception:
-    """A fault as it is sent to the other process, which raises it: a defect with the place where it is."""
+def with_traceback(fault: Exception) -> Exception:
+    """An error as sent to the other process, which raises it there; unexpected ones carry their traceback as a note."""
     if not isinstance(fault, SemanticSlamError):
         fault.add_note(traceback.format_exc())
     return fault

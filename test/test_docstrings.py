@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = (ROOT / "semantic_slam", ROOT / "lab" / "semantic_slam_lab")
-LEANING = ("The same", "Of ", "Likewise", "As before", "Those ", "These ", "Its ", "And ")
+LEANING = ("The same", "Of ", "Likewise", "As before", "Those ", "These ", "Its ", "And ", "As ", "Who ")
 """Beginnings that refer to what stands before, which a hover box does not show."""
 
 

@@ -32,12 +32,12 @@ def test_the_first_one_is_raised_when_one_asks() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_one_that_nobody_asked_for_is_raised_at_the_end() -> None:
+def test_an_interrupt_that_was_not_checked_for_is_raised_at_the_end() -> None:
     with pytest.raises(KeyboardInterrupt), noted_interrupts():
         signal.raise_signal(signal.SIGINT)
 
 
-def test_a_second_one_is_raised_at_once() -> None:
+def test_a_second_interrupt_is_raised_at_once() -> None:
     reached = []
     with pytest.raises(KeyboardInterrupt), noted_interrupts():
         signal.raise_signal(signal.SIGINT)
@@ -70,7 +70,7 @@ def test_other_threads_cannot_and_do_not_take_it() -> None:
     assert entered == [signal.default_int_handler]
 
 
-def test_one_that_comes_while_the_network_is_loaded_waits_until_it_is(
+def test_an_interrupt_while_the_network_is_loaded_waits_until_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An exception within a constructor of C++ may abort the process."""
@@ -108,7 +108,7 @@ def slow_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str
 
 
 @pytest.mark.parametrize("is_noted", [False, True])
-def test_one_that_comes_during_a_slow_import_is_raised_before_that_has_ended(slow_module: str, is_noted: bool) -> None:
+def test_an_interrupt_during_a_slow_import_is_raised_before_that_has_ended(slow_module: str, is_noted: bool) -> None:
     if is_noted:
         signal.signal(signal.SIGINT, noted := NotedInterrupt())
     with pytest.raises(KeyboardInterrupt):
@@ -116,7 +116,7 @@ def test_one_that_comes_during_a_slow_import_is_raised_before_that_has_ended(slo
     assert not is_noted or signal.getsignal(signal.SIGINT) is noted
 
 
-def test_one_that_came_before_a_slow_import_is_raised_in_its_place(slow_module: str) -> None:
+def test_an_interrupt_before_a_slow_import_is_raised_in_its_place(slow_module: str) -> None:
     with pytest.raises(KeyboardInterrupt), noted_interrupts():
         signal.raise_signal(signal.SIGINT)
         import_interruptibly(slow_module)

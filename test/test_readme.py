@@ -56,7 +56,7 @@ def test_readme_is_of_one_screen_or_two() -> None:
 
 
 @pytest.mark.slow
-def test_its_python_runs_as_it_stands(
+def test_python_in_the_readme_runs_as_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first = next(block for block in blocks(README, "python") if "rclpy" not in block)
@@ -69,13 +69,13 @@ def test_its_python_runs_as_it_stands(
 
 
 @pytest.mark.parametrize("name", ["README.md", "docs/ros.md"])
-def test_its_ros_is_the_example_that_runs_with_the_nodes(name: str) -> None:
+def test_the_ros_example_in_the_docs_is_the_one_that_runs_with_the_nodes(name: str) -> None:
     example = (ROOT / "examples" / "print_belief.py").read_text(encoding="utf-8").partition('"""\n\n')[2]
     assert example in blocks(PAGES[name], "python")
 
 
 @pytest.mark.parametrize("name", ["docs/own_classes.md", "docs/python.md"])
-def test_what_its_python_imports_is_there(name: str) -> None:
+def test_what_python_in_the_docs_imports_exists(name: str) -> None:
     parts = [part for block in blocks(PAGES[name], "python") for part in ast.parse(block).body]
     imports = [part for part in parts if isinstance(part, ast.Import | ast.ImportFrom)]
     exec(compile(ast.Module(imports, type_ignores=[]), name, "exec"), {})

@@ -68,9 +68,9 @@ class AppearanceHistory:
         self._beliefs = self._beliefs[self._chunk :]
 
     def appearances(self) -> Appearances:
-        """What the objects look like, within the window as :func:`appearances_of` the whole run.
+        """Appearance of each object: exact as :func:`appearances_of` for keyframes in the window, summarised for older.
 
-        Raises InputError without vectors, or where the manager was restarted and those before are not known any more.
+        Raises InputError without vectors, or where the manager was restarted and earlier ones are lost.
         """
         with self._lock:
             beliefs, measurements = list(self._beliefs), dict(self._measurements)

@@ -72,11 +72,11 @@ class Appearances:
         for vector, view in zip(vectors, views, strict=True):
             if np.isfinite(vector).all():
                 record = records.get(view.object_id, model.start())
-                told = sum(
+                settings_of_others = sum(
                     (own.told_settings for n, own in sorted(records.items()) if n != view.object_id), np.zeros(1)
                 )
                 ratio = record.log_ratios(vector, background, view.place)[:, 0]
-                usual = model.usual(np.broadcast_to(told, ratio.shape))
+                usual = model.usual(np.broadcast_to(settings_of_others, ratio.shape))
                 records[view.object_id] = record.after(vector, ratio, usual, background, view.place)
         return cls(model=model, seen=seen, records=records)
 
@@ -93,8 +93,8 @@ class Appearances:
     @cached_property
     def usual(self) -> Array:
         """(R,) log prior of an object's settings."""
-        told = [own.told_settings for _, own in sorted(self.records.items())]
-        return self.model.usual(np.sum(told, axis=0))
+        settings = [own.told_settings for _, own in sorted(self.records.items())]
+        return self.model.usual(np.sum(settings, axis=0))
 
     def vector(self, given: Array) -> Array:
         """(F,) unit vector. Raises InputError where ``given`` cannot come from this map's network."""
@@ -131,19 +131,19 @@ def seen_views(
     }
     views, others = list[SeenView](), list[Array]()
     for belief, ids, ancestor in zip(beliefs, best_history(beliefs), lineage(beliefs), strict=True):
-        told = measurements.get(belief.stamp_ns)
-        if told is None or not told.embeddings.shape[1]:
+        measured = measurements.get(belief.stamp_ns)
+        if measured is None or not measured.embeddings.shape[1]:
             continue
-        rows = {int(number): row for row, number in enumerate(told.detection_ids)}
+        rows = {int(number): row for row, number in enumerate(measured.detection_ids)}
         robot = belief.poses[ancestor if ancestor >= 0 else best_index(belief)]
         for column, detection in enumerate(belief.detection_ids):
-            vector = told.embeddings[rows[int(detection)]] if int(detection) in rows else None
+            vector = measured.embeddings[rows[int(detection)]] if int(detection) in rows else None
             number = -1 if ids is None else int(ids[column])
             if vector is None or not np.isfinite(vector).all() or not vector.any():
                 continue
             if number in places:
                 in_space = belief.state_space == "spatial"
-                at = seen_from(robot, places[number], told.sensor_position, in_space=in_space)
+                at = seen_from(robot, places[number], measured.sensor_position, in_space=in_space)
                 views.append(SeenView(object_id=number, vector=vector, place=_place(*at)))
             else:
                 others.append(vector)

@@ -68,10 +68,10 @@ def _log_ratios(axes: Array, object_ids: Index, looks: Appearances) -> Array:
     rows = [row for row, number in enumerate(object_ids.tolist()) if number in looks.records]
     if not rows:
         return found
-    told = [looks.records[int(object_ids[row])].mean_direction(looks.usual) for row in rows]
-    places = (np.array([mean for mean, _ in told]) - background.centre) @ axes.T  # (O, N)
+    directions = [looks.records[int(object_ids[row])].mean_direction(looks.usual) for row in rows]
+    places = (np.array([mean for mean, _ in directions]) - background.centre) @ axes.T  # (O, N)
     variances = _unmeant(places, looks.seen.variances(axes))
-    variances = variances + np.array([error for _, error in told])[:, None] / background.dimensions
+    variances = variances + np.array([error for _, error in directions])[:, None] / background.dimensions
     between = float(np.exp(looks.usual) @ (1.0 - looks.model.within)) * background.spread
     shifts = SHARES[:, None, None] * np.sqrt(between)
     found[:, rows] = (places * shifts - 0.5 * shifts**2) / variances

@@ -18,9 +18,9 @@ def row_of(belief: HybridBelief, object_id: int) -> int:
 def row_named(belief: HybridBelief, name: str) -> int:
     """Row of an object given by its name, or where none has that name, by its number in digits. Raises InputError."""
     numbers = [str(n) for n in belief.object_ids.tolist()]
-    for told in (list(belief.object_names), numbers):
-        if name in told:
-            return told.index(name)
+    for names in (list(belief.object_names), numbers):
+        if name in names:
+            return names.index(name)
     every = zip(numbers, belief.object_names, strict=True)
     known = ", ".join(f"{number} ({own})" if own != number else own for number, own in every)
     raise InputError(f"the map has no object '{name}'; ask for one of {known or 'none: nothing was mapped'}")

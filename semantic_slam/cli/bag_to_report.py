@@ -22,6 +22,25 @@ def parse(words: list[str] | None = None) -> Namespace:
         description="Report, map and trajectory of a bag: the pipeline runs on a bag of sensor data (its beliefs go to"
         " DIR/belief); a bag that holds beliefs is reported as it is.",
     )
+    _add_files(parser)
+    _add_run(parser)
+    _add_contents(parser)
+    _add_work(parser)
+    add_overwrite(parser)
+    arguments = parser.parse_args(words)
+    arguments.bag = arguments.bags[0]
+    for name, least in (("seed", 0), ("max_keyframes", 1), ("processes", 1), ("jobs", 1)):
+        value = getattr(arguments, name)
+        if value is not None and value < least:
+            raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {least}; correct the number")
+    if arguments.out.exists() and not arguments.out.is_dir():
+        raise InputError(f"{arguments.out}: is a file; name a folder for the report")
+    check_names(arguments)
+    return arguments
+
+
+def _add_files(parser: CommandParser) -> None:
+    """Add the bags, and the folder of the report."""
     parser.add_argument(
         "bags",
         type=Path,
@@ -31,6 +50,10 @@ def parse(words: list[str] | None = None) -> Namespace:
         " and DIR/index.html compares them",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the report's files")
+
+
+def _add_run(parser: CommandParser) -> None:
+    """Add what the run is made with."""
     parser.add_argument(
         "--config",
         type=configuration_file,
@@ -45,6 +68,10 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument(
         "--map-prior", type=Path, metavar="MAP", help="FILE.map or objects.json (default: objects.json beside BAG)"
     )
+
+
+def _add_contents(parser: CommandParser) -> None:
+    """Add what the report shows besides."""
     parser.add_argument(
         "--compare",
         type=configuration_file,
@@ -56,6 +83,10 @@ def parse(words: list[str] | None = None) -> Namespace:
     parser.add_argument(
         "--explain", action="store_true", help="the evidence for each object in the report; infers the run once more"
     )
+
+
+def _add_work(parser: CommandParser) -> None:
+    """Add how the work is divided."""
     parser.add_argument(
         "--processes",
         type=int,
@@ -65,17 +96,6 @@ def parse(words: list[str] | None = None) -> Namespace:
     )
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="bags at once (default: 1)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler that gets the bags (default: none)")
-    add_overwrite(parser)
-    arguments = parser.parse_args(words)
-    arguments.bag = arguments.bags[0]
-    for name, least in (("seed", 0), ("max_keyframes", 1), ("processes", 1), ("jobs", 1)):
-        value = getattr(arguments, name)
-        if value is not None and value < least:
-            raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {least}; correct the number")
-    if arguments.out.exists() and not arguments.out.is_dir():
-        raise InputError(f"{arguments.out}: is a file; name a folder for the report")
-    check_names(arguments)
-    return arguments
 
 
 def check_names(arguments: Namespace) -> None:

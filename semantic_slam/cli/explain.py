@@ -12,7 +12,7 @@ def parse(words: list[str] | None = None) -> Namespace:
     """Parse the command line; raises InputError."""
     parser = CommandParser(
         description="Why a map believes what it does of one object: which views said what of its class, in nats, which"
-        " other objects they might have been of, and how these alternatives ended. The run's inference is done again"
+        " other objects they could have been of, and how these alternatives ended. The run's inference is done again"
         " from its belief bag, which takes as long as it did, without the pictures.",
     )
     parser.add_argument("belief", type=Path, metavar="REPORT_OR_BELIEF_BAG", help="folder of a report, or belief bag")
@@ -43,15 +43,15 @@ def command() -> None:
     from semantic_slam.answers.explain.text import lines_of
 
     classes = tuple(arguments.classes) if arguments.classes else None
-    told = explain(arguments.belief, arguments.object, classes)
-    if arguments.history > len(told.histories):
+    explanation = explain(arguments.belief, arguments.object, classes)
+    if arguments.history > len(explanation.histories):
         raise InputError(
-            f"--history {arguments.history}: the last belief has {len(told.histories)}; choose one of these"
+            f"--history {arguments.history}: the last belief has {len(explanation.histories)}; choose one of these"
         )
     if arguments.json:
-        print(json.dumps(as_json(told), indent=1, allow_nan=False))
+        print(json.dumps(as_json(explanation), indent=1, allow_nan=False))
     else:
-        print("\n".join(lines_of(told, arguments.history - 1)))
+        print("\n".join(lines_of(explanation, arguments.history - 1)))
 
 
 def main() -> None:

@@ -35,6 +35,18 @@ def parse() -> argparse.Namespace:
         " classifier of ours (--turntables, --avd, --bag), or what a detector of yours confuses (--from-run). The"
         " file goes into the next run's configuration as semantic_model.path.",
     )
+    _add_source(parser)
+    add_photographs(parser)
+    parser.add_argument("--out", type=Path, required=True, help="model file to write (.safetensors)")
+    _add_network(parser)
+    _add_views(parser)
+    parser.add_argument("--seed", type=int, help=f"seed of every random draw (default: {DEFAULTS['seed']})")
+    add_overwrite(parser)
+    return parser.parse_args()
+
+
+def _add_source(parser: CommandParser) -> None:
+    """Add what the models are fitted to, one of four."""
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "--turntables", type=Path, help="folder with one BigBIRD-format folder per class, or photographs"
@@ -49,8 +61,10 @@ def parse() -> argparse.Namespace:
         help="folders of reports of runs with semantic_model.kind: detector or embedding: what a detector calls things"
         " from where, or how looks change by direction, learned from beliefs, without anybody's labels",
     )
-    add_photographs(parser)
-    parser.add_argument("--out", type=Path, required=True, help="model file to write (.safetensors)")
+
+
+def _add_network(parser: CommandParser) -> None:
+    """Add the network whose scores the models describe."""
     network = parser.add_mutually_exclusive_group()
     network.add_argument(
         "--weights", type=Path, help="network of train_classifier to fit the models of; default: the shipped one"
@@ -62,6 +76,10 @@ def parse() -> argparse.Namespace:
         help="configuration of the runs that are to use the models: its section perception names network, classes and"
         " dropout passes",
     )
+
+
+def _add_views(parser: CommandParser) -> None:
+    """Add which views of turntables are used, and for which classes."""
     parser.add_argument(
         "--cameras",
         help=f"cameras of the turntable, low ones see as robots do (default: {DEFAULTS['cameras']})",
@@ -82,9 +100,6 @@ def parse() -> argparse.Namespace:
         metavar="FILE",
         help="JSON {instance: class} for turntables of instances; default: each turntable is a class",
     )
-    parser.add_argument("--seed", type=int, help=f"seed of every random draw (default: {DEFAULTS['seed']})")
-    add_overwrite(parser)
-    return parser.parse_args()
 
 
 def command() -> None:

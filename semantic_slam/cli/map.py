@@ -84,9 +84,9 @@ def _diff() -> None:
     from semantic_slam.maps.map_file import read_map
     from semantic_slam.maps.telling_changes import change_lines, changes_as_json
 
-    told = difference(Comparison.of(read_map(arguments.old), read_map(arguments.new), arguments.same_frame))
-    lines = change_lines(told)
-    print(json.dumps(changes_as_json(told), indent=1, allow_nan=False) if arguments.json else "\n".join(lines))
+    changes = difference(Comparison.of(read_map(arguments.old), read_map(arguments.new), arguments.same_frame))
+    lines = change_lines(changes)
+    print(json.dumps(changes_as_json(changes), indent=1, allow_nan=False) if arguments.json else "\n".join(lines))
 
 
 def _merge() -> None:

@@ -11,12 +11,12 @@ class OpenWorldConfiguration:
         0.9, "an object inside the sensor's region and not hidden is detected", minimum=1e-6, maximum=1.0 - 1e-6
     )
     detection_probabilities: tuple[float, ...] = parameter(
-        (), "in place of detection_probability; how far each is right is inferred; empty: that alone"
+        (), "in place of detection_probability; the weight of each value is inferred; empty: that alone"
     )
     detection_half_ranges_m: tuple[float, ...] = parameter(
         (),
-        "ranges at which an object is detected half as often as right at the sensor (half-normal); how far each is"
-        " right is inferred; empty: as often everywhere in the region",
+        "ranges at which an object is detected half as often as right at the sensor (half-normal); the weight of"
+        " each value is inferred; empty: as often everywhere in the region",
     )
     detection_by_direction: tuple[float, ...] = parameter(
         (),
@@ -30,11 +30,11 @@ class OpenWorldConfiguration:
         maximum=0.999,
     )
     miss_persistences: tuple[float, ...] = parameter(
-        (), "in place of miss_persistence; how far each is right is inferred; empty: that alone"
+        (), "in place of miss_persistence; the weight of each value is inferred; empty: that alone"
     )
     clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
     clutters_per_frame: tuple[float, ...] = parameter(
-        (), "in place of clutter_per_frame; how far each is right is inferred; empty: that alone"
+        (), "in place of clutter_per_frame; the weight of each value is inferred; empty: that alone"
     )
     second_box_share: float = parameter(
         0.0,
@@ -58,12 +58,12 @@ class OpenWorldConfiguration:
         0.1, "objects per square metre expected where nothing was seen yet, in space per cubic metre", minimum=1e-9
     )
     birth_densities: tuple[float, ...] = parameter(
-        (), "in place of birth_density; how far each is right is inferred; empty: that alone"
+        (), "in place of birth_density; the weight of each value is inferred; empty: that alone"
     )
     rates_ratio: float = parameter(
         1e6,
-        "of detection_probabilities, clutters_per_frame, birth_densities and the like, what weighs less than one in so"
-        " many is given up; where a robot starts there may be much, and little elsewhere",
+        "candidate values of the detection, clutter and birth rates are dropped once their weight falls below 1 / this"
+        " ratio of the best; keep it large: the density at the start may not be that of the rest of the drive",
         minimum=1e6,
     )
     departures_per_hour: float = parameter(
@@ -109,8 +109,8 @@ class OpenWorldConfiguration:
     )
     learn_alarm_scores: bool = parameter(
         False,
-        "association: open, with learn_scores: false: detectors' scores of what was looked for again, and was there or"
-        " not, tell how likely exists what was seen little",
+        "association: open, with learn_scores: false: learn from scores of objects that later keyframes confirmed or"
+        " refuted how likely a rarely seen object exists",
     )
     occluder_radius_m: float = parameter(
         0.25,

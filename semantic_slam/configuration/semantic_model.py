@@ -74,8 +74,8 @@ class SemanticModelConfiguration:
     )
     repeat_shares: tuple[float, ...] = parameter(
         (0.0, 0.5, 0.95),
-        "detector: probabilities that a view from the place of an earlier one repeats its answer; how far each is right"
-        " is inferred",
+        "detector: probabilities that a view from the place of an earlier one repeats its answer; the weight of each"
+        " value is inferred",
     )
     score_powers: tuple[float, ...] = parameter(
         (0.0, 1.0),

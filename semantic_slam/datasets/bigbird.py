@@ -33,7 +33,6 @@ class TurntableCalibration:
 
     rgb_matrices: Mapping[str, Array]  # (3, 3)
     rgb_distortions: Mapping[str, Array]  # (5,)
-    depth_matrices: Mapping[str, Array]  # (3, 3)
     depth_scales: Mapping[str, float]
     camera_from_reference: Mapping[str, Array]  # (4, 4) H_NPk_from_NP5
 
@@ -106,7 +105,6 @@ def read_calibration(folder: Path) -> TurntableCalibration:
     return TurntableCalibration(
         rgb_matrices={name: _dataset(path, f"{name}_rgb_K", (3, 3)) for name in CAMERAS},
         rgb_distortions={name: _dataset(path, f"{name}_rgb_d") for name in CAMERAS},
-        depth_matrices={name: _dataset(path, f"{name}_depth_K", (3, 3)) for name in CAMERAS},
         depth_scales={name: float(_dataset(path, f"{name}_ir_depth_scale", (1,))[0]) for name in CAMERAS},
         camera_from_reference={name: _motion(path, f"H_{name}_from_NP5") for name in CAMERAS},
     )

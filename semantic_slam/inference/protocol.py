@@ -42,16 +42,16 @@ class RunConfiguration:
     @property
     def source_sha256(self) -> str:
         """SHA-256 of the bag that the run processes, "" where that is not stated."""
-        return told_of(self.source, "sha256")
+        return source_entry(self.source, "sha256")
 
 
-def told_of(source: str, name: str) -> str:
+def source_entry(source: str, name: str) -> str:
     """Value of an entry in the JSON text ``source`` of a run, "" where it is missing or the text is invalid."""
     try:
-        told = json.loads(source or "{}")
+        entries = json.loads(source or "{}")
     except ValueError:
         return ""
-    return str(told.get(name) or "") if isinstance(told, dict) else ""
+    return str(entries.get(name) or "") if isinstance(entries, dict) else ""
 
 
 @dataclass(frozen=True, kw_only=True)

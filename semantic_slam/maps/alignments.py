@@ -54,8 +54,8 @@ def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[flo
 
 def _score(old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment) -> float:
     """Approximate log likelihood: each old object is matched to its most likely unmoved counterpart."""
-    told = pairs(old, new, alignment, np.ones(len(old)))
-    return float(np.maximum(told.log_same.max(axis=1) - log_absent, 0.0).sum())
+    likelihoods = pairs(old, new, alignment, np.ones(len(old)))
+    return float(np.maximum(likelihoods.log_same.max(axis=1) - log_absent, 0.0).sum())
 
 
 def _proposals(old: Landmarks, new: Landmarks) -> list[Alignment]:

@@ -26,8 +26,8 @@ def class_priors_of(
     ``class_shares`` (C,) is the class prior of new objects before the run. What an initial map says of an object is
     not part of its prior: it counts as evidence from an earlier run.
     """
-    told = [[_prior_of(own, held_as(own, int(n), reported), class_shares) for n in ids] for own in components]
-    stacked = np.array(told).reshape(len(components), len(ids), len(class_shares))
+    priors = [[_prior_of(own, held_as(own, int(n), reported), class_shares) for n in ids] for own in components]
+    stacked = np.array(priors).reshape(len(components), len(ids), len(class_shares))
     return np.asarray(np.tensordot(weights / weights.sum(), stacked, axes=1))
 
 
@@ -35,8 +35,8 @@ def class_evidence(objects: MapObjects) -> Array:
     """(O, C) class likelihoods of each object's own observations, normalised per object (probability / prior)."""
     if not objects.class_probabilities.shape[1]:
         return objects.class_probabilities
-    told = (objects.class_probabilities + LEAST_CLASS) / (known_priors(objects) + LEAST_CLASS)
-    return np.asarray(told / told.sum(axis=1, keepdims=True))
+    evidence = (objects.class_probabilities + LEAST_CLASS) / (known_priors(objects) + LEAST_CLASS)
+    return np.asarray(evidence / evidence.sum(axis=1, keepdims=True))
 
 
 def known_priors(objects: MapObjects) -> Array:

@@ -47,8 +47,8 @@ def corresponding(
 def _assigned(
     old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment, vacated: Array, is_continued: bool
 ) -> Correspondence:
-    told = pairs(old, new, alignment, vacated, is_continued=is_continued)
-    both = np.logaddexp(told.log_same, told.log_displaced)
+    likelihoods = pairs(old, new, alignment, vacated, is_continued=is_continued)
+    both = np.logaddexp(likelihoods.log_same, likelihoods.log_displaced)
     count = len(old)
     cost = np.full((count, len(new) + count), np.inf)
     cost[:, : len(new)] = np.where(both > log_absent[:, None] - NEVER, -both, np.inf)
@@ -62,9 +62,9 @@ def _assigned(
     matched = matched[:, : len(new)]
     return Correspondence(
         alignment=alignment,
-        pairs=told,
-        same=matched * np.exp(told.log_same - both),
-        displaced=matched * np.exp(told.log_displaced - both),
+        pairs=likelihoods,
+        same=matched * np.exp(likelihoods.log_same - both),
+        displaced=matched * np.exp(likelihoods.log_displaced - both),
         log_evidence=log_sum,
     )
 

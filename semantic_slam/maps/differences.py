@@ -50,66 +50,67 @@ class MapDifference:
     alignment_probability: float
 
 
-def difference(told: Comparison) -> MapDifference:
+def difference(comparison: Comparison) -> MapDifference:
     """Evaluate all objects of a comparison."""
     return MapDifference(
-        old=tuple(_old_object(told, row) for row in range(len(told.ours))),
-        new=tuple(_new_object(told, column) for column in range(len(told.theirs))),
-        T_old_new=told.best.alignment.T_old_new,
-        same_frame=told.same_frame,
-        alignment_probability=told.alignments[0][0],
+        old=tuple(_old_object(comparison, row) for row in range(len(comparison.ours))),
+        new=tuple(_new_object(comparison, column) for column in range(len(comparison.theirs))),
+        T_old_new=comparison.best.alignment.T_old_new,
+        same_frame=comparison.same_frame,
+        alignment_probability=comparison.alignments[0][0],
     )
 
 
-def gone(told: Comparison, row: int) -> tuple[float, float]:
+def gone(comparison: Comparison, row: int) -> tuple[float, float]:
     """Probabilities that an old object is gone, and that it is still there but unseen."""
-    left, _ = _left_and_none(told, row)
-    unseen = float(told.unseen[row])
+    left, _ = _left_and_none(comparison, row)
+    unseen = float(comparison.unseen[row])
     return left * (1.0 - unseen), left * unseen
 
 
-def _left_and_none(told: Comparison, row: int) -> tuple[float, float]:
+def _left_and_none(comparison: Comparison, row: int) -> tuple[float, float]:
     """Probabilities that an old object exists without a counterpart, and that it never existed."""
-    apart = max(1.0 - float(told.same[row].sum() + told.displaced[row].sum()), 0.0)
-    exists = float(told.ours.existence[row])
-    there = exists * GONE_SHARE / (1.0 - float(told.unseen[row]))
+    apart = max(1.0 - float(comparison.same[row].sum() + comparison.displaced[row].sum()), 0.0)
+    exists = float(comparison.ours.existence[row])
+    there = exists * GONE_SHARE / (1.0 - float(comparison.unseen[row]))
     none = apart * (1.0 - exists) / (1.0 - exists + there)
     return apart - none, none
 
 
-def _old_object(told: Comparison, row: int) -> OldObject:
-    same, displaced = float(told.same[row].sum()), float(told.displaced[row].sum())
-    left, unseen = gone(told, row)
-    _, none = _left_and_none(told, row)
-    column = int(np.argmax(told.same[row] + told.displaced[row]))
-    has_one = bool(told.same[row, column] + told.displaced[row, column] > 1.0 - same - displaced)
-    distance, sigma = _distance(told, row, column) if has_one else (float("nan"), float("nan"))
-    number = int(told.ours.rows[row])
+def _old_object(comparison: Comparison, row: int) -> OldObject:
+    same, displaced = float(comparison.same[row].sum()), float(comparison.displaced[row].sum())
+    left, unseen = gone(comparison, row)
+    _, none = _left_and_none(comparison, row)
+    column = int(np.argmax(comparison.same[row] + comparison.displaced[row]))
+    has_one = bool(comparison.same[row, column] + comparison.displaced[row, column] > 1.0 - same - displaced)
+    distance, sigma = _distance(comparison, row, column) if has_one else (float("nan"), float("nan"))
+    number = int(comparison.ours.rows[row])
     return OldObject(
-        object_id=int(told.old.objects.ids[number]),
-        name=told.old.objects.names[number],
+        object_id=int(comparison.old.objects.ids[number]),
+        name=comparison.old.objects.names[number],
         probabilities={"same": same, "displaced": displaced, "gone": left, "unseen": unseen, "none": none},
-        new_id=int(told.new.objects.ids[told.theirs.rows[column]]) if has_one else None,
+        new_id=int(comparison.new.objects.ids[comparison.theirs.rows[column]]) if has_one else None,
         distance_m=distance,
         sigma_m=sigma,
     )
 
 
-def _distance(told: Comparison, row: int, column: int) -> tuple[float, float]:
+def _distance(comparison: Comparison, row: int, column: int) -> tuple[float, float]:
     """Distance of two objects [m], and its standard deviation along the connecting line."""
-    axes = slice(0, told.ours.frames.num_axes)
-    offset, spread = told.best.pairs.offset[row, column, axes], told.best.pairs.covariance[row, column, axes, axes]
+    axes = slice(0, comparison.ours.frames.num_axes)
+    pairs = comparison.best.pairs
+    offset, spread = pairs.offset[row, column, axes], pairs.covariance[row, column, axes, axes]
     distance = float(np.linalg.norm(offset))
     along = offset / max(distance, 1e-9)
     return distance, float(np.sqrt(along @ spread @ along))
 
 
-def _new_object(told: Comparison, column: int) -> NewObject:
-    row = int(told.theirs.rows[column])
-    apart = max(1.0 - float(told.same[:, column].sum() + told.displaced[:, column].sum()), 0.0)
+def _new_object(comparison: Comparison, column: int) -> NewObject:
+    row = int(comparison.theirs.rows[column])
+    apart = max(1.0 - float(comparison.same[:, column].sum() + comparison.displaced[:, column].sum()), 0.0)
     return NewObject(
-        object_id=int(told.new.objects.ids[row]),
-        name=told.new.objects.names[row],
-        probability=apart * float(told.theirs.existence[column]),
-        position=told.new_positions[column],
+        object_id=int(comparison.new.objects.ids[row]),
+        name=comparison.new.objects.names[row],
+        probability=apart * float(comparison.theirs.existence[column]),
+        position=comparison.new_positions[column],
     )

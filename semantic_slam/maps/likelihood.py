@@ -86,16 +86,16 @@ def _log_normal(offset: Array, covariance: Array) -> Array:
 
 
 def _log_moved(offset: Array, covariance: Array) -> Array:
-    told = [_log_normal(offset, covariance + sigma**2 * np.eye(offset.shape[-1])) for sigma in DISPLACED_M]
-    return np.asarray(np.logaddexp.reduce(told) - np.log(len(DISPLACED_M)))
+    log_densities = [_log_normal(offset, covariance + sigma**2 * np.eye(offset.shape[-1])) for sigma in DISPLACED_M]
+    return np.asarray(np.logaddexp.reduce(log_densities) - np.log(len(DISPLACED_M)))
 
 
 def _log_heading(offset: Array, covariance: Array) -> Array:
     """Log likelihood ratio of headings to an unknown heading; 0 for objects without one."""
     variance = covariance[..., 2, 2]
     density = np.exp(-0.5 * offset[..., 2] ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
-    told = np.where(variance < 1.0, 2.0 * np.pi * density, 1.0)
-    return np.asarray(np.log((1.0 - OTHER_HEADING) * told + OTHER_HEADING))
+    ratio = np.where(variance < 1.0, 2.0 * np.pi * density, 1.0)
+    return np.asarray(np.log((1.0 - OTHER_HEADING) * ratio + OTHER_HEADING))
 
 
 def _log_classes(old: Landmarks, new: Landmarks) -> Array:
@@ -116,13 +116,13 @@ def _log_other_class(old: Landmarks, new: Landmarks) -> Array:
 
 def _log_descriptors(old: Landmarks, new: Landmarks) -> Array:
     """Log ratio that two objects share one descriptor, relative to random ones; 0 where one is unknown."""
-    told = np.zeros((len(old), len(new)))
+    unknown = np.zeros((len(old), len(new)))
     if not old.descriptors.shape[1] or old.descriptors.shape[1] != new.descriptors.shape[1] or len(new) < 2:
-        return told
+        return unknown
     ours, theirs = (np.asarray(np.isfinite(own.descriptors).all(axis=1)) for own in (old, new))
     broad = np.nanvar(np.concatenate([old.descriptors, new.descriptors]), axis=0)
     variance = old.descriptor_variances[:, None] + new.descriptor_variances[None]
     off = (old.descriptors[:, None] - new.descriptors[None]) ** 2
     any_two = variance + 2.0 * broad
     ratio = -0.5 * (off / variance - off / any_two + np.log(variance / any_two)).sum(axis=-1)
-    return np.where(ours[:, None] & theirs, np.nan_to_num(ratio), told)
+    return np.where(ours[:, None] & theirs, np.nan_to_num(ratio), unknown)

@@ -149,15 +149,15 @@ def _description(saved: SavedMap) -> dict[str, Any]:
 
 def _described(provenance: Provenance) -> dict[str, Any]:
     """Provenance as written; without ancestors none are named, so that maps of before keep their ids."""
-    told = asdict(provenance)
-    ancestors = list(told.pop("ancestors"))
-    return told | ({"ancestors": ancestors} if ancestors else {})
+    entries = asdict(provenance)
+    ancestors = list(entries.pop("ancestors"))
+    return entries | ({"ancestors": ancestors} if ancestors else {})
 
 
-def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
+def _saved(arrays: Arrays, entries: dict[str, Any]) -> SavedMap:
     """Parse arrays and description. Raises KeyError, TypeError or ValueError."""
-    if told["frame"] != "map" or told["state_space"] not in STATE_SPACES:
-        raise ValueError(f"frame {told['frame']!r}, state space {told['state_space']!r}")
+    if entries["frame"] != "map" or entries["state_space"] not in STATE_SPACES:
+        raise ValueError(f"frame {entries['frame']!r}, state space {entries['state_space']!r}")
     parts: dict[str, type[Any]] = {"objects": MapObjects, "hypotheses": MapHypotheses, "looks": Looks}
     expected = {f"{part}.{own.name}" for part, kind in parts.items() for own in fields(kind)} - {"objects.names"}
     if set(arrays) != expected:
@@ -165,23 +165,23 @@ def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
     for name, values in arrays.items():
         if values.dtype != (np.int64 if name == "objects.ids" else np.float64):
             raise ValueError(f"{name} holds {values.dtype}")
-    told_of = {part: _of(part, arrays) for part in parts}
+    part_arrays = {part: _of(part, arrays) for part in parts}
     return SavedMap(
-        class_names=_texts(told["class_names"]),
-        objects=MapObjects(names=_texts(told["names"]), **told_of["objects"]),
-        hypotheses=MapHypotheses(**told_of["hypotheses"]),
-        looks=Looks(**told_of["looks"]),
-        has_cross_covariances=_flag(told["has_cross_covariances"]),
-        discarded_mass=float(told["discarded_mass"]),
-        descriptor_space=str(told["descriptor_space"]),
-        state_space=told["state_space"],
-        provenance=_provenance(told["provenance"]),
+        class_names=_texts(entries["class_names"]),
+        objects=MapObjects(names=_texts(entries["names"]), **part_arrays["objects"]),
+        hypotheses=MapHypotheses(**part_arrays["hypotheses"]),
+        looks=Looks(**part_arrays["looks"]),
+        has_cross_covariances=_flag(entries["has_cross_covariances"]),
+        discarded_mass=float(entries["discarded_mass"]),
+        descriptor_space=str(entries["descriptor_space"]),
+        state_space=entries["state_space"],
+        provenance=_provenance(entries["provenance"]),
     )
 
 
-def _migrated(arrays: Arrays, told: dict[str, Any]) -> Arrays:
+def _migrated(arrays: Arrays, entries: dict[str, Any]) -> Arrays:
     """Convert arrays of the previous schema, which lacks class priors, to this one. Raises KeyError."""
-    if told["schema_version"] == 1:
+    if entries["schema_version"] == 1:
         return {PRIORS: np.full_like(arrays["objects.class_probabilities"], np.nan)} | arrays
     return arrays
 
@@ -190,9 +190,9 @@ def _of(part: str, arrays: Arrays) -> dict[str, Any]:
     return {name.partition(".")[2]: values for name, values in arrays.items() if name.startswith(f"{part}.")}
 
 
-def _provenance(told: dict[str, Any]) -> Provenance:
+def _provenance(entries: dict[str, Any]) -> Provenance:
     """Parse a provenance; files of before name no ancestors. Raises TypeError or ValueError."""
-    whole = {"ancestors": []} | told
+    whole = {"ancestors": []} | entries
     whole["ancestors"] = _texts(whole["ancestors"])
     kinds = {own.name: type(own.default) for own in fields(Provenance)}
     if set(whole) != set(kinds) or any(type(whole[name]) is not kind for name, kind in kinds.items()):

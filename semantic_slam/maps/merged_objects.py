@@ -69,10 +69,10 @@ def _numbers(one: MapObjects, other: MapObjects, later: list[int]) -> tuple[Inde
 
 def _existence(one: MapObjects, other: MapObjects, i: int, j: int, share: float) -> float:
     """Probability that either run's object exists; each has the ``share`` of its log odds of what both know alike."""
-    told = np.array([objects.existence[row] for objects, row in ((one, i), (other, j)) if row >= 0])
-    if len(told) == 2 and share < 1.0:
-        return float(expit(share * logit(np.clip(told, SURELY_NOT, 1.0 - SURELY_NOT)).sum()))
-    return float(1.0 - np.prod(1.0 - told))
+    existence = np.array([objects.existence[row] for objects, row in ((one, i), (other, j)) if row >= 0])
+    if len(existence) == 2 and share < 1.0:
+        return float(expit(share * logit(np.clip(existence, SURELY_NOT, 1.0 - SURELY_NOT)).sum()))
+    return float(1.0 - np.prod(1.0 - existence))
 
 
 def _sightings(one: MapObjects, other: MapObjects, i: int, j: int) -> float:
@@ -95,8 +95,8 @@ def _classes(one: SavedMap, other: SavedMap, sources: Sequence[tuple[int, int]])
             summed[own] += known_priors(known.objects)[rows[own]]
             count[own] += 1.0
     priors = np.where(count > 0.0, summed / np.maximum(count, 1.0), 1.0 / max(size, 1))
-    told = evidence * priors
-    return priors, told / told.sum(axis=1, keepdims=True) if size else told
+    posterior = evidence * priors
+    return priors, posterior / posterior.sum(axis=1, keepdims=True) if size else posterior
 
 
 def _descriptor(one: MapObjects, other: MapObjects, i: int, j: int, share: float) -> tuple[Array, Array]:

@@ -42,17 +42,17 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
     """Merge two maps in the frame of ``one``; displaced objects are placed as in ``other``. Raises InputError."""
     _check(one, other)
     one, other = over_common_classes(one, other)
-    told = Comparison.of(one, other, same_frame)
-    probability, best = told.alignments[0]
+    comparison = Comparison.of(one, other, same_frame)
+    probability, best = comparison.alignments[0]
     if probability < SURE:
         raise InputError(
             f"maps {one.map_id} and {other.map_id} cannot be aligned for sure, the likeliest way has probability"
             f" {probability:.2f}; merge maps that have more objects in common, or --same-frame if they are of one frame"
         )
-    rows = _rows(told)
-    together = _fused(_stacked(told), rows, len(one.objects), told.ours.frames)
+    rows = _rows(comparison)
+    together = _fused(_stacked(comparison), rows, len(one.objects), comparison.ours.frames)
     own = _blocks(together.covariance)[rows.kept]
-    objects = merged_objects(_without_gone(told), other, rows, together.states[rows.kept], own)
+    objects = merged_objects(_without_gone(comparison), other, rows, together.states[rows.kept], own)
     kept = (3 * rows.kept[:, None] + np.arange(3)).ravel()
     joint = together.covariance[np.ix_(kept, kept)]
     return SavedMap(
@@ -89,19 +89,19 @@ def _check(one: SavedMap, other: SavedMap) -> None:
         raise InputError(f"the maps' descriptors are of different spaces ({', '.join(sorted(spaces))}); use one model")
 
 
-def _without_gone(told: Comparison) -> SavedMap:
+def _without_gone(comparison: Comparison) -> SavedMap:
     """First map with existence reduced where the second one indicates that objects are gone."""
-    existence = told.old.objects.existence.copy()
-    for row, number in enumerate(told.ours.rows.tolist()):
-        existence[number] *= 1.0 - gone(told, row)[0]
-    return replace(told.old, objects=replace(told.old.objects, existence=np.clip(existence, 0.0, 1.0)))
+    existence = comparison.old.objects.existence.copy()
+    for row, number in enumerate(comparison.ours.rows.tolist()):
+        existence[number] *= 1.0 - gone(comparison, row)[0]
+    return replace(comparison.old, objects=replace(comparison.old.objects, existence=np.clip(existence, 0.0, 1.0)))
 
 
-def _rows(told: Comparison) -> MergedRows:
+def _rows(comparison: Comparison) -> MergedRows:
     """Decide which pairs are one object, and which rows of the stacked states are kept."""
-    count, ours, theirs = len(told.old.objects), told.ours.rows, told.theirs.rows
-    same = [(int(ours[i]), int(theirs[j])) for i, j in zip(*np.nonzero(told.best.same > HALF), strict=True)]
-    moved = [(int(ours[i]), int(theirs[j])) for i, j in zip(*np.nonzero(told.best.displaced > HALF), strict=True)]
+    count, ours, theirs = len(comparison.old.objects), comparison.ours.rows, comparison.theirs.rows
+    same = [(int(ours[i]), int(theirs[j])) for i, j in zip(*np.nonzero(comparison.best.same > HALF), strict=True)]
+    moved = [(int(ours[i]), int(theirs[j])) for i, j in zip(*np.nonzero(comparison.best.displaced > HALF), strict=True)]
     taken = {j for _, j in (*same, *moved)}
     places = {i: count + j for i, j in moved}
     first = [places.get(i, i) for i in range(count)]
@@ -109,16 +109,16 @@ def _rows(told: Comparison) -> MergedRows:
     return MergedRows(same=tuple(same), displaced=tuple(moved), kept=np.array([*first, *last], dtype=int))
 
 
-def _stacked(told: Comparison) -> _Together:
+def _stacked(comparison: Comparison) -> _Together:
     """States of both maps in the first one's frame, before fusion."""
-    one, other, alignment = told.old, told.new, told.best.alignment
-    frames = told.ours.frames
+    one, other, alignment = comparison.old, comparison.new, comparison.best.alignment
+    frames = comparison.ours.frames
     own, theirs = (frames.coordinates.of_poses(known.objects.poses) for known in (one, other))
-    T = np.zeros(frames.size) if told.same_frame else alignment.T_old_new
+    T = np.zeros(frames.size) if comparison.same_frame else alignment.T_old_new
     moved = frames.moved(T, theirs)
     turns = np.kron(np.eye(len(theirs)), frames.turn(T))
     square = turns @ joint_covariance(other) @ turns.T
-    if not told.same_frame:
+    if not comparison.same_frame:
         slopes = frames.slopes(moved, alignment.centre).reshape(-1, frames.size)
         square = square + slopes @ np.diag(frames.sigmas(ANYWHERE_M, ANYWHERE_RAD)) ** 2 @ slopes.T
     size, whole = 3 * len(own), np.zeros((3 * (len(own) + len(theirs)),) * 2)

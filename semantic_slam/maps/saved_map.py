@@ -28,10 +28,10 @@ class Provenance:
     def parents(self) -> frozenset[str]:
         """Ids of the maps that it was started from, or merged from."""
         try:
-            told = parse_json(self.source or "{}")
+            entries = parse_json(self.source or "{}")
         except ValueError:
-            told = {}
-        merged = told.get("merged") if isinstance(told, dict) else None
+            entries = {}
+        merged = entries.get("merged") if isinstance(entries, dict) else None
         named = [own for own in merged if isinstance(own, str)] if isinstance(merged, list) else []
         return frozenset((self.started_from, *named)) - {""}
 

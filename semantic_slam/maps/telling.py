@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.configuration.configuration import SPATIAL
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.protocol import told_of
+from semantic_slam.inference.protocol import source_entry
 from semantic_slam.maps.saved_map import SavedMap
 
 SCHEMA_VERSION = 1
@@ -15,15 +15,15 @@ SCHEMA_VERSION = 1
 
 def lines_of(known: SavedMap) -> list[str]:
     """Text lines: provenance, then one line per object."""
-    objects, told = known.objects, known.provenance
+    objects, provenance = known.objects, known.provenance
     axes = "xyz" if known.state_space == SPATIAL else "xy"
     columns = "  ".join(f"{f'{axis} [m]':>8}" for axis in axes)
     together = "what they have in common" if known.has_cross_covariances else "each object by itself"
-    bag = told_of(told.source, "path") or "an unknown bag"
+    bag = source_entry(provenance.source, "path") or "an unknown bag"
     lines = [
         f"map {known.map_id}: {len(objects)} objects, {len(known.hypotheses)} hypotheses, {together}",
-        f"run {told.run_id or 'not known'}, keyframe {told.keyframe}, of {bag}"
-        + (f", started from map {told.started_from}" if told.started_from else ""),
+        f"run {provenance.run_id or 'not known'}, keyframe {provenance.keyframe}, of {bag}"
+        + (f", started from map {provenance.started_from}" if provenance.started_from else ""),
         f"{'object':>10}  {'exists':>6}  {columns}  {'sigma [m]':>9}  {'seen':>5}  class, name",
     ]
     for row, number in enumerate(objects.ids.tolist()):

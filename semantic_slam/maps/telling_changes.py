@@ -11,34 +11,35 @@ STATED = 0.5
 """Smallest probability at which an object is reported as new."""
 
 
-def change_lines(told: MapDifference) -> list[str]:
+def change_lines(difference: MapDifference) -> list[str]:
     """Text lines: the alignment of the maps, then one line per object."""
-    shift = ", ".join(f"{axis} {value:.2f} m" for axis, value in zip("xyz", told.T_old_new[:-1], strict=False))
-    how = "one frame" if told.same_frame else f"aligned by association (P = {told.alignment_probability:.3f})"
-    lines = [f"{how}; the new map's origin at {shift}, {np.rad2deg(told.T_old_new[-1]):.1f} deg of the old one"]
+    shift = ", ".join(f"{axis} {value:.2f} m" for axis, value in zip("xyz", difference.T_old_new[:-1], strict=False))
+    probability = difference.alignment_probability
+    how = "one frame" if difference.same_frame else f"aligned by association (P = {probability:.3f})"
+    lines = [f"{how}; the new map's origin at {shift}, {np.rad2deg(difference.T_old_new[-1]):.1f} deg of the old one"]
     lines.append(f"{'':9}  {'P':>6}  {'object':>10}  {'now':>10}  name")
-    for own in told.old:
+    for own in difference.old:
         now = "-" if own.new_id is None else str(own.new_id)
         away = f", by {own.distance_m:.2f} +- {own.sigma_m:.2f} m" if own.kind == "displaced" else ""
         lines.append(
             f"{own.kind:9}  {own.probabilities[own.kind]:6.3f}  {own.object_id:10d}  {now:>10}  {own.name}{away}"
         )
-    for new in told.new:
+    for new in difference.new:
         if new.probability >= STATED:
             place = ", ".join(f"{value:.2f}" for value in new.position)
             lines.append(f"{'new':9}  {new.probability:6.3f}  {'-':>10}  {new.object_id:10d}  {new.name}, at {place} m")
     return lines
 
 
-def changes_as_json(told: MapDifference) -> dict[str, Any]:
+def changes_as_json(difference: MapDifference) -> dict[str, Any]:
     """JSON-compatible values at full precision; NaN as None."""
     return {
         "schema_version": SCHEMA_VERSION,
-        "same_frame": told.same_frame,
-        "alignment_probability": told.alignment_probability,
-        "T_old_new": told.T_old_new.tolist(),
-        "old": [_old(own) for own in told.old],
-        "new": [_new(own) for own in told.new],
+        "same_frame": difference.same_frame,
+        "alignment_probability": difference.alignment_probability,
+        "T_old_new": difference.T_old_new.tolist(),
+        "old": [_old(own) for own in difference.old],
+        "new": [_new(own) for own in difference.new],
     }
 
 

@@ -25,7 +25,7 @@ class ImageSight:
 
     @classmethod
     def told(cls, edges_rad: Array, free_ranges_m: Array) -> Self | None:
-        """As a message has it, NaN where nothing is known; None where the edges are not those of an image."""
+        """The sight in a message, free ranges NaN where unknown; None where the edges are not those of an image."""
         if not (np.abs(edges_rad) <= WIDEST_RAD).all() or (edges_rad[:, 0] >= edges_rad[:, 1]).any():
             return None
         return cls(edges_rad, np.where(free_ranges_m > 0.0, free_ranges_m, np.nan))

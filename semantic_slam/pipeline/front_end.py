@@ -53,7 +53,7 @@ class ReadingOrder:
 
 
 class Receiver(Protocol):
-    """Who takes what a front end makes of a bag, in the order of the bag."""
+    """Recipient of what a front end makes of a bag, in the order of the bag."""
 
     def copy(self, message: RawMessage) -> None:
         """Take a message of which the belief bag has a copy."""

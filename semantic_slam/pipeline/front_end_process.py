@@ -13,7 +13,7 @@ from typing import Any, Self
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.reader import BagReader
-from semantic_slam.child_process import ChildProcess, told
+from semantic_slam.child_process import ChildProcess, with_traceback
 from semantic_slam.errors import InputError, SemanticSlamError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.pipeline.front_end import FrontEnd, Reading, ReadingOrder, Receiver
@@ -138,7 +138,7 @@ def serve(connection: Connection) -> None:
         except ConnectionError:
             raise
         except Exception as fault:
-            connection.send(told(fault))
+            connection.send(with_traceback(fault))
 
 
 if __name__ == "__main__":

@@ -143,8 +143,8 @@ def _places(belief: HybridBelief, row: int) -> list[dict[str, Any]]:
 def noise_row(belief: HybridBelief) -> dict[str, dict[str, float]]:
     """What a belief says of the noise: value and standard deviation by the configuration's names."""
     values, sigmas = belief.noise_values.tolist(), belief.noise_sigmas.tolist()
-    told = zip(belief.noise_names, values, sigmas, strict=True)
-    return {name: {"value": value, "sigma": sigma} for name, value, sigma in told}
+    noise = zip(belief.noise_names, values, sigmas, strict=True)
+    return {name: {"value": value, "sigma": sigma} for name, value, sigma in noise}
 
 
 def map_prior(record: Record) -> MapPrior:

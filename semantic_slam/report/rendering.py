@@ -36,7 +36,7 @@ def shown_picture(keyframe: int, source: str, size: tuple[int, int], boxes: Sequ
         "width": size[0],
         "height": size[1],
         "boxes": [
-            [box.left, box.top, box.width, box.height, box.colour, box.verdict, box.places, box.text, box.told]
+            [box.left, box.top, box.width, box.height, box.colour, box.verdict, box.places, box.text, box.label]
             for box in boxes
         ],
     }

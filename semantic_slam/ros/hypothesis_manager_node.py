@@ -34,7 +34,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
 
-from semantic_slam.errors import InputError, MessageError
+from semantic_slam.errors import MessageError
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
@@ -53,21 +53,16 @@ from semantic_slam.pipeline.journal.journal_of_run import open_journal
 from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 from semantic_slam.pipeline.journal.snapshots import Snapshots
 from semantic_slam.pipeline.preamble import checked_initial_pose
-from semantic_slam.pipeline.session import CHANGEABLE, Session
+from semantic_slam.pipeline.session import Session
+from semantic_slam.ros.manager_parameters import ManagerParameters
 from semantic_slam.ros.node.changes import Values
 from semantic_slam.ros.node.health import Level, Status, dropped_status, explanation_status
-from semantic_slam.ros.node.parameters import (
-    declare_changeable,
-    declare_configuration,
-    declare_fixed,
-    refuse_undeclared,
-)
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.node.repeats import Repeats
-from semantic_slam.ros.node.run_inputs import imu_source, map_prior_of, source_of
+from semantic_slam.ros.node.run_inputs import imu_source
 from semantic_slam.ros.publishing.belief_publisher import BeliefPublisher
-from semantic_slam.ros.publishing.frames import declare_frames
 from semantic_slam.ros.rounds.ros_pool import RosPool
+from semantic_slam.ros.services.belief_service import BeliefService, BeliefUpdate
 from semantic_slam.ros.services.explain_service import ExplainService
 from semantic_slam.ros.services.in_background import InBackground
 from semantic_slam.ros.services.lookalike_service import LookalikeService
@@ -94,46 +89,13 @@ class HypothesisManagerNode(PipelineNode):
 
     def __init__(self) -> None:
         super().__init__("hypothesis_manager")
-        self._configuration = declare_configuration(self, CHANGEABLE)
-        num_backends = declare_fixed(self, "backends", 1)
-        if num_backends < 1:
-            raise InputError(f"parameter backends is {num_backends}; at least one backend is needed")
-        timeout_s = declare_changeable(self, "backend_timeout_s", 60.0)
-        self._pool = RosPool(self, range(num_backends), timeout_s)
-        broadcasts_odom = declare_changeable(self, "broadcast_odom", False)
-        self._transforms = TransformTree()
-        has_imu, waits = declare_fixed(self, "has_imu", False), self.lossless
-        self._imu = imu_source(self, self._configuration, self._transforms, waits=waits) if has_imu else None
-        self._map_prior = map_prior_of(self, self._configuration, declare_fixed(self, "map_prior", ""))
-        source_bag = declare_fixed(self, "source_bag", "")
-        journal = declare_fixed(self, "journal", "")
-        frames = declare_frames(self)
-        resume = declare_fixed(self, "resume", True)
-        refuse_undeclared(self)
-        self._source = source_of(source_bag)
-        opened = open_journal(journal, self._configuration, self._map_prior, self._source, resume=resume)
-        self._journal = EventJournal(opened, self._handlers())
-        self._snapshots = Snapshots(opened, self._configuration.history, self._pool)
-        self._pool_of_run = JournaledPool(self._pool, opened)
-        self._session = Session(self._configuration, self._map_prior, self._source, imu=self._imu)
-        self._is_paused = False
-        self._frames = FrameCount(is_gapless=self.lossless)
-        self.repeated = self._pool.repeated
-        self._repeats = Repeats(self.repeated)
-        self._announced, self._belief_stamp_ns = -1, 0
-        self._is_recovering = self._is_finished = False
-        self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
-        self._explanation = explanation_status(None)  # replaced by the worker, published by the executor
-        self._map_frame = frames.map
-        self._publisher = BeliefPublisher(self, frames, self.lossless)
-        self._publisher.broadcast_odom(broadcasts_odom)
-        self._belief: HybridBelief | None = None  # the newest
-        self._background = InBackground(self, "services")
-        self._objects = ObjectServices(self, self._background, self._configuration.semantic_model)
-        lookalikes = LookalikeService(self._background, self._configuration.semantic_model)
-        self._answers = lookalikes, MapService(self, self._run)
-        self._explain = ExplainService(self)
-        self._session_services = SessionServices(self, self._background, self, read_map_prior)
+        parameters = ManagerParameters.declared(self)
+        self._configuration, self._map_prior = parameters.configuration, parameters.map_prior
+        self._map_frame = parameters.frames.map
+        self._set_up_run(parameters)
+        self._publisher = BeliefPublisher(self, parameters.frames, self.lossless)
+        self._publisher.broadcast_odom(parameters.broadcasts_odom)
+        self._create_services()
         self._progress = Outlet(
             self, private_name(topics.MANAGER_PROGRESS), topics.TYPES[topics.MANAGER_PROGRESS], qos.latched()
         )
@@ -142,10 +104,44 @@ class HypothesisManagerNode(PipelineNode):
         self._changes = RunChanges(self, lambda: self._session, self.change, self._pool, self._publisher)
         self.health.add_source(lambda: [*self._pool.statuses(), self._status, *self._statuses()])
 
+    def _set_up_run(self, parameters: ManagerParameters) -> None:
+        """Open the journal and create the backends' pool and the first session."""
+        self._pool = RosPool(self, range(parameters.num_backends), parameters.backend_timeout_s)
+        self._transforms = TransformTree()
+        waits = self.lossless
+        imu = imu_source(self, self._configuration, self._transforms, waits=waits) if parameters.has_imu else None
+        self._has_imu = imu is not None
+        journal = open_journal(
+            parameters.journal, self._configuration, self._map_prior, parameters.source, resume=parameters.resume
+        )
+        self._journal = EventJournal(journal, self._handlers())
+        self._snapshots = Snapshots(journal, self._configuration.history, self._pool)
+        self._pool_of_run = JournaledPool(self._pool, journal)
+        self._session = Session(self._configuration, self._map_prior, parameters.source, imu=imu)
+        self._frames = FrameCount(is_gapless=self.lossless)
+        self.repeated = self._pool.repeated
+        self._repeats = Repeats(self.repeated)
+        self._belief: HybridBelief | None = None  # the newest
+        self._announced, self._belief_stamp_ns = -1, 0
+        self._is_paused = self._is_recovering = self._is_finished = False
+        self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
+        self._explanation = explanation_status(None)  # replaced by the worker, published by the executor
+
+    def _create_services(self) -> None:
+        self._background = InBackground(self, "services")
+        self._explain = ExplainService(self)
+        self._belief_services: tuple[BeliefService, ...] = (
+            ObjectServices(self, self._background, self._configuration.semantic_model),
+            LookalikeService(self._background, self._configuration.semantic_model),
+            MapService(self, self._run),
+            self._explain,
+        )
+        self._session_services = SessionServices(self, self._background, self, read_map_prior)
+
     def _listen(self) -> None:
         # The order matters: when several messages are ready, the executor serves the subscription created first.
         self._input(topics.INITIAL_POSE, self._set_initial_pose, required=False)
-        if self._imu is not None:
+        if self._has_imu:
             if is_installed(topics.TYPES[topics.TF_STATIC]):
                 self._input(topics.TF_STATIC, self._transforms.add, required=False)
             self._input(topics.IMU, lambda message: self._session.assembler.add_imu(message))
@@ -198,10 +194,8 @@ class HypothesisManagerNode(PipelineNode):
         self._session.assembler.is_paused = self._is_paused
         self._publisher.begin()
         self._belief, self._belief_stamp_ns, self._announced = None, 0, -1
-        for service in self._answers:
-            service.belief = None
-        self._objects.begin()
-        self._explain.begin()
+        for service in self._belief_services:
+            service.begin()
         self._explanation = explanation_status(None)
 
     def resume(self) -> None:
@@ -309,10 +303,14 @@ class HypothesisManagerNode(PipelineNode):
         start, is_repeated = self._session.assembler.first_pose, self._is_recovering and not self.lossless
         self._publisher.publish(belief, keyframe.odometry, start, is_repeated=is_repeated)
         self._belief = belief
-        self._objects.tell(belief, keyframe.measurements, self._session.map_prior)
-        for service in self._answers:
-            service.belief = belief
-        self._explain.tell(self._pool.kept, belief)
+        update = BeliefUpdate(
+            belief=belief,
+            measurements=keyframe.measurements,
+            map_prior=self._session.map_prior,
+            kept_run=self._pool.kept,
+        )
+        for service in self._belief_services:
+            service.update(update)
         self._explanation = explanation_status(belief, self._session.carried)
         self._belief_stamp_ns = belief.stamp_ns
         self._snapshots.count()

@@ -47,7 +47,7 @@ class Picture:
 
     @cached_property
     def jpeg(self) -> bytes:
-        """As it is sent to browsers. Raises MessageError where it does not decode."""
+        """The picture as it is sent to browsers. Raises MessageError where it does not decode."""
         pixels = decode_image(self.message, "image")
         return jpeg(scaled(pixels, min(1.0, WIDTH / pixels.shape[1])))
 

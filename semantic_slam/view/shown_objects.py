@@ -14,7 +14,7 @@ SHOWN_OBJECTS = 400
 
 
 class ShownObjects:
-    """Who is where in the page's list. The place of one that is gone is given away once no keyframe shows it."""
+    """Places of objects in the page's list; that of a removed object is given away once no keyframe shows it."""
 
     def __init__(self) -> None:
         self.places: dict[int, int] = {}  # by id, of those of the newest belief

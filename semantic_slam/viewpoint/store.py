@@ -39,8 +39,8 @@ def save_model(
     """
     arrays: dict[str, Any] = {}
     for index, (fit, table) in enumerate(zip(model.fits, model.tables, strict=True)):
-        told = {name: value for name, value in (vars(fit) | vars(table)).items() if value is not None}
-        arrays |= {f"{index}.{name}": np.array(value, dtype=np.float64, order="C") for name, value in told.items()}
+        present = {name: value for name, value in (vars(fit) | vars(table)).items() if value is not None}
+        arrays |= {f"{index}.{name}": np.array(value, dtype=np.float64, order="C") for name, value in present.items()}
     for name in APPEARANCE_FIELDS if appearance is not None else ():
         kind = np.float16 if name in PICTURES else np.float32
         arrays[APPEARANCE + name] = np.array(getattr(appearance, name), dtype=kind, order="C")
@@ -87,8 +87,8 @@ def read_appearance(path: Path) -> KnownAppearance | None:
         return None
     try:
         kinds = {name: np.dtype(np.float32 if name in PICTURES else np.float64) for name in values}
-        told: dict[str, Any] = {name: np.asarray(value, dtype=kinds[name]) for name, value in values.items()}
-        return KnownAppearance(**told)
+        checked: dict[str, Any] = {name: np.asarray(value, dtype=kinds[name]) for name, value in values.items()}
+        return KnownAppearance(**checked)
     except (TypeError, ValueError, AttributeError, IndexError) as fault:
         raise InputError(f"{path}: {one_line(fault)}; fit it anew with fit_viewpoint_models") from None
 
@@ -106,9 +106,11 @@ _CIRCLE = _Tabulated(PosteriorTable, (GRID,), ("elevation_rad",))
 _SPHERE = _Tabulated(SphericalTable, (ELEVATIONS, AZIMUTHS), ())
 
 
-def _class_parts(arrays: dict[str, Any], index: int, num_features: int, told: _Tabulated) -> tuple[ClassFit, Any]:
+def _class_parts(arrays: dict[str, Any], index: int, num_features: int, layout: _Tabulated) -> tuple[ClassFit, Any]:
     """Arrays of one class with their shapes checked. Raises KeyError or ValueError."""
-    names = [item.name for part in (ClassFit, told.table) for item in fields(part) if item.name not in told.optional]
+    names = [
+        item.name for part in (ClassFit, layout.table) for item in fields(part) if item.name not in layout.optional
+    ]
     values = {name: arrays[f"{index}.{name}"] for name in names}
     views = len(values["azimuth_rad"])
     shapes = {
@@ -120,15 +122,15 @@ def _class_parts(arrays: dict[str, Any], index: int, num_features: int, told: _T
         "signal_sigma": (num_features,),
         "length_scale": (num_features,),
         "noise_covariance": (
-            *(told.grid if len(told.grid) > 1 else values["noise_covariance"].shape[:1]),
+            *(layout.grid if len(layout.grid) > 1 else values["noise_covariance"].shape[:1]),
             num_features,
             num_features,
         ),
         "coverage_rad": (),
-        **{item.name: (*told.grid, num_features) for item in fields(told.table)},
+        **{item.name: (*layout.grid, num_features) for item in fields(layout.table)},
     }
     for name, shape in ((name, shapes[name]) for name in names):
         if values[name].shape != shape or not np.all(np.isfinite(values[name])):
             raise ValueError(f"class {index}: '{name}' has a wrong shape or is not finite")
-    table = told.table(*(values.pop(item.name) for item in fields(told.table)))
+    table = layout.table(*(values.pop(item.name) for item in fields(layout.table)))
     return ClassFit(**{**values, "coverage_rad": float(values["coverage_rad"])}), table

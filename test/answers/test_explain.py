@@ -186,7 +186,7 @@ def test_a_view_that_no_class_explains_is_judged_an_outlier():
 
 
 @pytest.mark.parametrize("name", ["a", "c"])
-def test_that_objects_before_it_were_called_something_is_the_prior_of_an_object(name):
+def test_the_names_of_earlier_objects_are_the_class_prior_of_a_new_one(name):
     """What comes first is as any object; what comes later is beside a chair and a cup, of which no view tells."""
     told = RUNS["detector"]()
     last = told.record.beliefs[-1]
@@ -206,7 +206,7 @@ def test_a_replay_that_differs_says_so():
     other = replace(told.record, beliefs=(*told.record.beliefs[:-1], changed))
     run = replay(other, told.keyframes, [0])
     assert run.largest_difference == pytest.approx(1e-3) and not run.is_same
-    assert "differs from what was recorded by up to 1.0e-03 nats" in lines_of(explanation_of(other, run, 0))[-1]
+    assert "differs from the recorded beliefs by up to 1.0e-03 nats" in lines_of(explanation_of(other, run, 0))[-1]
 
 
 def test_a_run_that_cannot_be_repeated_is_an_error_with_a_remedy():

@@ -41,7 +41,7 @@ def call(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     return left.value.code
 
 
-def test_it_prints_three_sentences_and_tables(folder, monkeypatch, capsys):
+def test_explain_prints_three_sentences_and_tables(folder, monkeypatch, capsys):
     assert call(monkeypatch, folder / "report", "--object", 1, "--classes", "chair", "cup") == 0
     told = capsys.readouterr().out
     sentences, views, histories, *_, last = told.split("\n\n")
@@ -51,7 +51,7 @@ def test_it_prints_three_sentences_and_tables(folder, monkeypatch, capsys):
     nats = [float(line.split()[at]) for line, at in ((prior, 1), *((row, 3) for row in rows), (revised, 3))]
     assert len(rows) == 6 and sum(nats) == pytest.approx(float(total.split()[-1]), abs=0.01)
     assert histories.splitlines()[-1].startswith("belief")
-    assert last.startswith("Inferred again: as recorded")
+    assert last.startswith("The replay reproduces the recorded beliefs")
 
 
 def test_from_python_a_reports_folder_is_its_belief_bag(folder):
@@ -61,7 +61,7 @@ def test_from_python_a_reports_folder_is_its_belief_bag(folder):
     np.testing.assert_array_equal(by_folder.belief.class_probabilities, by_bag.belief.class_probabilities)
 
 
-def test_its_json_has_an_account_of_every_class_to_the_last_digit(folder, monkeypatch, capsys):
+def test_the_json_of_explain_has_an_account_of_every_class_to_the_last_digit(folder, monkeypatch, capsys):
     assert call(monkeypatch, folder / "report" / "belief", "--object", 1, "--json") == 0
     told = json.loads(capsys.readouterr().out)
     assert told["class_names"][0] == "chair" and told["largest_difference_nats"] < 1e-6

@@ -73,8 +73,10 @@ def test_the_class_that_looks_most_like_it_is_told_with_its_last_odds_and_when_i
         assert own.classes is not None and pair is not None
         assert tuple(own.belief.class_names[cls] for cls in own.classes) == names
         assert pair.is_pruned and pair.gone == pair.log_odds + pair.last_nats > np.log(RATIO)
-        told = f"object_{number} is of class {names[0]} with probability 1.0000; {names[1]} was given up in keyframe"
-        odds = f"{pair.until + 1} at log odds of +{pair.gone:.2f} nats for {names[0]}."
+        told = (
+            f"object_{number} is of class {names[0]} with probability 1.0000. Class {names[1]} was dropped in keyframe"
+        )
+        odds = f"{pair.until + 1}, at log odds of +{pair.gone:.2f} nats of {names[0]} against {names[1]}."
         assert lines_of(own)[0] == f"{told} {odds}"
 
 

@@ -63,7 +63,7 @@ def test_another_drive_of_the_robot_is_likelier(found: Calibration, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_it_says_how_far_off_it_was(found: Calibration) -> None:
+def test_calibrate_says_how_far_the_configured_noise_was_off(found: Calibration) -> None:
     truth = truth_beside(found)
     assert truth is not None
     assert truth.before.odometry_error == pytest.approx(2.0, abs=0.3)

@@ -84,7 +84,7 @@ class TestNearestNeighbour(AssociationStrategyContract):
     association = "nearest_neighbour"
     others = NO_MERGING
 
-    def test_it_keeps_one_hypothesis(self) -> None:
+    def test_nearest_neighbour_association_keeps_one_hypothesis(self) -> None:
         pytest.importorskip("semantic_slam_lab")
         assert {len(belief.hypotheses) for belief in self.beliefs(InProcessPool(1))} == {1}
 

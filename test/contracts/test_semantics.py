@@ -153,7 +153,7 @@ def _called(keyframe: Keyframe, random: np.random.Generator) -> Keyframe:
     return replace(keyframe, measurements=replace(measurements, labels=tuple(labels)))
 
 
-def test_none_is_left_out() -> None:
+def test_every_kind_of_semantics_is_tested() -> None:
     tested = [each for each in globals().values() if _is_tested(each)]
     settings = [Configuration.of(association=each.association, **each.others) for each in tested]
     assert {semantics_name(each) for each in settings} == set(SEMANTICS.own_names)

@@ -23,7 +23,7 @@ def write_object(folder: Path) -> Path:
     reference = table_from_camera(CAMERAS[-1], 0.0)
     with h5py.File(folder / "calibration.h5", "w") as file:
         for camera in CAMERAS:
-            for lens in ("rgb_K", "depth_K", "ir_K"):
+            for lens in ("rgb_K", "ir_K"):
                 file[f"{camera.name}_{lens}"] = np.diag([500.0, 500.0, 1.0])
             file[f"{camera.name}_rgb_d"] = np.zeros(5)
             file[f"{camera.name}_ir_depth_scale"] = SCALE

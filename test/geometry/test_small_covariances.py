@@ -28,5 +28,5 @@ def test_a_covariance_is_symmetric_bounded_and_positive_definite(matrix: list[li
     assert are_covariances(np.array([np.eye(2), matrix])).tolist() == [True, is_one]
 
 
-def test_none_are_none() -> None:
+def test_no_matrices_yield_no_verdicts() -> None:
     assert are_covariances(np.zeros((0, 2, 2))).shape == (0,)

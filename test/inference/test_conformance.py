@@ -31,7 +31,7 @@ FILES = sorted(FOLDER.glob("*.json"))
 
 
 @pytest.mark.conformance
-def test_there_are_fixtures() -> None:
+def test_conformance_fixtures_exist() -> None:
     assert FILES, f"no *.json in {FOLDER}"
 
 

@@ -46,7 +46,7 @@ def test_what_is_of_a_kind_is_held_against_the_heaviest_of_that_kind() -> None:
     assert pruned(kinds(), max_hypotheses=6, kind_ratio=1e7).kept.tolist() == [0, 1, 2, 3, 4, 5]
 
 
-def test_so_many_of_a_kind_are_kept_and_the_others_count_as_discarded() -> None:
+def test_hypotheses_of_a_kind_beyond_its_limit_count_as_discarded() -> None:
     """Of three at one place and two at another, with room for all."""
     assert pruned(replace(kinds(), most=2), max_hypotheses=6).kept.tolist() == [0, 1, 2, 4]
     found = pruned(replace(kinds(), most=1), max_hypotheses=6)
@@ -59,7 +59,7 @@ def test_the_more_is_in_sight_the_fewer_of_a_kind_are_kept(pairs: int, detection
     assert most_of_a_kind(PruningConfiguration(max_pairs=pairs), detections) == most
 
 
-def test_so_many_pairs_are_refused_where_there_are_no_kinds() -> None:
+def test_a_limit_of_pairs_is_refused_where_there_are_no_kinds() -> None:
     shipped = load_configuration(CONFIGURATIONS / "uncalibrated.yaml")
     assert shipped.pruning.max_pairs > 0
     check_settings(shipped, strategy_of(shipped))

@@ -74,7 +74,7 @@ def test_all_that_changed_is_named_on_the_map_and_by_a_robot_that_does_not_know_
 
 
 @pytest.mark.long
-def test_so_it_is_by_a_robot_that_is_lost_on_the_map_and_does_not_know_its_heading() -> None:
+def test_all_that_changed_is_named_by_a_robot_that_is_lost_on_the_map_without_a_known_heading() -> None:
     room = make_room(SEED, KEYFRAMES)
     old, later = map_of(room, Configuration(), room.prior), second_room(room)
     found = map_of(later, session(), map_prior_of(old), LOST, off=1.0)

@@ -12,6 +12,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from semantic_slam_msgs.srv import FindLookalike
 from worlds.belief_factory import write_belief_bag
+from worlds.belief_updates import update_of
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.class_models.latent_space import load_latent_model
@@ -81,7 +82,7 @@ def test_the_lost_robot_finds_itself_without_classes(report: Path) -> None:
         assert np.mean(row["descriptor_variance"] < model.prior.sigma[0] ** 2) > 0.9
 
 
-def test_its_report_shows_the_descriptors(report: Path) -> None:
+def test_the_report_shows_the_descriptors(report: Path) -> None:
     page = (report / "report.html").read_text(encoding="utf-8")
     assert "The latent space" in page and "map of the latent space" in page
     document, model = json.loads((report / "objects.json").read_text()), load_latent_model(SETTINGS)
@@ -198,7 +199,7 @@ def test_the_service_answers_from_the_newest_belief(record: Record, crop: tuple)
         request = FindLookalike.Request(image=encoded, box=box.tolist())
         early = _answer(client, executor, request)
         assert "no belief yet" in early.fault
-        service.belief = record.beliefs[-1]
+        service.update(update_of(record.beliefs[-1]))
         found = _answer(client, executor, request)
         assert found.fault == "" and found.keyframe == KEYFRAMES - 1
         assert sum(found.probabilities) + found.unknown == pytest.approx(1.0)

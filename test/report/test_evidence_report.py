@@ -39,7 +39,7 @@ def test_every_object_has_an_account_with_pictures_of_its_views(folder):
     for _, account in accounts:
         assert account.count("<p>") == 3 and account.count('<img class="crop"') == NUM_FRAMES
         assert "<td>prior</td>" in account and "<td>earlier views revised</td>" in account
-    assert "Inferred again: as recorded" in page and "<i>cup" not in page
+    assert "The replay reproduces the recorded beliefs" in page and "<i>cup" not in page
     assert '"#why-" + about.id' in page
 
 

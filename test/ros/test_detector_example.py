@@ -96,7 +96,9 @@ def on_the_wire(node: Node, message: DetectionArray) -> bytes:
 
 
 @pytest.mark.parametrize("count", [2, 0])
-def test_its_message_is_read_as_what_was_seen(example: ModuleType, node: Node, count: int) -> None:
+def test_the_message_of_the_example_detector_is_read_as_what_was_seen(
+    example: ModuleType, node: Node, count: int
+) -> None:
     """Also when nothing is seen: then the message still says which classes there are."""
     red = np.zeros((48, 64, 3), dtype=np.uint8)
     red[..., 2] = 30

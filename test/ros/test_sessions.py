@@ -77,7 +77,9 @@ def test_a_robot_that_lives_through_sessions_records_each_as_a_bag_of_its_own(ro
     patience = later(place_entries("ranges", PATIENCE_FRAMES), 2 * NUM_FRAMES)[len(next_entries) :]
     assert robot.send_until_heard(patience, after=NUM_FRAMES - 1) == NUM_FRAMES
     told = robot.ask(Explain, "explain", Explain.Request(object_id=1))
-    assert told.fault == "" and told.explanation.splitlines()[-1].startswith("Inferred again: as recorded")
+    assert told.fault == "" and told.explanation.splitlines()[-1].startswith(
+        "The replay reproduces the recorded beliefs"
+    )
 
     robot.nodes.stop()
     assert [robot.nodes.exit_code(name) for name in ("bag_recorder", "hypothesis_manager", "backend_0")] == [0, 0, 0]

@@ -84,7 +84,7 @@ def test_too_few_directions_of_view_tell_nothing(classes: np.ndarray) -> None:
     assert fit_appearance(features, labels, np.arange(50) % 9, other_things(6), np.ones(NUM_FEATURES)) is None
 
 
-def test_it_is_kept_with_the_models_and_older_files_do_without(known: KnownAppearance, tmp_path: Path) -> None:
+def test_appearance_is_kept_with_the_models_and_absent_from_older_files(known: KnownAppearance, tmp_path: Path) -> None:
     model = GaussianProcessModel(("one",), FEATURES, [fit_class(synthetic_samples(0.0, 0))])
     save_model(model, tmp_path / "old.safetensors", {})
     save_model(model, tmp_path / "new.safetensors", {}, known)

@@ -25,7 +25,7 @@ from semantic_slam_lab.studies.faulty_rooms.open_room import OpenRoom, open_room
 
 KEYFRAMES, QUICK_KEYFRAMES = 80, 30
 LABELS = tuple(f"label {number}" for number in range(80))
-"""As many as detectors that know COCO have."""
+"""Labels, as many as those of detectors that know COCO."""
 CONFUSED, SCORE, RUNNER_UP = 0.2, 0.6, 0.2
 MOST = 0.05
 """Share of a keyframe's time that the requirement allows."""
@@ -43,7 +43,7 @@ class TimedSemantics:
         raise NotImplementedError("the stop-watch is put around semantics")
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
-        """As the semantics do; records are timed when they are made."""
+        """Weigh by the timed semantics; records are timed when they are made."""
         begin = time.thread_time()
         evidence = self._semantics.weigh(given)
         self.seconds += time.thread_time() - begin

@@ -34,7 +34,7 @@ INPUTS = (
 )  # fmt: skip
 REMEMBERED = 50
 NOTHING_TELLS = frozenset(("bag_recorder", topic, "out_of_turn") for topic in (topics.MEASUREMENTS, topics.ODOMETRY))
-"""Who has no means to tell what: a recorder records odometry and measurements as they come, and others judge them."""
+"""Forgeries (node, topic, kind) that a node cannot detect: a recorder does not judge what it records."""
 COUNTS = ("dropped: ", "repeated: ")
 """How keys of diagnostics begin that tell what was not used."""
 

@@ -114,7 +114,7 @@ class Worker:
             yield self._died(f"nothing for {HANG_S:.0f} s")
 
     def last(self) -> Iterator[tuple[str, Finding | None]]:
-        """As :meth:`poll`, until the case that it is at has ended or hangs."""
+        """Results of :meth:`poll` until the current case has ended or hangs."""
         yield from self.poll(0.0)
         told = False
         while not told:

@@ -10,37 +10,37 @@ from semantic_slam.answers.explain.ledger import ClassLedger
 SCHEMA_VERSION = 1
 
 
-def as_json(told: Explanation) -> dict[str, Any]:
+def as_json(explanation: Explanation) -> dict[str, Any]:
     """Belief in the object, and its composition per history: the most likely class against every other."""
     return {
         "schema_version": SCHEMA_VERSION,
-        "object": told.object_id,
-        "name": told.name,
-        "class_names": list(told.belief.class_names),
-        "class_probabilities": told.belief.class_probabilities[told.row].tolist(),
-        "largest_difference_nats": told.run.largest_difference,
-        "histories": [_history(told, own) for own in told.histories],
+        "object": explanation.object_id,
+        "name": explanation.name,
+        "class_names": list(explanation.belief.class_names),
+        "class_probabilities": explanation.belief.class_probabilities[explanation.row].tolist(),
+        "largest_difference_nats": explanation.run.largest_difference,
+        "histories": [_history(explanation, own) for own in explanation.histories],
     }
 
 
-def _history(told: Explanation, own: HistoryExplained) -> dict[str, Any]:
+def _history(explanation: Explanation, own: HistoryExplained) -> dict[str, Any]:
     ledger = own.ledger
     posterior = ledger.log_posterior
     best = int(np.argmax(posterior)) if len(posterior) else -1
     others = [cls for cls in range(len(posterior)) if cls != best]
-    keyframes = [keyframe.belief.keyframe for keyframe in told.run.keyframes]
+    keyframes = [keyframe.belief.keyframe for keyframe in explanation.run.keyframes]
     return {
         "weight": own.weight,
         "class_probabilities": np.exp(posterior).tolist(),
         "views": [_finite(vars(view)) for view in own.views],
-        "pairs": [_pair(told, ledger, keyframes, best, other) for other in others],
+        "pairs": [_pair(explanation, ledger, keyframes, best, other) for other in others],
         "rivals": [_finite(vars(rival)) for rival in own.rivals],
     }
 
 
-def _pair(told: Explanation, ledger: ClassLedger, keyframes: list[int], best: int, other: int) -> dict[str, Any]:
+def _pair(explanation: Explanation, ledger: ClassLedger, keyframes: list[int], best: int, other: int) -> dict[str, Any]:
     """``prior`` + the sum of ``nats`` + ``revised`` = ``log_odds``, in the belief of keyframe ``until``."""
-    pair, names = ledger.pair(best, other), told.belief.class_names
+    pair, names = ledger.pair(best, other), explanation.belief.class_names
     rows = np.flatnonzero(ledger.is_view & np.isfinite(pair.views))
     return _finite(
         {

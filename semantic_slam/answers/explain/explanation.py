@@ -53,7 +53,7 @@ class Explanation:
         if number < 0:
             return "no object"
         known = number in self.belief.object_ids
-        return object_name(self.belief, number) if known else f"{number} (given up)"
+        return object_name(self.belief, number) if known else f"{number} (dropped)"
 
     def alone(self, history: HistoryExplained) -> Array:
         """(V,) log likelihood ratio [nats] of the two classes for each view alone; NaN without classes."""

@@ -122,9 +122,9 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
         if own is None:  # nothing is known of earlier keyframes
             mass[k], evidence[k], rest[k] = before, 0.0, 0.0
             continue
-        told, live = own.objects[object_id], {} if is_replayed else run.keyframes[k].live
+        record, live = own.objects[object_id], {} if is_replayed else run.keyframes[k].live
         members = {n: other for n, other in live.items() if other.history == own.history}
-        if ratios is not None and told.log_likelihood is None:  # the object does not exist yet
+        if ratios is not None and record.log_likelihood is None:  # the object does not exist yet
             mass[k], evidence[k], rest[k], parents = before, 0.0, 0.0, frozenset(members)
             continue
         same = list(members.values()) or [own]
@@ -132,8 +132,8 @@ def class_ledger(run: ReplayedRun, object_id: int, member_ids: tuple[int, ...]) 
         mass[k] = log_sum_exp(np.array([o.log_weight + o.objects[object_id].log_class for o in same]), axis=0)
         if own.is_revised:
             weighed = before
-        elif is_view[k] and told.newest is not None:
-            weighed = before + told.newest
+        elif is_view[k] and record.newest is not None:
+            weighed = before + record.newest
         else:
             weighed = mass[k] if is_replayed else _weighed(run, k, object_id, parents, own)
         with np.errstate(invalid="ignore"):
@@ -200,12 +200,12 @@ def _log_ratios(path: Sequence[LiveHistory | None], object_id: int) -> Array | N
 
 def _alone(parent: LiveHistory | None, own: LiveHistory, object_id: int) -> Array:
     """(C,) log likelihood gained by the hypothesis's record in the keyframe; NaN where it has no record."""
-    told = own.objects[object_id]
-    if told.newest is not None:
-        return told.newest
-    if told.log_likelihood is None:
-        return np.full(len(told.log_class), np.nan)
+    record = own.objects[object_id]
+    if record.newest is not None:
+        return record.newest
+    if record.log_likelihood is None:
+        return np.full(len(record.log_class), np.nan)
     before = None if parent is None else parent.objects[object_id].log_likelihood
     if before is None:
-        return told.log_likelihood if told.log_ratios is None else told.log_likelihood - told.log_ratios
-    return told.log_likelihood - before
+        return record.log_likelihood if record.log_ratios is None else record.log_likelihood - record.log_ratios
+    return record.log_likelihood - before

@@ -29,12 +29,12 @@ class OutlierViews:
         tempering = settings.likelihood_tempering if kind.repeats_errors else 1.0
         return cls(scores=OutlierScores.of(model, settings.outlier_share), tempering=tempering)
 
-    def probability(self, told: SemanticMeasurements, detection_id: int, log_likelihood: float) -> float:
+    def probability(self, measured: SemanticMeasurements, detection_id: int, log_likelihood: float) -> float:
         """Outlier probability of a detection, from its log density under the object's class; NaN where unknown."""
-        rows = np.flatnonzero(told.detection_ids == detection_id)
+        rows = np.flatnonzero(measured.detection_ids == detection_id)
         if not len(rows) or not np.isfinite(log_likelihood):
             return float("nan")
         row = slice(int(rows[0]), int(rows[0]) + 1)
-        density: Array = self.scores.log_density(told.features[row], told.feature_covariances[row])
+        density: Array = self.scores.log_density(measured.features[row], measured.feature_covariances[row])
         log_outlier = np.log(self.scores.share) + float(density[0]) / self.tempering
         return float(np.exp(min(log_outlier - log_likelihood, 0.0)))

@@ -126,7 +126,7 @@ def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection
     """
     pool = _WatchedPool()
     engine = Engine.of_run(record.run, pool)
-    root_ids, told = tuple(engine.live), list[ReplayedKeyframe]()
+    root_ids, replayed = tuple(engine.live), list[ReplayedKeyframe]()
     names = {n: _names(engine.problem, n) for n in object_ids}
     prior = dict[int, Array]()
     histories, largest = dict.fromkeys(root_ids, 0), 0.0
@@ -147,18 +147,18 @@ def replay(record: Record, keyframes: Iterable[Keyframe], object_ids: Collection
             live[number] = _live(own, histories, poses[number], objects)
         histories = {n: own.history for n, own in live.items()}
         candidates = WeighedCandidates.of(pool.answers)
-        told.append(ReplayedKeyframe(belief=again if belief is None else belief, candidates=candidates, live=live))
-    missing = [belief for number, belief in recorded.items() if number >= len(told)]
+        replayed.append(ReplayedKeyframe(belief=again if belief is None else belief, candidates=candidates, live=live))
+    missing = [belief for number, belief in recorded.items() if number >= len(replayed)]
     if missing:
         raise _not_the_same(record, missing[0])
-    revised = _revised(engine, told, names, prior)
+    revised = _revised(engine, replayed, names, prior)
     for number, path in revised.items():
-        largest = max(largest, _difference_of_end(path[-1], told[-1].live[number]))
+        largest = max(largest, _difference_of_end(path[-1], replayed[-1].live[number]))
     return ReplayedRun(
         problem=engine.problem,
         root_ids=root_ids,
         log_class_prior=prior,
-        keyframes=tuple(told),
+        keyframes=tuple(replayed),
         revised=revised,
         largest_difference=largest,
     )
@@ -190,24 +190,24 @@ def _live(own: Hypothesis, before: dict[int, int], pose: Array, objects: dict[in
 
 
 def _revised(
-    engine: Engine, told: Sequence[ReplayedKeyframe], names: dict[int, tuple[int, ...]], prior: dict[int, Array]
+    engine: Engine, replayed: Sequence[ReplayedKeyframe], names: dict[int, tuple[int, ...]], prior: dict[int, Array]
 ) -> dict[int, tuple[LiveHistory, ...]]:
     """Replayed histories of the heaviest final hypotheses whose histories were revised on the way."""
     if not engine.steps or enumerates_classes(engine.problem):
         return {}
     found = {}
     for number in list(engine.live)[:MOST_REPLAYED]:
-        path = [None if n is None else told[k].live[n] for k, n in enumerate(ancestors(told, number))]
+        path = [None if n is None else replayed[k].live[n] for k, n in enumerate(ancestors(replayed, number))]
         if any(own is None or own.is_revised for own in path):
             found[number] = replayed_history(engine, engine.live[number].lineage, names, prior)
     return found
 
 
-def ancestors(told: Sequence[ReplayedKeyframe], number: int) -> list[int | None]:
+def ancestors(replayed: Sequence[ReplayedKeyframe], number: int) -> list[int | None]:
     """Ancestor ids of a final hypothesis, keyframe by keyframe; None where it had no history yet."""
     path: list[int | None] = []
     own: int | None = number
-    for keyframe in reversed(told):
+    for keyframe in reversed(replayed):
         live = keyframe.live.get(own) if own is not None else None
         path.append(own if live is not None else None)
         own = live.parent_id if live is not None else None

@@ -1,4 +1,4 @@
-"""Text summary of an explanation in three sentences."""
+"""Text summary of an explanation: the class, the views, and their association, in a few sentences each."""
 
 from collections.abc import Sequence
 
@@ -7,111 +7,131 @@ import numpy as np
 from semantic_slam.answers.explain.explanation import Explanation, HistoryExplained
 from semantic_slam.answers.explain.rivals import Rival
 from semantic_slam.answers.explain.sightings import Sighting
+from semantic_slam.geometry.arrays import Array
 
 LITTLE_NATS = 0.25
-"""Log likelihood ratio [nats] below which views are said to hardly separate two classes."""
+"""Log likelihood ratio [nats] below which a view is said to hardly separate two classes."""
 OUTLIER = 0.5
 """Probability above which a view is called an outlier."""
+WORDS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine", "Ten")
+"""Numbers that begin a sentence."""
 
 
-def sentences(told: Explanation, own: HistoryExplained) -> list[str]:
-    """Sentences on the belief and its rival, on the decisive views, and on their association."""
-    return [_belief(told, own), _views(told, own), _association(told, own)]
+def sentences(explanation: Explanation, own: HistoryExplained) -> list[str]:
+    """One line each on the class and its rival, on the decisive views, and on their association."""
+    return [_belief(explanation, own), _views(explanation, own), _association(explanation, own)]
 
 
-def _belief(told: Explanation, own: HistoryExplained) -> str:
-    if told.classes is None or own.pair is None:
-        return (
-            f"{told.name} exists with probability {told.belief.existence[told.row]:.4f}; the run has no class models."
-        )
-    one, other = (told.belief.class_names[cls] for cls in told.classes)
-    probability = told.belief.class_probabilities[told.row, told.classes[0]]
-    begin = f"{told.name} is of class {one} with probability {probability:.4f}"
+def _belief(explanation: Explanation, own: HistoryExplained) -> str:
+    if explanation.classes is None or own.pair is None:
+        existence = explanation.belief.existence[explanation.row]
+        return f"{explanation.name} exists with probability {existence:.4f}. The run has no class models."
+    one, other = (explanation.belief.class_names[cls] for cls in explanation.classes)
+    probability = explanation.belief.class_probabilities[explanation.row, explanation.classes[0]]
+    begin = f"{explanation.name} is of class {one} with probability {probability:.4f}."
     if not own.pair.is_pruned:
-        return f"{begin}; {other} is left with log odds of {own.pair.log_odds:+.2f} nats for {one}."
-    at = told.run.keyframes[own.pair.until + 1].belief.keyframe
+        return f"{begin} The log odds of {one} against {other} are {own.pair.log_odds:+.2f} nats."
+    at = explanation.run.keyframes[own.pair.until + 1].belief.keyframe
     if not own.pair.was_weighed:
-        return f"{begin}; {other} was not weighed in keyframe {at} any more (weights.gate, weights.max_candidates)."
-    return f"{begin}; {other} was given up in keyframe {at} at log odds of {own.pair.gone:+.2f} nats for {one}."
-
-
-def _views(told: Explanation, own: HistoryExplained) -> str:
-    if not own.views:
-        return "It was never seen; what is believed of it is what the map said."
-    spread = f"{len(own.views)} views {_directions(own.views)}"
-    trust = _trust(own.views)
-    alone = told.alone(own)
-    if told.classes is None or not np.isfinite(alone).any():
-        return f"It was seen in {spread}: {trust}."
-    most = int(np.argmax(np.abs(np.nan_to_num(alone))))
-    told_most, little = own.views[most], int((np.abs(alone) < LITTLE_NATS).sum())
-    one, other = (told.belief.class_names[cls] for cls in told.classes)
+        settings = "weights.gate, weights.max_candidates"
+        return f"{begin} From keyframe {at} on, class {other} was not considered any more ({settings})."
     return (
-        f"Of {spread} the one of keyframe {told_most.keyframe} said most between {one} and {other} ({alone[most]:+.2f}"
-        f" nats, from {told_most.degrees} deg at {told_most.range_m:.1f} m), and {little} hardly tell them apart;"
-        f" {trust}."
+        f"{begin} Class {other} was dropped in keyframe {at}, at log odds of {own.pair.gone:+.2f} nats of {one}"
+        f" against {other}."
     )
 
 
-def _trust(views: Sequence[Sighting]) -> str:
-    """Phrase on the reliability of the views."""
+def _views(explanation: Explanation, own: HistoryExplained) -> str:
+    if not own.views:
+        return "It was never seen: the belief about it is what the map says."
+    spread = f"{_count(len(own.views), 'view')}, {_directions(own.views)}."
+    alone = explanation.alone(own)
+    parts = [spread, _separation(explanation, own.views, alone)] if np.isfinite(alone).any() else [spread]
+    return " ".join([*parts, _reliability(own.views)])
+
+
+def _separation(explanation: Explanation, views: Sequence[Sighting], alone: Array) -> str:
+    """Sentence on how the views, with ``alone`` [nats] each, separate the two classes."""
+    most = int(np.argmax(np.abs(np.nan_to_num(alone))))
+    decisive, little = views[most], int((np.abs(alone) < LITTLE_NATS).sum())
+    assert explanation.classes is not None
+    one, other = (explanation.belief.class_names[cls] for cls in explanation.classes)
+    rest = f"; {_count(little, 'view').lower()} hardly separate{'s' if little == 1 else ''} them" if little else ""
+    return (
+        f"The view of keyframe {decisive.keyframe} separates {one} from {other} most ({alone[most]:+.2f} nats, from"
+        f" {decisive.degrees} deg at {decisive.range_m:.1f} m){rest}."
+    )
+
+
+def _reliability(views: Sequence[Sighting]) -> str:
+    """Sentences on the reliability of the views."""
     strange, last = sum(not view.in_coverage for view in views), views[-1].mutual_information
-    told = [f"{strange} outside what the class models know"]
+    outliers = sum(view.outlier > OUTLIER for view in views)
+    outside = f"{'are' if strange > 1 else 'is'} outside what the class models know"
     if np.isfinite([view.outlier for view in views]).any():
-        told.insert(0, f"{sum(view.outlier > OUTLIER for view in views)} judged outliers")
+        judged = "are judged outliers" if outliers > 1 else "is judged an outlier"
+        number = _number(strange).lower() if strange else "none"
+        text = f"{_count(outliers, 'view')} {judged}, and {number} {outside}."
+    else:
+        text = f"{_count(strange, 'view')} {outside}."
     if np.isfinite(last):
-        told.append(f"model uncertainty {last:.3f} nats at the last one")
-    return ", ".join(told)
+        text += f" The model uncertainty at the last view is {last:.3f} nats."
+    return text
 
 
-def _association(told: Explanation, own: HistoryExplained) -> str:
-    of_it = [rival for rival in own.rivals if rival.taken_id == told.object_id]
-    of_others = [rival for rival in own.rivals if rival.taken_id != told.object_id]
-    if not of_it:
-        begin = "None of its views might have been of anything else"
-        return f"{begin}, but {_of_others(told, of_others)}." if of_others else f"{begin}."
-    likeliest = max(of_it, key=lambda rival: rival.then)
-    last = max(of_it, key=lambda rival: (rival.gone is None, rival.gone or 0, rival.log_odds))
-    told_of = [
-        f"{_count(of_it)} of its views might have been of something else, most of all that of keyframe"
-        f" {likeliest.keyframe}, of {told.name_of(likeliest.object_id)} with probability {likeliest.then:.2f} then,"
-        f" {_ended(likeliest)}"
+def _association(explanation: Explanation, own: HistoryExplained) -> str:
+    of_it = [rival for rival in own.rivals if rival.taken_id == explanation.object_id]
+    of_others = [rival for rival in own.rivals if rival.taken_id != explanation.object_id]
+    parts = _of_it(explanation, of_it) if of_it else ["All its views are unambiguous."]
+    return " ".join([*parts, _of_others(explanation, of_others)] if of_others else parts)
+
+
+def _of_it(explanation: Explanation, found: Sequence[Rival]) -> list[str]:
+    """Sentences on views of the object that could have been of something else."""
+    likeliest = max(found, key=lambda rival: rival.then)
+    last = max(found, key=lambda rival: (rival.gone is None, rival.gone or 0, rival.log_odds))
+    parts = [
+        f"{_count(_detections(found), 'view')} could have been of something else; the most likely alternative is"
+        f" {explanation.name_of(likeliest.object_id)} in keyframe {likeliest.keyframe}: {_course(likeliest)}."
     ]
     if last != likeliest:
-        other = told.name_of(last.object_id)
-        told_of.append(f"that of keyframe {last.keyframe} was the last in doubt, for {other}, {_ended(last)}")
-    if of_others:
-        told_of.append(_of_others(told, of_others))
-    return "; ".join(told_of) + "."
+        other = explanation.name_of(last.object_id)
+        parts.append(f"The alternative that lasted longest is {other} in keyframe {last.keyframe}: {_course(last)}.")
+    return parts
 
 
-def _of_others(told: Explanation, found: Sequence[Rival]) -> str:
-    """Phrase on detections associated with something else."""
+def _of_others(explanation: Explanation, found: Sequence[Rival]) -> str:
+    """Sentence on detections that the history assigns otherwise, and that could have been of the object."""
     most = max(found, key=lambda rival: rival.then)
+    number, are_objects = _detections(found), all(rival.taken_id >= 0 for rival in found)
+    whose = "otherwise" if not are_objects else "to other objects" if number > 1 else "to another object"
     return (
-        f"{_count(found)} taken for something else might have been of it, most of all that of keyframe {most.keyframe},"
-        f" {told.name_of(most.taken_id)} now, with probability {most.then:.2f} then, {_ended(most)}"
+        f"{_count(number, 'detection')} assigned {whose} could have been it; the most likely is that of keyframe"
+        f" {most.keyframe} (now {explanation.name_of(most.taken_id)}): {_course(most)}."
     )
 
 
-def _count(found: Sequence[Rival]) -> int:
+def _detections(found: Sequence[Rival]) -> int:
     return len({(rival.keyframe, rival.detection) for rival in found})
 
 
-def _ended(rival: Rival) -> str:
-    """Phrase on how an alternative ended."""
+def _course(rival: Rival) -> str:
+    """Phrase on the probability of an alternative, and on how it ended."""
+    then = f"probability {rival.then:.2f} then"
     if rival.gone is None:
-        return f"and {rival.now:.4f} now"
-    seen = " and ".join(rival.by) or "nothing"
+        return f"{then}, {rival.now:.4f} now"
     if not np.isfinite(rival.log_odds):
-        return f"given up in keyframe {rival.gone}, when nothing continued it; {seen} {_was(rival)} seen"
-    return (
-        f"given up in keyframe {rival.gone}, {-rival.log_odds:.1f} nats behind the best, when {seen} {_was(rival)} seen"
-    )
+        return f"{then}, dropped in keyframe {rival.gone}, where nothing continued it"
+    return f"{then}, dropped in keyframe {rival.gone}, {-rival.log_odds:.1f} nats behind the best"
 
 
-def _was(rival: Rival) -> str:
-    return "were" if len(rival.by) > 1 else "was"
+def _count(number: int, noun: str) -> str:
+    """``Three views``, which may begin a sentence; larger numbers in digits."""
+    return f"{_number(number)} {noun}{'s' if number > 1 else ''}"
+
+
+def _number(number: int) -> str:
+    return WORDS[number] if number < len(WORDS) else str(number)
 
 
 def _directions(views: Sequence[Sighting]) -> str:
@@ -121,5 +141,7 @@ def _directions(views: Sequence[Sighting]) -> str:
     widest = int(np.argmax(gaps))
     first, last = angles[(widest + 1) % len(angles)], angles[widest]
     first, last = (float(np.rad2deg(value)) for value in (first, last))
-    where = "its front" if views[0].from_front else "the x axis of map"
-    return f"from {first:.0f} counter-clockwise to {last:.0f} deg of {where}"
+    origin = "its front" if views[0].from_front else "the x axis of map"
+    if len(views) == 1:
+        return f"from {first:.0f} deg off {origin}"
+    return f"from {first:.0f} counter-clockwise to {last:.0f} deg off {origin}"

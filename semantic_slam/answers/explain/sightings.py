@@ -56,9 +56,9 @@ def sightings(
         belief, own = run.keyframes[k].belief, ledger.steps[k]
         assert own is not None  # the object has views
         association = [run.on_map(n) for n in own.association]
-        told = measurements.get(belief.stamp_ns)
+        measured = measurements.get(belief.stamp_ns)
         robot = planar_from_pose_vector(own.pose)
-        sensor = told.sensor_position[:2] if told is not None else np.zeros(2)
+        sensor = measured.sensor_position[:2] if measured is not None else np.zeros(2)
         direction = float(camera_bearing(robot[None], place[None], sensor)[0])
         if from_front:
             direction = float(wrap_angle(direction - place[2]))
@@ -72,9 +72,9 @@ def sightings(
                     from_front=from_front,
                     range_m=_range(robot, place, sensor),
                     mutual_information=_of_object(belief, belief.mutual_information, ledger.object_id),
-                    in_coverage=told is None or _in_coverage(told, int(belief.detection_ids[detection])),
+                    in_coverage=measured is None or _in_coverage(measured, int(belief.detection_ids[detection])),
                     no_object=float(belief.outlier_probability[detection]),
-                    outlier=_outlier(outliers, told, int(belief.detection_ids[detection]), ledger, k),
+                    outlier=_outlier(outliers, measured, int(belief.detection_ids[detection]), ledger, k),
                 )
             )
     return tuple(found)
@@ -92,17 +92,17 @@ def _of_object(belief: HybridBelief, values: Array, object_id: int) -> float:
     return float(values[rows[0]]) if len(rows) else float("nan")
 
 
-def _in_coverage(told: SemanticMeasurements, detection_id: int) -> bool:
-    rows = np.flatnonzero(told.detection_ids == detection_id)
-    return not len(rows) or bool(told.in_coverage[rows[0]])
+def _in_coverage(measured: SemanticMeasurements, detection_id: int) -> bool:
+    rows = np.flatnonzero(measured.detection_ids == detection_id)
+    return not len(rows) or bool(measured.in_coverage[rows[0]])
 
 
 def _outlier(
-    outliers: OutlierViews | None, told: SemanticMeasurements | None, detection_id: int, ledger: ClassLedger, k: int
+    outliers: OutlierViews | None, measured: SemanticMeasurements | None, detection_id: int, ledger: ClassLedger, k: int
 ) -> float:
-    if outliers is None or told is None:
+    if outliers is None or measured is None:
         return float("nan")
-    return outliers.probability(told, detection_id, float(ledger.alone[k, int(np.argmax(ledger.log_posterior))]))
+    return outliers.probability(measured, detection_id, float(ledger.alone[k, int(np.argmax(ledger.log_posterior))]))
 
 
 def object_name(belief: HybridBelief, object_id: int) -> str:

@@ -1,30 +1,32 @@
-"""An explanation as plain text: three sentences, and tables."""
+"""An explanation as plain text: sentences, and tables."""
 
 from semantic_slam.answers.explain.explanation import Explanation
 from semantic_slam.answers.explain.sentences import sentences
 from semantic_slam.answers.explain.tables import MOST_RIVALS, histories_table, rivals_table, views_table
 
 
-def lines_of(told: Explanation, history: int = 0) -> list[str]:
+def lines_of(explanation: Explanation, history: int = 0) -> list[str]:
     """Lines of the printed explanation; ``history``: index of the history, from 0."""
-    own = told.histories[history]
+    own = explanation.histories[history]
     left = len(own.rivals) - MOST_RIVALS
+    omitted = [f"({left} less probable ones are not shown)"] if left > 0 else []
     parts = [
-        sentences(told, own),
-        _aligned(views_table(told, own)),
-        _aligned(histories_table(told)),
-        [*_aligned(rivals_table(told, own)), *([f"({left} less probable ones are not shown)"] if left > 0 else [])],
+        sentences(explanation, own),
+        _aligned(views_table(explanation, own)),
+        _aligned(histories_table(explanation)),
+        [*_aligned(rivals_table(explanation, own)), *omitted],
     ]
-    return [*"\n\n".join("\n".join(part) for part in parts if part).splitlines(), "", replay_line(told)]
+    return [*"\n\n".join("\n".join(part) for part in parts if part).splitlines(), "", replay_line(explanation)]
 
 
-def replay_line(told: Explanation) -> str:
+def replay_line(explanation: Explanation) -> str:
     """Line that says whether the replay reproduces the run's numbers."""
-    if told.run.is_same:
-        return f"Inferred again: as recorded, to {told.run.largest_difference:.0e} nats."
+    difference = explanation.run.largest_difference
+    if explanation.run.is_same:
+        return f"The replay reproduces the recorded beliefs{f' to within {difference:.0e} nats' if difference else ''}."
     return (
-        f"Inferred again: differs from what was recorded by up to {told.run.largest_difference:.1e} nats; explain with"
-        " the version that recorded the bag to have its own numbers."
+        f"These numbers are of a replay that differs from the recorded beliefs by up to {difference:.1e} nats; explain"
+        " with the version that recorded the bag to reproduce its own."
     )
 
 

@@ -16,7 +16,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import AssociationStrategy, strategy_of
 from semantic_slam.inference.building.checks import check_settings
 from semantic_slam.inference.building.spatial_checks import check_fitted
-from semantic_slam.inference.protocol import RunConfiguration, told_of
+from semantic_slam.inference.protocol import RunConfiguration, source_entry
 from semantic_slam.inference.run_id import run_id_of
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.latent.model import DescriptorModel
@@ -79,7 +79,7 @@ def _with_class_models(
         models = replace(models, space=described.space)
     models = noted(models)
     if association.counts_misses and not world.learn_region:
-        world = with_fitted_detection(world, models, told_of(source, "sha256"))
+        world = with_fitted_detection(world, models, source_entry(source, "sha256"))
     completed = replace(configuration, semantic_model=models, open_world=world)
     check_fitted(completed)
     return completed

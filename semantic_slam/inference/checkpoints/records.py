@@ -84,8 +84,8 @@ class _Writer:
         kind = type(value)
         if not (is_dataclass(kind) and kind.__module__.startswith(PACKAGES)):
             raise TypeError(f"{kind.__module__}.{kind.__qualname__} has no record")
-        told = {own.name: self.tree(getattr(value, own.name)) for own in fields(kind) if own.init}
-        return ["object", kind.__module__, kind.__qualname__, told]
+        entries = {own.name: self.tree(getattr(value, own.name)) for own in fields(kind) if own.init}
+        return ["object", kind.__module__, kind.__qualname__, entries]
 
     def _array(self, value: Any) -> Any:
         """Type, shape and order in memory of an array or number, as sums over it may depend on that order."""
@@ -110,35 +110,35 @@ class _Reader:
         """The value of a piece of JSON."""
         if not isinstance(tree, list):
             return tree
-        kind, *told = tree
+        kind, *entries = tree
         if kind == "array":
-            dtype, shape, order = told
+            dtype, shape, order = entries
             return self._numbers(dtype, prod(shape)).reshape(shape, order=order).copy(order)
         if kind == "number":
-            return self._numbers(told[0], 1)[0]
+            return self._numbers(entries[0], 1)[0]
         if kind == "lineage":
-            return self.lineages.lineage(self.value(told[0]))
+            return self.lineages.lineage(self.value(entries[0]))
         if kind in MAPPINGS:
-            return MAPPINGS[kind]({self.value(key): self.value(own) for key, own in told[0]})
+            return MAPPINGS[kind]({self.value(key): self.value(own) for key, own in entries[0]})
         if kind == "deque":
-            return deque([self.value(own) for own in told[0]], maxlen=told[1])
+            return deque([self.value(own) for own in entries[0]], maxlen=entries[1])
         if kind == "numbers":
-            return array(told[0], self.value(told[1]).tobytes())
+            return array(entries[0], self.value(entries[1]).tobytes())
         if kind == "bytes":
-            return self.value(told[0]).tobytes()
+            return self.value(entries[0]).tobytes()
         if kind == "object":
-            return self._object(*told)
-        return CONTAINERS[kind](self.value(own) for own in told[0])
+            return self._object(*entries)
+        return CONTAINERS[kind](self.value(own) for own in entries[0])
 
     def _numbers(self, dtype: str, count: int) -> Any:
         found = np.frombuffer(self._data, np.dtype(dtype), count, self._at)
         self._at += found.nbytes
         return found
 
-    def _object(self, module: str, name: str, told: dict[str, Any]) -> Any:
+    def _object(self, module: str, name: str, entries: dict[str, Any]) -> Any:
         if not module.startswith(PACKAGES):
             raise TypeError(f"{module} has no records")
         kind = getattr(import_module(module), name)
         if not (isinstance(kind, type) and is_dataclass(kind)):
             raise TypeError(f"{name} has no records")
-        return kind(**{field: self.value(own) for field, own in told.items()})
+        return kind(**{field: self.value(own) for field, own in entries.items()})

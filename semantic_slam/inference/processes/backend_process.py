@@ -8,7 +8,7 @@ import time
 from multiprocessing.connection import Connection
 from typing import Any
 
-from semantic_slam.child_process import told
+from semantic_slam.child_process import with_traceback
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.processes.questions import Answer, Question
 
@@ -31,7 +31,7 @@ def answered(backend: Backend, question: Question) -> Answer:
     try:
         value = getattr(backend, question.name)(question.argument)
     except Exception as error:
-        fault = told(error)
+        fault = with_traceback(error)
     return Answer(value, time.process_time() - began, fault)
 
 

@@ -37,13 +37,13 @@ def noise_charts(beliefs: tuple[HybridBelief, ...]) -> list[Chart]:
 
 def noise_course(beliefs: tuple[HybridBelief, ...], name: str) -> tuple[Array, Array]:
     """(K,) mean and standard deviation of one quantity, NaN where a belief does not tell."""
-    told = [
+    means_and_sigmas = [
         (belief.noise_values[at], belief.noise_sigmas[at])
         if (at := _place(belief, name)) is not None
         else (np.nan, np.nan)
         for belief in beliefs
     ]
-    values, sigmas = np.array(told).T
+    values, sigmas = np.array(means_and_sigmas).T
     return values, sigmas
 
 

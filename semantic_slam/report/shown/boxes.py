@@ -25,7 +25,7 @@ class BoxView:
     text: str
     colour: str
     verdict: str  # right, wrong or unknown
-    told: str  # the detector's label and score, "" where it has none
+    label: str  # the detector's label and score, "" where it has none
 
     @property
     def places(self) -> str:
@@ -35,7 +35,7 @@ class BoxView:
         return inside + under + ("leftwards" if self.left > 60.0 else "")
 
 
-def told_of(measured: SemanticMeasurements, row: int) -> str:
+def detection_text(measured: SemanticMeasurements, row: int) -> str:
     """``tv 0.62`` as the detector says it; "" where it says nothing of what a detection is."""
     label, score = measured.labels[row], float(measured.scores[row])
     if label in SAYS_NOTHING:
@@ -69,8 +69,8 @@ def boxes_of(
             text, colour = _text(belief, int(belief.associations[best, detection]), colours)
             verdict, note = verdicts[detection] if verdicts else ("unknown", "")
             left, top, right, bottom = (100.0 * box / np.array(size * 2)).round(2).tolist()
-            told = told_of(measured, place)
-            views.append(BoxView(left, top, right - left, bottom - top, text + note, colour, verdict, told))
+            label = detection_text(measured, place)
+            views.append(BoxView(left, top, right - left, bottom - top, text + note, colour, verdict, label))
     return views
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from semantic_slam.evaluation.history import Ids, best_history
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.report.document import Analysis
-from semantic_slam.report.shown.boxes import told_of
+from semantic_slam.report.shown.boxes import detection_text
 
 MOST_CROPS = 60
 """Objects of which a view is shown: those that most detections are of."""
@@ -53,8 +53,8 @@ def _views(
         place = places.get(detection, -1)
         if number not in called or place < 0 or not np.isfinite(measured.boxes[place]).all():
             continue
-        box, told = measured.boxes[place], told_of(measured, place)
+        box, label = measured.boxes[place], detection_text(measured, place)
         rank = measured.labels[place] == called[number], float(np.prod(box[2:] - box[:2]))
-        text = f"keyframe {belief.keyframe}" + (f": {told}" if told else "")
+        text = f"keyframe {belief.keyframe}" + (f": {label}" if label else "")
         views.append((number, rank, BestView(number, row, box, text)))
     return views

@@ -49,21 +49,21 @@ class EvidenceView:
 
 
 def evidence_of(analysis: Analysis, belief_bag: Path) -> list[Explanation]:
-    """What is to be told, by object. Raises InputError."""
+    """Explanations of the objects with most detections, by increasing id. Raises InputError."""
     last = analysis.record.beliefs[-1].object_ids.tolist()
     seen = [number for number in last if analysis.detection_counts[number]]
     most = sorted(seen, key=lambda number: (-analysis.detection_counts[number], number))[:MOST_OBJECTS]
     return explanations(belief_bag, sorted(most))
 
 
-def shown_views(analysis: Analysis, told: Sequence[Explanation]) -> list[BestView]:
+def shown_views(analysis: Analysis, explained: Sequence[Explanation]) -> list[BestView]:
     """The views of which pictures are shown."""
-    return [view for own in told for view in _views(analysis, own)]
+    return [view for own in explained for view in _views(analysis, own)]
 
 
-def _views(analysis: Analysis, told: Explanation) -> list[BestView]:
-    own, rows = told.histories[0], _rows(analysis)
-    chosen = np.argsort(-np.abs(np.nan_to_num(told.alone(own))), kind="stable")[:MOST_PICTURES]
+def _views(analysis: Analysis, explanation: Explanation) -> list[BestView]:
+    own, rows = explanation.histories[0], _rows(analysis)
+    chosen = np.argsort(-np.abs(np.nan_to_num(explanation.alone(own))), kind="stable")[:MOST_PICTURES]
     found = []
     for view in (own.views[place] for place in sorted(chosen.tolist())):
         row = rows[view.keyframe]
@@ -73,7 +73,7 @@ def _views(analysis: Analysis, told: Explanation) -> list[BestView]:
             continue
         places = np.flatnonzero(measured.detection_ids == belief.detection_ids[view.detection])
         if len(places) and np.isfinite(measured.boxes[places[0]]).all():
-            found.append(BestView(told.object_id, row, measured.boxes[places[0]], f"keyframe {view.keyframe}"))
+            found.append(BestView(explanation.object_id, row, measured.boxes[places[0]], f"keyframe {view.keyframe}"))
     return found
 
 
@@ -83,23 +83,23 @@ def _rows(analysis: Analysis) -> dict[int, int]:
 
 
 def evidence_views(
-    analysis: Analysis, told: Sequence[Explanation], crops: Mapping[tuple[int, int], CropView]
+    analysis: Analysis, explained: Sequence[Explanation], crops: Mapping[tuple[int, int], CropView]
 ) -> list[EvidenceView]:
     """Accounts with the pictures of their views, of which ``crops`` has some by object and place of the belief."""
-    return [_view(analysis, own, crops) for own in told]
+    return [_view(analysis, own, crops) for own in explained]
 
 
-def _view(analysis: Analysis, told: Explanation, crops: Mapping[tuple[int, int], CropView]) -> EvidenceView:
-    own, rows = told.histories[0], _rows(analysis)
-    header, *table = views_table(told, own)
-    label = object_label(told.belief, told.row)
-    of_rows = {str(view.keyframe): crops.get((told.object_id, rows[view.keyframe])) for view in own.views}
+def _view(analysis: Analysis, explanation: Explanation, crops: Mapping[tuple[int, int], CropView]) -> EvidenceView:
+    own, rows = explanation.histories[0], _rows(analysis)
+    header, *table = views_table(explanation, own)
+    label = object_label(explanation.belief, explanation.row)
+    of_rows = {str(view.keyframe): crops.get((explanation.object_id, rows[view.keyframe])) for view in own.views}
     return EvidenceView(
-        number=told.object_id,
+        number=explanation.object_id,
         label=label,
-        sentences=sentences(told, own),
+        sentences=sentences(explanation, own),
         header=header,
         rows=[ViewRow(crop=of_rows.get(cells[0]), label=label, cells=cells) for cells in table],
-        rivals=rivals_table(told, own),
-        replayed=replay_line(told),
+        rivals=rivals_table(explanation, own),
+        replayed=replay_line(explanation),
     )

@@ -108,8 +108,8 @@ def _places(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[lis
     ids, means, covariances = belief.object_ids[belief.place_objects], belief.place_means, belief.place_covariances
     space = [] if belief.planar else [means[:, 2:], principal_axes(covariances)]
     states = np.column_stack([belief.place_probabilities, means[:, :2], ellipses(covariances), *space])
-    told = [[numbers[own], *rounded(state)] for own, state in zip(ids.tolist(), states, strict=True) if own in numbers]
-    return {"p": told} if told else {}
+    rows = [[numbers[own], *rounded(state)] for own, state in zip(ids.tolist(), states, strict=True) if own in numbers]
+    return {"p": rows} if rows else {}
 
 
 def _differs(states: Array, before: Array) -> NDArray[np.bool_]:

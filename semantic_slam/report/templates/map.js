@@ -233,12 +233,12 @@ function picture(i) { // the newest one up to that keyframe
   if (!shown) return void html(figure, "figcaption", "", "No picture yet");
   const frame = html(figure, "div", "picture"), image = html(frame, "img");
   Object.assign(image, { src: shown.src, width: shown.width, height: shown.height, alt: "camera picture" });
-  for (const [left, top, width, height, colour, verdict, places, text, told] of shown.boxes) {
+  for (const [left, top, width, height, colour, verdict, places, text, label] of shown.boxes) {
     const box = html(frame, "div", `box ${verdict} ${places}`);
     Object.assign(box.style, { left: left + "%", top: top + "%", width: width + "%", height: height + "%" });
     box.style.setProperty("--c", colour);
     html(box, "span", "", text);
-    if (told) html(box, "em", "", told);
+    if (label) html(box, "em", "", label);
   }
   html(figure, "figcaption", "", "Camera at keyframe " + shown.k);
 }

@@ -1,10 +1,9 @@
-"""Helpers for the hypothesis manager's services, which answer from the newest belief or with a fault text."""
+"""Handlers of the hypothesis manager's services, which answer with what was asked for or with a fault text."""
 
 from collections.abc import Callable
 from typing import Any
 
 from semantic_slam.errors import InputError
-from semantic_slam.inference.belief import HybridBelief
 
 Handler = Callable[[Any, Any], Any]
 
@@ -20,10 +19,3 @@ def answering(fill: Callable[[Any, Any], None]) -> Handler:
         return response
 
     return answer
-
-
-def newest(belief: HybridBelief | None) -> HybridBelief:
-    """The given belief. Raises InputError if it is None, before the first one."""
-    if belief is None:
-        raise InputError("there is no belief yet; ask after the first keyframe")
-    return belief

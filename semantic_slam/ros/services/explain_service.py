@@ -16,26 +16,19 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages.codec import encode
 from semantic_slam.pipeline.journal.kept_run import KeptRun
-from semantic_slam.ros.services.answering import answering, newest
+from semantic_slam.ros.services.answering import answering
+from semantic_slam.ros.services.belief_service import BeliefService
 from semantic_slam.ros.services.in_background import InBackground
 
 
-class ExplainService:
-    """Answers requests for the newest belief set by :meth:`tell`."""
+class ExplainService(BeliefService):
+    """Explains the objects of the newest belief."""
 
     def __init__(self, node: Node) -> None:
-        self._told: tuple[HybridBelief, KeptRun] | None = None
+        super().__init__()
         self._process: subprocess.Popen[bytes] | None = None
         self._background = InBackground(node, "explain")
         self._service = self._background.create_service(Explain, "~/explain", answering(self._answer))
-
-    def begin(self) -> None:
-        """Start another run: forget the belief."""
-        self._told = None
-
-    def tell(self, kept: KeptRun, belief: HybridBelief) -> None:
-        """Set the run and the belief after its newest keyframe."""
-        self._told = belief, kept
 
     def close(self) -> None:
         """Cancel pending requests and kill the running process."""
@@ -44,19 +37,12 @@ class ExplainService:
             self._process.kill()
 
     def _answer(self, request: Any, response: Any) -> None:
-        belief, kept = self._asked(int(request.object_id))
-        response.keyframe = belief.keyframe
-        response.explanation = self._explained(belief, kept, int(request.object_id))
-
-    def _asked(self, object_id: int) -> tuple[HybridBelief, KeptRun]:
-        """The newest belief and its run. Raises InputError."""
-        told = self._told
-        belief = newest(told[0] if told is not None else None)
-        row_of(belief, object_id)
-        assert told is not None  # there is a belief
-        if told[1].fault:
-            raise InputError(told[1].fault)
-        return told
+        newest, object_id = self.newest(), int(request.object_id)
+        row_of(newest.belief, object_id)
+        if newest.kept_run.fault:
+            raise InputError(newest.kept_run.fault)
+        response.keyframe = newest.belief.keyframe
+        response.explanation = self._explained(newest.belief, newest.kept_run, object_id)
 
     def _explained(self, belief: HybridBelief, kept: KeptRun, object_id: int) -> str:
         """Explanation of an object, computed by a separate process. Raises InputError."""

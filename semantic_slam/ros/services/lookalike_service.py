@@ -7,19 +7,19 @@ from semantic_slam_msgs.srv import FindLookalike
 
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
-from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.ros.services.answering import answering, newest
+from semantic_slam.ros.services.answering import answering
+from semantic_slam.ros.services.belief_service import BeliefService
 from semantic_slam.ros.services.in_background import InBackground
 
 if TYPE_CHECKING:
     from semantic_slam.pipeline.lookalike_query import LookalikeQuery
 
 
-class LookalikeService:
-    """Answers from the attribute ``belief``, the newest one; runs in the background because the network is slow."""
+class LookalikeService(BeliefService):
+    """Answers from the newest belief; runs in the background because the network is slow."""
 
     def __init__(self, background: InBackground, settings: SemanticModelConfiguration) -> None:
-        self.belief: HybridBelief | None = None
+        super().__init__()
         self._settings = settings
         self._query: LookalikeQuery | None = None
         self._service = background.create_service(FindLookalike, "~/find_lookalike", answering(self._fill))
@@ -34,7 +34,7 @@ class LookalikeService:
         return self._query
 
     def _fill(self, request: Any, response: Any) -> None:
-        belief = newest(self.belief)
+        belief = self.newest().belief
         if len(request.box) not in (0, 4):
             raise InputError(f"box has {len(request.box)} numbers; give four, or none for the whole picture")
         box = np.array(request.box, dtype=np.float64) if len(request.box) else None

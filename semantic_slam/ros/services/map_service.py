@@ -8,23 +8,23 @@ from rclpy.node import Node
 from semantic_slam_msgs.srv import SaveMap
 
 from semantic_slam.errors import InputError
-from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.outputs import claimed_file
-from semantic_slam.ros.services.answering import answering, newest
+from semantic_slam.ros.services.answering import answering
+from semantic_slam.ros.services.belief_service import BeliefService
 
 LEAVE = "overwrite: true"
 
 
-class MapService:
-    """Writes the map of the attribute ``belief``, the newest one, while the run continues.
+class MapService(BeliefService):
+    """Writes the map of the newest belief while the run continues.
 
     Only each object's marginal is saved: correlations between objects are known to the backends alone, and
     ``semantic_slam map save`` obtains them from a recorded belief bag.
     """
 
     def __init__(self, node: Node, run: Callable[[], RunConfiguration]) -> None:
-        self.belief: HybridBelief | None = None
+        super().__init__()
         self._run = run  # returns the configuration of the run that the belief belongs to
         self._service = node.create_service(SaveMap, "~/save_map", answering(self._save))
 
@@ -32,7 +32,7 @@ class MapService:
         from semantic_slam.maps.from_belief import saved_map_of_belief
         from semantic_slam.maps.map_file import write_map
 
-        belief = newest(self.belief)
+        belief = self.newest().belief
         if not request.path:
             raise InputError("path is empty; name a FILE.map on the manager's machine")
         place, saved = Path(request.path), saved_map_of_belief(belief, self._run())

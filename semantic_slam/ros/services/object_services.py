@@ -16,22 +16,19 @@ from semantic_slam.answers.region import Region
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.perception.measurement import SemanticMeasurements
-from semantic_slam.ros.services.answering import answering, newest
+from semantic_slam.ros.services.answering import answering
+from semantic_slam.ros.services.belief_service import BeliefService, BeliefUpdate
 from semantic_slam.ros.services.in_background import InBackground
 
 
-class ObjectServices:
-    """Answers from the attribute ``belief``, the newest one, and the appearances of the run so far.
+class ObjectServices(BeliefService):
+    """Answers from the newest belief and the appearances of the run so far.
 
     Objects are found in the background, because a question by vector compares all vectors of the run.
     """
 
     def __init__(self, node: Node, background: InBackground, settings: SemanticModelConfiguration) -> None:
-        self.belief: HybridBelief | None = None
-        self.map_prior: MapPrior | None = None  # of the run that the belief belongs to
+        super().__init__()
         self._settings, self._history = settings, AppearanceHistory(settings)
         self._services = [
             background.create_service(FindObjects, "~/find_objects", answering(self._find)),
@@ -41,15 +38,16 @@ class ObjectServices:
 
     def begin(self) -> None:
         """Start another run: forget the belief and what its objects look like."""
-        self.belief, self._history = None, AppearanceHistory(self._settings)
+        super().begin()
+        self._history = AppearanceHistory(self._settings)
 
-    def tell(self, belief: HybridBelief, measurements: SemanticMeasurements, map_prior: MapPrior | None) -> None:
-        """Set the newest belief of a run on ``map_prior``, and add its keyframe's measurements."""
-        self.belief, self.map_prior = belief, map_prior
-        self._history.add(belief, measurements)
+    def update(self, update: BeliefUpdate) -> None:
+        """Set the newest belief, and add its keyframe's measurements to the appearances."""
+        super().update(update)
+        self._history.add(update.belief, update.measurements)
 
     def _find(self, request: Any, response: Any) -> None:
-        belief, history, question = newest(self.belief), self._history, _question(request)
+        belief, history, question = self.newest().belief, self._history, _question(request)
         needs_looks = question.vector is not None or bool(question.text_vectors)
         found = find_objects(belief, question, history.appearances() if needs_looks else None)
         response.keyframe = belief.keyframe
@@ -61,7 +59,7 @@ class ObjectServices:
         response.unknown = found.unknown
 
     def _get(self, request: Any, response: Any) -> None:
-        belief = newest(self.belief)
+        belief = self.newest().belief
         known = get_object(belief, int(request.object_id))
         response.keyframe = belief.keyframe
         response.pose, response.covariance = _flat([known.pose]), _flat([known.covariance])
@@ -71,8 +69,9 @@ class ObjectServices:
             setattr(response, name, getattr(known, name))
 
     def _query(self, request: Any, response: Any) -> None:
-        belief = newest(self.belief)
-        placed = query_place(belief, _region(request), request.least_probability, self.map_prior)
+        newest = self.newest()
+        belief = newest.belief
+        placed = query_place(belief, _region(request), request.least_probability, newest.map_prior)
         response.keyframe = belief.keyframe
         response.object_ids = [own.object_id for own in placed]
         response.object_names = [own.name for own in placed]

@@ -54,7 +54,7 @@ class RunLooks:
 
     @classmethod
     def of(cls, run: Run, dimensions: int) -> Self:
-        """As the hypotheses at the end of a run associate them; ``dimensions``: L."""
+        """Vectors as the hypotheses at the end of a run associate them; ``dimensions``: L."""
         reader, edges = SightingReader(run), stretch_edges(run, STRETCHES)
         stamps, told = [belief.stamp_ns for belief in run.record.beliefs], run.record.measurements
         sent = {number: reader.measured(number).embeddings for number, stamp in enumerate(stamps) if stamp in told}

@@ -44,8 +44,8 @@ class FittedEmbeddings:
         own = (model.dimensions, model.spread_shares, model.noise_shares)
         if own != (self.dimensions, self.spread_shares, self.noise_shares):
             raise ValueError("it was fitted with other embedding_dimensions, spread_shares or noise_shares")
-        told = self.without.get(sha256, self.whole)
-        return model if told is None else told.of(model)
+        looks = self.without.get(sha256, self.whole)
+        return model if looks is None else looks.of(model)
 
 
 def save_embeddings(fitted: FittedEmbeddings, path: Path) -> None:
@@ -55,33 +55,33 @@ def save_embeddings(fitted: FittedEmbeddings, path: Path) -> None:
 
 def read_embeddings(path: Path) -> FittedEmbeddings:
     """Read such a file. Raises InputError naming the file, the fault and the remedy."""
-    _, told = FORMAT.read(path)
+    _, entries = FORMAT.read(path)
     try:
-        return parsed_embeddings(told)
+        return parsed_embeddings(entries)
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(f"{path}: incomplete models of vectors ({fault}); {ANEW}") from None
 
 
-def parsed_embeddings(told: dict[str, Any]) -> FittedEmbeddings:
+def parsed_embeddings(entries: dict[str, Any]) -> FittedEmbeddings:
     """Learned parameters from their description in a file. Raises KeyError, TypeError or ValueError."""
     found = FittedEmbeddings(
-        dimensions=int(told["dimensions"]),
-        spread_shares=tuple(map(float, told["spread_shares"])),
-        noise_shares=tuple(map(float, told["noise_shares"])),
-        whole=None if told["whole"] is None else _looks(told["whole"]),
-        without={str(name): _looks(own) for name, own in dict(told["without"]).items()},
-        report=dict(told["report"]),
+        dimensions=int(entries["dimensions"]),
+        spread_shares=tuple(map(float, entries["spread_shares"])),
+        noise_shares=tuple(map(float, entries["noise_shares"])),
+        whole=None if entries["whole"] is None else _looks(entries["whole"]),
+        without={str(name): _looks(own) for name, own in dict(entries["without"]).items()},
+        report=dict(entries["report"]),
     )
     _check(found)
     return found
 
 
 def _looks(entry: Any) -> LooksByDirection:
-    told = dict(entry)
-    share = told.get("outlier_share")
+    entries = dict(entry)
+    share = entries.get("outlier_share")
     return LooksByDirection(
-        repeat_rad=float(told["repeat_rad"]),
-        counts=tuple(map(float, told["counts"])),
+        repeat_rad=float(entries["repeat_rad"]),
+        counts=tuple(map(float, entries["counts"])),
         outlier_share=None if share is None else float(share),
     )
 

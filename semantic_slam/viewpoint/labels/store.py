@@ -109,11 +109,13 @@ def read_labels(path: Path) -> FittedLabels:
 
 def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabels:
     """Parse the content of a file. Raises KeyError, TypeError or ValueError."""
-    told = {OLDER_NAMES.get(name, name): array for name, array in arrays.items()}
+    current_arrays = {OLDER_NAMES.get(name, name): array for name, array in arrays.items()}
     parts = [arrays[f"confusions.{item.name}"] for item in fields(Confusion)]
     return FittedLabels(
         labels=tuple(map(str, description["labels"])),
-        settings=LabelSettings(**{item.name: told[f"settings.{item.name}"] for item in fields(LabelSettings)}),
+        settings=LabelSettings(
+            **{item.name: current_arrays[f"settings.{item.name}"] for item in fields(LabelSettings)}
+        ),
         confusions=tuple(
             Confusion(counts=counts, none=none, outlier_share=float(share))
             for counts, none, share in zip(*parts, strict=True)
@@ -127,17 +129,21 @@ def _fitted(arrays: dict[str, Array], description: dict[str, Any]) -> FittedLabe
     )
 
 
-def _bag(told: dict[str, Any]) -> FittedBag:
-    numbers = {name: tuple(told[name]) for name in ("stretch_edges_ns", "log_settings", "class_shares")}
-    habits = tuple(told.get("habits", EVEN_HABITS.tolist()))
+def _bag(entries: dict[str, Any]) -> FittedBag:
+    numbers = {name: tuple(entries[name]) for name in ("stretch_edges_ns", "log_settings", "class_shares")}
+    habits = tuple(entries.get("habits", EVEN_HABITS.tolist()))
     return FittedBag(
-        path=str(told["path"]), sha256=str(told["sha256"]), habits=habits, detection=_detection(told), **numbers
+        path=str(entries["path"]),
+        sha256=str(entries["sha256"]),
+        habits=habits,
+        detection=_detection(entries),
+        **numbers,
     )
 
 
-def _detection(told: dict[str, Any]) -> DetectionValues:
+def _detection(entries: dict[str, Any]) -> DetectionValues:
     """Parse detection values. Raises TypeError or ValueError."""
-    own = dict(told.get("detection") or {})
+    own = dict(entries.get("detection") or {})
     shares = tuple(float(value) for value in own.pop("by_direction", ()))
     values = {name: None if value is None else float(value) for name, value in own.items()}
     return DetectionValues(by_direction=shares, **values)

@@ -32,7 +32,7 @@ def test_the_first_k_are_the_k_cheapest() -> None:
     np.testing.assert_allclose(k_best(cost, 17).costs, [total for total, _ in brute_force(cost)[:17]])
 
 
-def test_none_costs_more_than_is_asked_for() -> None:
+def test_no_assignment_costs_more_than_is_asked_for() -> None:
     cost = np.random.default_rng(2).normal(size=(4, 6))
     every = brute_force(cost)
     expected = [columns for total, columns in every if total <= every[0][0] + 1.5]

@@ -73,7 +73,7 @@ def test_a_known_object_is_recognised_as_far_off_as_the_robot_may_be(along_m: fl
 
 
 @pytest.mark.parametrize("along_m", [0.5, 1.5, 2.1])
-def test_so_it_is_in_space(along_m: float) -> None:
+def test_a_known_object_in_space_is_recognised_as_far_off_as_the_robot_may_be(along_m: float) -> None:
     """At the prediction no gate admits it from 1.5 m on: a new object had all the weight, exactly 2e-5."""
     intensity = BORN * DETECTED * (1.0 - DETECTED)  # and the object missed
     expected = np.log(DETECTED * density(along_m, ACROSS, ACROSS) / intensity)

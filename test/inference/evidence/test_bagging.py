@@ -35,12 +35,12 @@ def test_what_rises_and_falls_settles_no_more_than_its_sum_beside_its_size() -> 
     assert 0.05 < expected < 0.95
 
 
-def test_steady_evidence_settles_it() -> None:
+def test_steady_evidence_settles_where_the_robot_is() -> None:
     assert share(np.full(40, 1.0)) > 0.999
     assert share(np.full(40, -1.0)) < 0.001
 
 
-def test_one_keyframe_alone_does_not() -> None:
+def test_evidence_of_a_single_keyframe_settles_nothing() -> None:
     """As often as a resampled set lacks it, the question is open."""
     assert share(np.array([0.0, 50.0])) == pytest.approx(1.0 - 0.5 * np.exp(-1.0), abs=0.02)
 

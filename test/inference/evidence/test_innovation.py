@@ -46,7 +46,7 @@ ERRORS = np.array([[0.4, 0.1], [-0.2, 0.12], [0.1, -0.2]])
 
 
 @pytest.mark.parametrize("sigma", [0.1, 0.5])
-def test_at_a_mode_it_is_twice_the_least_energy(sigma: float) -> None:
+def test_innovation_nees_at_a_mode_is_twice_the_least_energy(sigma: float) -> None:
     problem = problem_of(measured(ERRORS), [[0, 1, 2], [1, 0, 2]], sigma)
     mode = find_modes(problem, np.zeros((2, problem.size)))
     peaks = sum(detection.log_normaliser for detection in measured(ERRORS))
@@ -54,7 +54,7 @@ def test_at_a_mode_it_is_twice_the_least_energy(sigma: float) -> None:
     np.testing.assert_allclose(innovation_nees(problem, mode.y, 3), expected, rtol=1e-4)
 
 
-def test_it_is_that_of_a_kalman_filter_where_nothing_bends() -> None:
+def test_innovation_nees_of_a_linear_problem_is_the_kalman_filters() -> None:
     problem = problem_of(measured(ERRORS), [[0, 1, 2]], 0.01)
     start = np.zeros((1, problem.size))
     residual, jacobian = (part[0] for part in problem.geometry_rows(start))

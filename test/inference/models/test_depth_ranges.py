@@ -72,7 +72,7 @@ def test_a_depth_tells_the_distance_of_what_is_that_deep_along_the_axis() -> Non
     assert own.bearing_rad == 0.5
 
 
-def test_its_covariance_is_that_of_depth_and_bearing_to_first_order() -> None:
+def test_the_covariance_of_a_depth_is_that_of_depth_and_bearing_to_first_order() -> None:
     step, told = 1e-6, detection(2.0, 0.5)
     by_depth = (detection(2.0 + step, 0.5).taken_as(DEPTH).range_m - told.taken_as(DEPTH).range_m) / step
     by_bearing = (detection(2.0, 0.5 + step).taken_as(DEPTH).range_m - told.taken_as(DEPTH).range_m) / step

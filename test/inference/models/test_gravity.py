@@ -55,7 +55,7 @@ def test_the_factor_and_the_prediction_agree_on_the_posterior() -> None:
     np.testing.assert_allclose(np.sqrt(np.diagonal(marginal)), np.sqrt(np.diagonal(level.covariance)), rtol=2e-2)
 
 
-def test_its_evidence_is_the_density_of_the_look_before_it() -> None:
+def test_the_evidence_of_a_look_at_gravity_is_its_predicted_density() -> None:
     """Against the mean of its density over a million draws of the robot."""
     off, sigmas = np.array([0.02, -0.03, 0.0]), np.array([0.03, 0.02, 0.02, 0.1, 0.1, 0.1])
     gravity, random = look(off), np.random.default_rng(3)

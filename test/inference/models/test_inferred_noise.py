@@ -106,7 +106,7 @@ def test_a_learned_region_is_told_without_a_spread() -> None:
     np.testing.assert_array_equal(from_message(to_message(belief)).noise_sigmas, belief.noise_sigmas)
 
 
-def test_it_is_the_same_however_the_work_is_divided() -> None:
+def test_the_inferred_noise_is_the_same_however_the_work_is_divided() -> None:
     room = biased_room(8, **ESTIMATED)
     one, three = (last_of(room, backends)[0] for backends in (1, 3))
     np.testing.assert_array_equal(three.noise_values, one.noise_values)

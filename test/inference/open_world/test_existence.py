@@ -80,7 +80,7 @@ def test_where_the_sensor_has_looked_follows_its_direction() -> None:
         np.testing.assert_allclose(undetected_share(region, rates, np.zeros((2, 3)), points)[:, 0], expected)
 
 
-def test_its_edges_are_as_soft_as_the_pose_is_uncertain() -> None:
+def test_the_edges_of_the_region_are_as_soft_as_the_pose_is_uncertain() -> None:
     spread = np.diag([0.04, 0.04])
     assert REGION.contains(np.array([5.0, 0.0]), spread) == pytest.approx(0.5, abs=1e-6)
     assert REGION.contains(np.array([5.2, 0.0]), spread) == pytest.approx(0.15866, abs=1e-4)  # one sigma outside

@@ -31,7 +31,7 @@ def test_a_second_box_beside_a_thing_is_doubted_and_one_elsewhere_is_as_before()
     assert elsewhere == pytest.approx(plain, abs=0.02)
 
 
-def test_its_existence_is_that_of_births_against_false_alarms_and_second_boxes() -> None:
+def test_the_existence_of_a_thing_beside_another_weighs_births_against_false_alarms_and_second_boxes() -> None:
     world = Configuration.of().open_world
     area = 0.5 * world.field_of_view_rad * (world.max_range_m**2 - world.min_range_m**2)
     beside, plain = (existence_of_second((2.0, 0.3), 1, share=share).existence[-1] for share in (SHARE, 0.0))

@@ -65,18 +65,18 @@ def assert_found(engine: Engine, beliefs: list[HybridBelief]) -> None:
 
 
 @pytest.mark.long
-def test_it_is_found_where_it_was_set_down(in_open_world: tuple[Engine, list[HybridBelief]]) -> None:
+def test_a_kidnapped_robot_is_localised_where_it_was_set_down(in_open_world: tuple[Engine, list[HybridBelief]]) -> None:
     assert_found(*in_open_world)
 
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_it_is_found_among_objects_that_are_all_on_the_map() -> None:
+def test_a_kidnapped_robot_is_localised_in_a_closed_world() -> None:
     assert_found(*driven(Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)))
 
 
 @pytest.mark.long
-def test_about_one_object_alone_it_may_stand_anywhere() -> None:
+def test_a_kidnapped_robot_may_stand_anywhere_about_a_single_object() -> None:
     closed = Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **CARRIED)
     world, engine = carried_world(ONE), Engine(closed, map_of(ONE))
     last = [engine.process(keyframe) for keyframe in world.keyframes][-1]
@@ -109,7 +109,9 @@ def looks_of(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.mark.long
-def test_who_is_not_carried_believes_the_same_though_it_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_searching_for_a_kidnapping_does_not_change_the_belief_of_a_robot_that_stayed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     keyframes = once_wrong(make_world(START, 10, places=TRIANGLE), 3)
     closed = {"association": "enumerated", "semantic_model": {"kind": "none"}, **KNOWN}
     engines = [Engine(Configuration.of(**closed, **own), map_of(TRIANGLE)) for own in ({}, MAY_BE)]
@@ -140,7 +142,7 @@ def test_histories_that_have_seen_the_same_are_one_only_near_each_other() -> Non
 
 @pytest.mark.long
 @pytest.mark.parametrize(("kind_ratio", "followed"), [(1.0, 0), (1e300, 1)])
-def test_that_it_was_not_carried_is_given_up_later_than_all_else(kind_ratio: float, followed: int) -> None:
+def test_hypotheses_of_a_robot_that_stayed_are_given_up_later_than_all_others(kind_ratio: float, followed: int) -> None:
     """Models that are a little wrong may say for some keyframes that it was carried; then what was so leads again."""
     engine = Engine(configuration(**CARRIED, pruning={"kind_ratio": kind_ratio, "max_hypotheses": 4}), map_of())
     for keyframe in carried_world().keyframes:

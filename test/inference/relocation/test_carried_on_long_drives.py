@@ -53,7 +53,9 @@ def found() -> tuple[Engine, list[HybridBelief]]:
 
 
 @pytest.mark.long
-def test_it_is_found_where_it_was_set_down(found: tuple[Engine, list[HybridBelief]]) -> None:
+def test_a_robot_kidnapped_on_a_long_drive_is_localised_where_it_was_set_down(
+    found: tuple[Engine, list[HybridBelief]],
+) -> None:
     engine, beliefs = found
     assert oldest_pose(engine) > 0
     assert BEFORE + AFTER > REACH * SOON  # what is replayed does not begin at the start
@@ -64,7 +66,9 @@ def test_it_is_found_where_it_was_set_down(found: tuple[Engine, list[HybridBelie
 
 
 @pytest.mark.long
-def test_it_is_believed_to_be_where_all_poses_say(found: tuple[Engine, list[HybridBelief]]) -> None:
+def test_the_pose_after_a_kidnapping_is_that_of_a_smoother_with_all_poses(
+    found: tuple[Engine, list[HybridBelief]],
+) -> None:
     _, whole = driven(carried_world(THERE, BEFORE, AFTER))
     ours, other = found[1][-1], whole[-1]
     sigmas = np.sqrt(np.diagonal(other.pose_covariances[0]))

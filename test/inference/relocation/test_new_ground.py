@@ -43,7 +43,7 @@ def driven() -> tuple[Engine, list[HybridBelief]]:
 
 
 @pytest.mark.long
-def test_it_is_told_that_it_was_carried(driven: tuple[Engine, list[HybridBelief]]) -> None:
+def test_a_robot_set_down_on_new_ground_knows_that_it_was_kidnapped(driven: tuple[Engine, list[HybridBelief]]) -> None:
     engine, _ = driven
     assert engine.carried > 0.99
     best = next(iter(engine.live.values()))

@@ -347,7 +347,7 @@ def test_a_hypothesis_rebuilt_from_its_lineage_is_the_same() -> None:
         assert_same(steady, manager.process(keyframe))
 
 
-def test_there_is_no_semantic_factor() -> None:
+def test_correlated_views_add_no_semantic_factor() -> None:
     """Each measurement is used once: the graph holds odometry and geometry, nothing else."""
     scene = OneObject(known([0, 0, 0]), known([2, 0, 0]))
     before = scene.component.smoother.isam.getFactorsUnsafe().size()

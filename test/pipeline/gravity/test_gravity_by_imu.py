@@ -248,7 +248,7 @@ def test_where_it_is_not_used_one_line_says_why(changes: dict[str, object], reas
     assert left_out(own, {}) == ""
 
 
-def test_one_of_another_type_is_named_where_it_would_be_used() -> None:
+def test_an_imu_topic_of_another_type_is_named_where_it_would_be_used() -> None:
     told = left_out(Configuration.of(**SPACE), {"/imu": "my_msgs/msg/Imu"})
     assert told.startswith("/imu is my_msgs/msg/Imu, not sensor_msgs/msg/Imu, and is not used; import_dataset bag")
 

@@ -82,7 +82,7 @@ class Restarting:
 @pytest.mark.long
 @pytest.mark.parametrize("configuration", [CLOSED, OPEN])
 @pytest.mark.parametrize("restart", [(topics.KEYFRAMES, 7), (topics.COMMITS, 7), (topics.KEYFRAMES, 1)])
-def test_it_asks_until_it_knows_all_and_no_belief_changes(
+def test_a_restarted_backend_asks_until_it_knows_all_keyframes_and_no_belief_changes(
     configuration: Configuration, restart: tuple[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(missed, "MOST_TOLD", 3)

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from semantic_slam_msgs.srv import Explain
 from worlds.bags.bag_factory import of_topic, write_bag
 from worlds.bags.places import place_entries
+from worlds.belief_updates import update_of
 
 from semantic_slam.answers.explain.explanation import explain
 from semantic_slam.answers.explain.text import lines_of
@@ -64,7 +65,7 @@ class Asker:
         kept = KeptRun(record.run)
         for keyframe in recorded_keyframes(belief_bag, SETTINGS, count):
             kept.add(keyframe)
-            self.service.tell(kept, record.beliefs[keyframe.index])
+            self.service.update(update_of(record.beliefs[keyframe.index], kept_run=kept))
 
 
 @pytest.fixture
@@ -81,7 +82,7 @@ def asker() -> Iterator[Asker]:
 
 
 @pytest.mark.long
-def test_it_says_what_the_command_does_while_the_node_goes_on(asker: Asker, belief_bag: Path) -> None:
+def test_the_explain_service_answers_as_the_command_does_while_the_node_goes_on(asker: Asker, belief_bag: Path) -> None:
     asker.tell(belief_bag, 6)
     told = asker.ask(1)
     assert (told.fault, told.keyframe) == ("", 5)
@@ -101,6 +102,6 @@ def test_what_cannot_be_explained_is_one_line_and_another_run_is_another_one(ask
     kept = KeptRun(record.run)
     for keyframe in (first, replace(third, index=1)):
         kept.add(keyframe)
-    asker.service.tell(kept, record.beliefs[1])
+    asker.service.update(update_of(record.beliefs[1], kept_run=kept))
     fault = asker.ask(1).fault
     assert "keyframe 1: inferred again, the hypotheses are not those recorded" in fault and "\n" not in fault

@@ -14,6 +14,7 @@ from semantic_slam_lab.studies.embeddings.known_map import map_of
 from semantic_slam_msgs.srv import FindObjects, GetObject, GetPath, QueryPlace, SaveMap
 from worlds.bags.places import place_entries
 from worlds.bags.vectors import LOOKS, looking, run
+from worlds.belief_updates import update_of
 from worlds.scenes.small_map import LOOSE, run_to_its_end
 
 from semantic_slam.answers.appearances import appearances_of
@@ -86,13 +87,14 @@ def test_objects_are_found_by_class_and_region_and_told_one_by_one(asked: tuple[
     ours = services_of(node)
     assert "no belief yet" in ask(FindObjects, "find_objects", FindObjects.Request(name="cup")).fault
     classes = np.array([[0.9, 0.1], [0.2, 0.8], [0.4, 0.6]])
-    ours.belief = replace(
+    belief = replace(
         map_of(3),
         class_names=("chair", "cup"),
         class_probabilities=classes,
         hypothesis_class_probabilities=classes[None],
         existence=np.array([0.5, 1.0, 1.0]),
     )
+    ours.update(update_of(belief))
     found = ask(FindObjects, "find_objects", FindObjects.Request(name="cup", least_probability=0.3))
     assert found.fault == "" and list(found.object_ids) == [1, 2]
     np.testing.assert_allclose(found.probabilities, [0.8, 0.6])
@@ -112,7 +114,7 @@ def test_objects_are_found_by_vectors_and_texts_as_the_command_line_finds_them(
     record = read_record(run(tmp_path, looking(place_entries("ranges", 16))))
     ours = services_of(node)
     for belief in record.beliefs:
-        ours.tell(belief, record.measurements[belief.stamp_ns], None)
+        ours.update(update_of(belief, measurements=record.measurements[belief.stamp_ns]))
     looks = appearances_of(record.beliefs, record.measurements, SemanticModelConfiguration())
     texts = {f"look {n}": look + 1.0 for n, look in enumerate([*LOOKS, -LOOKS[0]])}
     first = []
@@ -137,8 +139,9 @@ def test_objects_are_found_by_vectors_and_texts_as_the_command_line_finds_them(
 def test_a_place_is_told_with_what_is_there_and_what_is_gone(asked: tuple[Node, Ask]) -> None:
     node, ask = asked
     ours = services_of(node)
-    ours.belief = replace(map_of(2), existence=np.array([0.25, 1.0]), missing=np.array([0.75, 0.0]))
-    ours.map_prior = MapPrior((ObjectPrior.planar(9, 0.0, 0.0, sigma_m=0.01, sigma_rad=0.1),))
+    belief = replace(map_of(2), existence=np.array([0.25, 1.0]), missing=np.array([0.75, 0.0]))
+    prior = MapPrior((ObjectPrior.planar(9, 0.0, 0.0, sigma_m=0.01, sigma_rad=0.1),))
+    ours.update(update_of(belief, map_prior=prior))
     region = [-0.5, -0.5, 0.5, 0.5]
     told = ask(QueryPlace, "query_place", QueryPlace.Request(region=region, least_probability=0.1))
     assert told.fault == "" and list(told.object_ids) == [0, 9] and len(told.poses) == 14
@@ -150,7 +153,7 @@ def test_the_map_is_written_and_a_file_that_is_there_stays(asked: tuple[Node, As
     engine, belief = run_to_its_end(LOOSE)
     ours, place = MapService(node, lambda: engine.run), tmp_path / "room.map"
     assert "no belief yet" in ask(SaveMap, "save_map", SaveMap.Request(path=str(place))).fault
-    ours.belief = belief
+    ours.update(update_of(belief))
     told = ask(SaveMap, "save_map", SaveMap.Request(path=str(place)))
     known = read_map(place)
     assert (told.fault, told.keyframe, told.map_id, told.objects) == ("", belief.keyframe, known.map_id, 4)
@@ -191,5 +194,5 @@ def test_what_cannot_be_answered_is_one_line(
     asked: tuple[Node, Ask], kind: Any, name: str, request_: Any, fault: str
 ) -> None:
     node, ask = asked
-    services_of(node).belief = map_of(2)
+    services_of(node).update(update_of(map_of(2)))
     assert fault in ask(kind, name, request_).fault

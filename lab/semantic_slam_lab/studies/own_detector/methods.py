@@ -51,7 +51,7 @@ def by_turntables(foreign: Path, folder: Path) -> Driven:
 
 
 def by_models(foreign: Path, folder: Path, models: Path) -> Driven:
-    """As out of the box, with what other bags have taught."""
+    """The shipped configuration of a detector, with label models fitted on other bags."""
     settings = yaml.safe_load(configuration_file(DETECTOR_CONFIGURATION).read_text(encoding="utf-8"))
     settings["/**"]["ros__parameters"]["semantic_model"]["path"] = str(models)
     configuration = folder / "fitted.yaml"

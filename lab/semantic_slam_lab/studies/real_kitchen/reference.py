@@ -32,7 +32,7 @@ class Standing:
 
 
 def standing(record: Record, counts: Mapping[str, int] = COUNTS) -> Standing:
-    """As many objects of each class as are there, at the places that most detections agree on."""
+    """Objects of each class, in their true number, at the places that most detections agree on."""
     names: list[str] = []
     classes: list[str] = []
     positions: list[Array] = []

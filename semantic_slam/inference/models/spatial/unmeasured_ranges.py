@@ -32,7 +32,7 @@ class UnmeasuredRanges:
 
     @classmethod
     def of(cls, configuration: Configuration) -> Self:
-        """As configured. Raises InputError."""
+        """The prior of ranges that the configuration describes. Raises InputError."""
         region, new = configuration.open_world, configuration.new_objects
         return cls(
             LogRange.between(region.min_range_m, region.max_range_m),

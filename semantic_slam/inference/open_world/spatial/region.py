@@ -40,7 +40,7 @@ class SpatialRegion:
 
     @classmethod
     def of(cls, settings: OpenWorldConfiguration) -> Self:
-        """As configured; until a keyframe gives the camera, it looks along the body's x."""
+        """The configured region; until a keyframe gives the camera, it looks along the body's x."""
         return cls(
             min_range_m=settings.min_range_m,
             max_range_m=settings.max_range_m,

@@ -91,7 +91,7 @@ def test_updates_that_are_iterated_leave_numbers_to_the_closed_world() -> None:
     assert strategy_of(replace(base, association="given")) is GivenAssociation
 
 
-def test_it_is_the_closed_worlds_belief_where_all_is_nearly_linear() -> None:
+def test_the_belief_with_names_is_the_closed_worlds_where_all_is_nearly_linear() -> None:
     """States to a millimetre, to which one update is back-substituted; covariances to 2 % of a variance."""
     upright = {"sigma_heading_rad": 0.01}  # a heading that is not known bends what the closed world integrates over
     rooms = [named_room(12, 3, open_world={"iterate_updates": own}, new_objects=upright) for own in (False, True)]
