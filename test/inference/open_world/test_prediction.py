@@ -14,7 +14,7 @@ from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.prediction import nearby
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
-from semantic_slam.inference.open_world.prediction.predictor import Predictor
+from semantic_slam.inference.open_world.prediction.predictor import FrameInput, Predictor
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 AROUND = 24
@@ -41,7 +41,7 @@ def prediction(
     problem = problem_of(room.run)
     component = problem.tracking_root(0)
     return Predictor(problem.model, problem.open_world, problem.detection_errors).predict(
-        component, MOTION, [detection], wanted=wanted
+        component, FrameInput(motion=MOTION, detections=[detection]), wanted=wanted
     )
 
 
@@ -120,7 +120,7 @@ def test_an_uncertain_object_may_be_within_reach() -> None:
     problem = problem_of(far.run)
     component = problem.tracking_root(0)
     found = Predictor(problem.model, problem.open_world, problem.detection_errors).predict(
-        component, MOTION, [detection(3.0)]
+        component, FrameInput(motion=MOTION, detections=[detection(3.0)])
     )
     assert found.in_reach.tolist() == [0]
 

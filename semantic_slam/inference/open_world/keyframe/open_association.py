@@ -26,7 +26,7 @@ from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedE
 from semantic_slam.inference.open_world.joint.ranking import JointRanking
 from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
-from semantic_slam.inference.open_world.prediction.predictor import Predictor
+from semantic_slam.inference.open_world.prediction.predictor import FrameInput, Predictor
 from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of, relative_covariances
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.semantics.interface import RanksPairs
@@ -86,14 +86,10 @@ class OpenAssociation:
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
         """The prediction and ranked joint assignments of each parent, or of the one continuation ``path``."""
-        sensed = [component.sensed(step.detections) for component in parents.components]
-        looks = step.camera or step.sensed
         wanted = () if path is None else path.association
         predictions = [
-            self.predictor.predict(
-                component, step.motion, detections, looks, wanted=wanted, stamp_ns=step.stamp_ns, labels=step.labels
-            )
-            for component, detections in zip(parents.components, sensed, strict=True)
+            self.predictor.predict(component, _frame_input(step, component), wanted=wanted)
+            for component in parents.components
         ]
         if path is not None:
             columns = self._columns(step, predictions[0], path)
@@ -257,6 +253,17 @@ class OpenAssociation:
         if unknown:
             raise UnknownObjectsError(unknown)
         return np.array([place[own] for own in named], dtype=int).reshape(1, -1)
+
+
+def _frame_input(step: Step, component: Component) -> FrameInput:
+    """The prediction's input at a step, with the covariances that the component assumes."""
+    return FrameInput(
+        motion=step.motion,
+        detections=component.sensed(step.detections),
+        sensed=step.camera or step.sensed,
+        stamp_ns=step.stamp_ns,
+        labels=step.labels,
+    )
 
 
 def _named(columns: Index, known: int) -> Flags:
