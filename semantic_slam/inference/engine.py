@@ -231,7 +231,7 @@ class Engine:
         limits = widened(self._limits(step), self.explanation.unexplained)
         kinds = Kinds(
             positions=candidates.poses[:, :3],
-            beginnings=self.hypotheses.beginnings(candidates),
+            root_numbers=self.hypotheses.root_numbers(candidates),
             most=most_of_a_kind(limits, len(step.detections)),
         )
         ordinary = self.recovery.not_carried(self.live, candidates.parent_ids)

@@ -84,7 +84,7 @@ class Statement:
             return live
         places = Kinds(
             positions=np.array([components[number].pose[:3] for number, _ in every]),
-            beginnings=np.zeros(len(every), dtype=int),
+            root_numbers=np.zeros(len(every), dtype=int),
         )
         log_weights = bagging.log_weights(
             np.array([own.log_weight for _, own in every]),

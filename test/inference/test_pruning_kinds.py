@@ -24,8 +24,8 @@ def pruned(kinds: Kinds | None = None, ordinary: list[bool] | None = None, **lim
     return prune(WEIGHTS, np.arange(6, dtype=np.uint64), np.array([-np.inf]), settings, kinds, told)
 
 
-def kinds(beginnings: tuple[int, ...] = (0,) * 6, positions: np.ndarray = POSITIONS) -> Kinds:
-    return Kinds(positions=positions, beginnings=np.array(beginnings))
+def kinds(root_numbers: tuple[int, ...] = (0,) * 6, positions: np.ndarray = POSITIONS) -> Kinds:
+    return Kinds(positions=positions, root_numbers=np.array(root_numbers))
 
 
 def test_half_of_the_room_goes_in_turn_to_each_kind() -> None:

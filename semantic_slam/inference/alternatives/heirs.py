@@ -48,7 +48,7 @@ class Heirs:
         offset = self._poses - planar_from_pose_vector(self.weighed.poses[row])
         offset[:, 2] = wrap_angle(offset[:, 2])
         squared = (offset * np.linalg.solve(self._spreads, offset[..., None])[..., 0]).sum(axis=1)
-        return np.flatnonzero((squared <= FARTHEST) & (self._roots == self._begins(row)))
+        return np.flatnonzero((squared <= FARTHEST) & (self._root_numbers == self._root_number(row)))
 
     @cached_property
     def _poses(self) -> Array:
@@ -62,11 +62,11 @@ class Heirs:
         return self.covariances[:, axes[:, None], axes]
 
     @cached_property
-    def _roots(self) -> Index:
-        """(H,) the modes in which they began."""
-        return np.array([self._begins(row) for row in self.rows.tolist()], dtype=int)
+    def _root_numbers(self) -> Index:
+        """(H,) their root numbers."""
+        return np.array([self._root_number(row) for row in self.rows.tolist()], dtype=int)
 
-    def _begins(self, row: int) -> int:
+    def _root_number(self, row: int) -> int:
         lineage = self.parents[int(self.weighed.parent_ids[row])]
         return lineage[0].mode if lineage else int(self.weighed.modes[row])
 

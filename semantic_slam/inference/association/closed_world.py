@@ -36,7 +36,7 @@ class ClosedWorld:
         """All objects of the map and all that detections named, seen or not."""
         return registry.stated
 
-    def root(self, number: int) -> Component:
+    def root(self, root_number: int) -> Component:
         """The component before any keyframe."""
         return self.problem.root()
 

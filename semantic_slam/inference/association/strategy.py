@@ -115,8 +115,8 @@ class AssociationStrategy(Protocol):
     def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
         """The objects to report, given the ids ``alive`` that some hypothesis holds."""
 
-    def root(self, number: int) -> Component:
-        """The root component for a root ``number`` (noise setting and start), before any keyframe."""
+    def root(self, root_number: int) -> Component:
+        """The root component of a ``root_number`` (its noise setting and start), before any keyframe."""
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> PredictedKeyframe:
         """Predict the keyframe for the parents. Raises LostComponentError.

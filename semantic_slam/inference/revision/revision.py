@@ -85,7 +85,7 @@ def with_revised(
     rows = [places[number] if number in live else _place(own, problem) for number, own in every]
     kinds = Kinds(
         positions=np.array(rows),
-        beginnings=np.array([problem.beginning(own.lineage) for _, own in every]),
+        root_numbers=np.array([problem.root_number(own.lineage) for _, own in every]),
     ).of(np.arange(len(every)), limits.place_m)
     if most is not None:
         left = np.flatnonzero(ranks(kinds) < most)

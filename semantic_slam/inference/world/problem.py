@@ -131,26 +131,26 @@ class Problem:
         log_priors = np.array([0.0 if own is None else own.log_prior for own in self.noises])
         return [float(own) for own in log_priors - np.log(np.exp(log_priors).sum())]
 
-    def beginning(self, lineage: Sequence[LineageStep]) -> int:
-        """Root number of a history: index of its noise setting + number of noises x index of its start."""
+    def root_number(self, lineage: Sequence[LineageStep]) -> int:
+        """Root number of a history: index of its noise setting + number of noise settings x number of its start."""
         return lineage[0].mode if len(self.noises) > 1 or self.starts is not None else 0
 
-    def start_of(self, beginning: int) -> int:
+    def start_of(self, root_number: int) -> int:
         """The start of a root number, see ``Starts``."""
-        return beginning // len(self.noises)
+        return root_number // len(self.noises)
 
-    def with_start(self, beginning: int, start: int) -> int:
+    def with_start(self, root_number: int, start: int) -> int:
         """The root number with the same noise setting, and another start."""
-        return beginning % len(self.noises) + start * len(self.noises)
+        return root_number % len(self.noises) + start * len(self.noises)
 
     def is_placed(self, lineage: Sequence[LineageStep]) -> bool:
         """Whether the robot is localised in the map, in a history."""
-        return self.starts is None or self.start_of(self.beginning(lineage)) != ANYWHERE
+        return self.starts is None or self.start_of(self.root_number(lineage)) != ANYWHERE
 
-    def log_weight_of(self, beginning: int) -> float:
+    def log_weight_of(self, root_number: int) -> float:
         """Log prior weight of a root number."""
-        log_weight = self.log_root_weights[beginning % len(self.noises)]
-        return log_weight if self.starts is None else log_weight + self.starts.log_weight(self.start_of(beginning))
+        log_weight = self.log_root_weights[root_number % len(self.noises)]
+        return log_weight if self.starts is None else log_weight + self.starts.log_weight(self.start_of(root_number))
 
     def root(self) -> Component:
         """The root component: the priors of robot and mapped objects, before any keyframe."""
@@ -166,18 +166,18 @@ class Problem:
         """The smoother configured for a single (not iterated) update per keyframe."""
         return smoother.with_single_steps(self.num_biases, errors_repeat=self.detection_errors.correlated_share > 0.0)
 
-    def tracking_root(self, beginning: int) -> Component:
-        """Root component of an open world, which tracks states and existence, for a root number (noise and start).
+    def tracking_root(self, root_number: int) -> Component:
+        """Root component of an open world, which tracks states and existence, for a ``root_number`` (noise and start).
 
         A robot that is not localised in the map (start ANYWHERE) cannot observe the objects of the map.
         """
-        number, robot = beginning % len(self.noises), self.robot
+        number, robot = root_number % len(self.noises), self.robot
         if self.starts is not None:
-            robot = self.starts.prior(self.start_of(beginning))
+            robot = self.starts.prior(self.start_of(root_number))
         plain, single_steps = replace(self, robot=robot).root(), not self.open_world.iterate_updates
         entries = sorted(self.objects, key=lambda entry: entry.object_id)
         tracked = tracked_before(self.spaces, robot, [entry.prior for entry in entries], self.num_biases)
-        start = self.start_of(beginning)
+        start = self.start_of(root_number)
         is_elsewhere = self.starts is not None and start == ANYWHERE
         rates = DetectionRates.of(self.open_world)
         in_runs = bool((rates.persistence > 0.0).any())

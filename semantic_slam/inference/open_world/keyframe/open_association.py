@@ -79,9 +79,9 @@ class OpenAssociation:
         """The objects that are alive in some hypothesis."""
         return registry.alive(alive)
 
-    def root(self, number: int) -> Component:
+    def root(self, root_number: int) -> Component:
         """The prior of Eq. 4.3 with the map's existence probabilities, under one odometry noise and start pose."""
-        root = self.problem.tracking_root(number)
+        root = self.problem.tracking_root(root_number)
         return replace(root, objects=root.objects.scored()) if self.counts_misses else root
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:

@@ -123,8 +123,9 @@ class OpenKeyframe:
         weighed = self._with_classes(candidates) if has_classes else self._by_linearisation(candidates)
         if self.step.index > 0:
             return weighed
-        begun = [self.problem.with_start(component.noise, component.start) for component in self.parents.components]
-        return weighed.gaining(numbers=np.array(begun)[weighed.assignments.parents])  # noise and start pose
+        components = self.parents.components
+        root_numbers = [self.problem.with_start(component.noise, component.start) for component in components]
+        return weighed.gaining(numbers=np.array(root_numbers)[weighed.assignments.parents])
 
     def semantic_input(self, candidates: WeighedAssociations) -> SemanticInput:
         """Input of the semantic models; an object that no map knows may be of any class."""
