@@ -107,7 +107,7 @@ class Engine:
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         merges = self.association.merges_copies
         self.copies = Copies(self.problem) if merges else self._copies_of_known_objects()
-        self.alternatives = Alternatives(list(self.hypotheses.live)) if merges else NoAlternatives()
+        self.alternatives = Alternatives(self.problem, list(self.hypotheses.live)) if merges else NoAlternatives()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
         self.genuine = GenuineObjects(
             self.problem.open_world, self.problem.detection_errors, counts_misses=self.association.counts_misses
@@ -231,7 +231,7 @@ class Engine:
         limits = widened(self._limits(step), self.explanation.unexplained)
         kinds = Kinds(
             positions=candidates.poses[:, :3],
-            root_numbers=self.hypotheses.root_numbers(candidates),
+            root_numbers=self.hypotheses.root_numbers(candidates, self.problem),
             most=most_of_a_kind(limits, len(step.detections)),
         )
         ordinary = self.recovery.not_carried(self.live, candidates.parent_ids)

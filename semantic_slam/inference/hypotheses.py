@@ -18,6 +18,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import Lineage, LineageStep, revised
 from semantic_slam.inference.world.carried import new_grounds
+from semantic_slam.inference.world.problem import Problem
 
 RECENT_KEYFRAMES = 10
 """Number of keyframes in ``discarded_mass_window``: mass discarded before that has shown its effect, or never will."""
@@ -114,9 +115,9 @@ class Hypotheses:
         """Number of keyframes so far, the length of every live lineage."""
         return len(next(iter(self.live.values())).lineage)
 
-    def root_numbers(self, candidates: CandidateTable) -> NDArray[np.int_]:
+    def root_numbers(self, candidates: CandidateTable, problem: Problem) -> NDArray[np.int_]:
         """(K,) root number of each candidate's history, see `Problem.root_number`."""
-        known = {n: own.lineage[0].mode if own.lineage else n - ROOT_ID for n, own in self.live.items()}
+        known = {n: problem.root_number(own.lineage) if own.lineage else n - ROOT_ID for n, own in self.live.items()}
         return np.array([known[n] for n in candidates.parent_ids.tolist()], dtype=int)
 
     def children(self, candidates: CandidateTable, pruned: Pruned, backend_ids: Sequence[int]) -> dict[int, Hypothesis]:

@@ -19,6 +19,7 @@ from semantic_slam.inference.alternatives.told import Told, told_changes
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.states.lineage import Lineage
+from semantic_slam.inference.world.problem import Problem
 
 MOST_GIVEN_UP = 300
 """Largest number of pruned histories, heaviest first, that are considered in one keyframe."""
@@ -53,7 +54,8 @@ class Alternatives:
 
     STATE: ClassVar[tuple[str, ...]] = ("_lineages", "_shares", "_known", "_told", "_tells", "_renamed")
 
-    def __init__(self, root_ids: Sequence[int]) -> None:
+    def __init__(self, problem: Problem, root_ids: Sequence[int]) -> None:
+        self._problem = problem
         self._lineages: dict[int, Lineage] = {number: () for number in root_ids}  # of the live hypotheses
         self._shares = Shares(values=np.zeros((0, len(root_ids))))
         self._known = 0  # number of alternatives that are older than the newest keyframe
@@ -71,7 +73,7 @@ class Alternatives:
         place = {int(number): row for row, number in enumerate(weighed.ids)}
         rows = np.array([place[number] for number in live], dtype=int)
         covariances = np.array([held[number].covariance for number in live])
-        heirs = Heirs(weighed, rows, covariances, self._lineages)
+        heirs = Heirs(self._problem, weighed, rows, covariances, self._lineages)
         weights = np.exp(weighed.log_weights - weighed.log_weights.max())
         total = weights[rows]
         for row in self._given_up(weights, rows):

@@ -12,6 +12,7 @@ from semantic_slam.geometry.pose import PLANAR_AXES, planar_from_pose_vector, wr
 from semantic_slam.inference.alternatives.differences import Change, differences
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.states.lineage import Lineage
+from semantic_slam.inference.world.problem import Problem
 
 FARTHEST = 3.0
 """Largest squared Mahalanobis distance of both robot poses, by the survivor's covariance: chi-square's mean, 3 dof."""
@@ -21,6 +22,7 @@ FARTHEST = 3.0
 class Heirs:
     """K candidates of a keyframe, of which the H in ``rows`` survive; P parents by their ids."""
 
+    problem: Problem
     weighed: CandidateTable
     rows: Index  # (H,) of the survivors
     covariances: Array  # (H, 6, 6) of the robot's pose
@@ -68,7 +70,7 @@ class Heirs:
 
     def _root_number(self, row: int) -> int:
         lineage = self.parents[int(self.weighed.parent_ids[row])]
-        return lineage[0].mode if lineage else int(self.weighed.modes[row])
+        return self.problem.root_number(lineage or (self.weighed.step(row),))
 
     def _changes(self, row: int, at: int) -> tuple[Change, ...]:
         heir = int(self.rows[at])
