@@ -21,9 +21,9 @@ from semantic_slam.inference.smoothing.growth import Outcome, grow
 from semantic_slam.inference.smoothing.past.horizon import oldest_kept
 from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
-from semantic_slam.inference.world.carried import NEW_GROUND, NOWHERE, carried_to, with_carried
+from semantic_slam.inference.world.carried import NEW_GROUND, NOWHERE
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.inference.world.slips import Slips, is_slipped, with_slip, without_slip
+from semantic_slam.inference.world.slips import Slips
 
 LEAST_SHARE = 0.2
 """Least weight of a hypothesis for which a wheel slip is weighed as an alternative motion."""
@@ -86,8 +86,8 @@ class Expander:
         ``path`` is the one continuation wanted when a lineage is replayed. ``carried`` is the lattice point to which a
         kidnapped robot was moved, NOWHERE for none; with a ``path``, its step states that.
         """
-        if path is not None and step.index > 0 and carried_to(path):
-            path, carried = with_carried(path, NOWHERE), carried_to(path)
+        if path is not None and step.index > 0 and path.lattice_point:
+            path, carried = path.with_lattice_point(NOWHERE), path.lattice_point
         slips = self.problem.slips if step.index > 0 else None
         try:
             if carried == NOWHERE or self.problem.carried is None:
@@ -113,7 +113,7 @@ class Expander:
         parents, revisions = self._with_revised(step, Parents.of(parent_ids, held), path)
         if slips is not None:
             parents, revisions = _with_slipping(slips, parents, revisions, path)
-            path = path if path is None else without_slip(path)
+            path = path if path is None else path.without_slip()
         keyframe = self.association.predict(step, parents, path)  # by the motion model: Eqs. 4.11, 4.21
         candidates = keyframe.weigh(keyframe.associate())  # every beta_k, Eq. 4.20; classes and modes
         semantics = self._semantics(keyframe, candidates)
@@ -149,7 +149,7 @@ class Expander:
             self.problem.carried.log_weight(point, own.settings.odometry_factor if own.settings is not None else 1.0)
             for own in expansion.parents.components
         ]
-        rows, steps = expansion.assignments, [with_carried(own, point) for own in expansion.steps]
+        rows, steps = expansion.assignments, [own.with_lattice_point(point) for own in expansion.steps]
         stamp_ns, ids = expansion.step.stamp_ns, expansion.parents.ids
         return replace(
             expansion,
@@ -199,7 +199,7 @@ def _told(step: LineageStep, revised: RevisedComponent, parent: Component) -> Li
     """A candidate's lineage step, with the reassociations of its parent, and whether its motion slipped."""
     if revised.changes:
         step = replace(step, changes=revised.changes)
-    return with_slip(step) if parent.slip is not None else step
+    return step.with_slip() if parent.slip is not None else step
 
 
 def _with_slipping(
@@ -207,7 +207,7 @@ def _with_slipping(
 ) -> tuple[Parents, list[RevisedComponent]]:
     """The parents, plus the likely ones with a wheel slip in this motion; with a ``path``, as it states."""
     if path is not None:
-        if not is_slipped(path):
+        if not path.slipped:
             return parents, revisions
         return replace(parents, components=[slips.slipping(own) for own in parents.components]), revisions
     places = np.flatnonzero(parents.log_weights >= np.log(LEAST_SHARE)).tolist()
