@@ -11,6 +11,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.roots import closed_root
 
 
 class ClosedWorld:
@@ -38,7 +39,7 @@ class ClosedWorld:
 
     def root(self, root_number: int) -> Component:
         """The component before any keyframe."""
-        return self.problem.root()
+        return closed_root(self.problem)
 
 
 def expected_along(path: LineageStep | None, known: list[int]) -> list[int]:

@@ -36,6 +36,7 @@ from semantic_slam.inference.states.lineage import MOVES, LineageStep
 from semantic_slam.inference.world.departures import Departures
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.roots import tracking_root
 
 
 class OpenAssociation:
@@ -81,7 +82,7 @@ class OpenAssociation:
 
     def root(self, root_number: int) -> Component:
         """The prior of Eq. 4.3 with the map's existence probabilities, under one odometry noise and start pose."""
-        root = self.problem.tracking_root(root_number)
+        root = tracking_root(self.problem, root_number)
         return replace(root, objects=root.objects.scored()) if self.counts_misses else root
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
