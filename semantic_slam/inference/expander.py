@@ -10,6 +10,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.strategy import AssociationStrategy, Parents, PredictedKeyframe
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
+from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.reassociation.reassociation import Reassociation
 from semantic_slam.inference.reassociation.solved import RevisedComponent
@@ -145,10 +146,8 @@ class Expander:
     def _carried(self, expansion: Expansion, point: int) -> Expansion:
         """The candidates, with the prior weight of a kidnapping to that lattice point."""
         assert self.problem.carried is not None
-        weights = [
-            self.problem.carried.log_weight(point, own.settings.odometry_factor if own.settings is not None else 1.0)
-            for own in expansion.parents.components
-        ]
+        assumed = [own.noise_settings or NoiseSettings() for own in expansion.parents.components]
+        weights = [self.problem.carried.log_weight(point, own.odometry_factor) for own in assumed]
         rows, steps = expansion.assignments, [own.with_lattice_point(point) for own in expansion.steps]
         stamp_ns, ids = expansion.step.stamp_ns, expansion.parents.ids
         return replace(

@@ -82,7 +82,9 @@ class Problem:
     displaced: Displaced = field(default_factory=Displaced)  # displaced twins among ``objects``
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
     sigma_metre: float = 0.0  # relative sigma of the global scale of all ranges, which without a map is unobservable
-    noises: tuple[NoiseSettings | None, ...] = (None,)  # open world: one per root hypothesis; None: as configured
+    noise_settings: tuple[NoiseSettings | None, ...] = (
+        None,
+    )  # open world: one per root hypothesis; None: as configured
     carried: Carried | None = None  # prior of a kidnapped robot; None: it is never carried
     slips: Slips | None = None  # wheel slip of odometry; None: never
     starts: Starts | None = None  # global localisation in a map, open world: initial poses; None: as its prior
@@ -121,24 +123,24 @@ class Problem:
     @property
     def log_root_weights(self) -> list[float]:
         """Log prior weights of the root hypotheses, normalised: one for each noise setting of robot and sensor."""
-        log_priors = np.array([0.0 if own is None else own.log_prior for own in self.noises])
+        log_priors = np.array([0.0 if own is None else own.log_prior for own in self.noise_settings])
         return [float(own) for own in log_priors - np.log(np.exp(log_priors).sum())]
 
     def root_number(self, lineage: Sequence[LineageStep]) -> int:
         """Root number of a history: index of its noise setting + number of noise settings x number of its start."""
-        return lineage[0].mode if len(self.noises) > 1 or self.starts is not None else 0
+        return lineage[0].mode if len(self.noise_settings) > 1 or self.starts is not None else 0
 
-    def noise_of(self, root_number: int) -> int:
+    def noise_index_of(self, root_number: int) -> int:
         """The index of the noise setting of a root number."""
-        return root_number % len(self.noises)
+        return root_number % len(self.noise_settings)
 
     def start_of(self, root_number: int) -> int:
         """The start of a root number, see ``Starts``."""
-        return root_number // len(self.noises)
+        return root_number // len(self.noise_settings)
 
     def with_start(self, root_number: int, start: int) -> int:
         """The root number with the same noise setting, and another start."""
-        return self.noise_of(root_number) + start * len(self.noises)
+        return self.noise_index_of(root_number) + start * len(self.noise_settings)
 
     def is_placed(self, lineage: Sequence[LineageStep]) -> bool:
         """Whether the robot is localised in the map, in a history."""
@@ -146,9 +148,9 @@ class Problem:
 
     def log_weight_of(self, root_number: int) -> float:
         """Log prior weight of a root number."""
-        log_weight = self.log_root_weights[self.noise_of(root_number)]
+        log_weight = self.log_root_weights[self.noise_index_of(root_number)]
         return log_weight if self.starts is None else log_weight + self.starts.log_weight(self.start_of(root_number))
 
     def tail_of(self, component: Component) -> HeavyTail | None:
         """The outliers that a hypothesis expects among detections; None: none is one."""
-        return HeavyTail.of(errors_under(component.settings, self.detection_errors), component.outliers)
+        return HeavyTail.of(errors_under(component.noise_settings, self.detection_errors), component.outliers)

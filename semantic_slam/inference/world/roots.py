@@ -31,7 +31,7 @@ def tracking_root(problem: Problem, root_number: int) -> Component:
 
     A robot that is not localised in the map (start ANYWHERE) cannot observe the objects of the map.
     """
-    noise = problem.noise_of(root_number)
+    noise_index = problem.noise_index_of(root_number)
     start = problem.start_of(root_number)
     robot = problem.robot if problem.starts is None else problem.starts.prior(start)
     plain = closed_root(replace(problem, robot=robot))
@@ -45,10 +45,10 @@ def tracking_root(problem: Problem, root_number: int) -> Component:
         smoother=_in_single_steps(problem, plain.smoother) if single_steps else plain.smoother,
         tracked=tracked_before(problem.spaces, robot, [entry.prior for entry in entries], problem.num_biases),
         single_steps=single_steps,
-        noise=noise,
+        noise_index=noise_index,
         start=start,
         elsewhere=plain.object_ids if is_elsewhere else frozenset(),
-        settings=problem.noises[noise],
+        noise_settings=problem.noise_settings[noise_index],
         metre=None if problem.objects or not problem.sigma_metre else Metre(problem.sigma_metre, robot.mean[:2]),
         movers=_movers(problem, objects.rates),
     )

@@ -77,7 +77,7 @@ def test_what_hypotheses_differ_in_is_weighed_with_them() -> None:
     belief, pool = last_of(
         biased_room(6, perception={"noise_factors": [1.0, 4.0]}, open_world={"iterate_updates": False})
     )
-    factors = [pool._backends[0].held[int(n)].component.settings.detection_factor for n in belief.hypothesis_ids]
+    factors = [pool._backends[0].held[int(n)].component.noise_settings.detection_factor for n in belief.hypothesis_ids]
     share = np.exp(belief.log_weights)[np.array(factors) == 4.0].sum()
     assert 0.001 < share < 0.999
     assert belief.noise_values == pytest.approx([1.0 + 3.0 * share])

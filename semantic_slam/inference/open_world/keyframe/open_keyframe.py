@@ -124,7 +124,7 @@ class OpenKeyframe:
         if self.step.index > 0:
             return weighed
         components = self.parents.components
-        root_numbers = [self.problem.with_start(component.noise, component.start) for component in components]
+        root_numbers = [self.problem.with_start(component.noise_index, component.start) for component in components]
         return weighed.gaining(numbers=np.array(root_numbers)[weighed.assignments.parents])
 
     def semantic_input(self, candidates: WeighedAssociations) -> SemanticInput:
@@ -264,7 +264,7 @@ class OpenKeyframe:
     @property
     def _suits_searches(self) -> bool:
         """Whether mode searches apply: noise as configured, independent detection errors and no outlier model."""
-        settings = [component.settings for component in self.parents.components]
+        settings = [component.noise_settings for component in self.parents.components]
         are_told = all(own is None or own.as_told for own in settings)
         are_plain = all(own.tail is None for own in self.pairs)
         return are_told and are_plain and all(own.errors is None for own in self.predictions)

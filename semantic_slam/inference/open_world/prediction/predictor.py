@@ -76,7 +76,7 @@ class Predictor:
         predicted = PredictedRobot.of(component, frame.motion)
         robot = predicted.state
         geometry = geometry_of(component.spaces)
-        region = geometry.region(self.settings).reaching(frame.sensed).read_by(component.settings)
+        region = geometry.region(self.settings).reaching(frame.sensed).read_by(component.noise_settings)
         births = geometry.births(self.model, detections, robot, region)
         reach = self._in_reach(component, region, robot, predicted.covariance)
         near, beyond = self._near(predicted, births, detections, reach, named, wanted)
@@ -144,7 +144,7 @@ class Predictor:
         errors = tracked_states(component).errors
         if errors is None:
             return None
-        return errors.moved(predicted.noise.control, errors_under(component.settings, self.errors))
+        return errors.moved(predicted.noise.control, errors_under(component.noise_settings, self.errors))
 
     def _with_errors(
         self,
@@ -155,7 +155,7 @@ class Predictor:
         detections: Sequence[Any],
     ) -> tuple[LocalMap, PredictedErrors | None]:
         """The local map with these detections' correlated errors replacing earlier ones; unchanged without any."""
-        settings = errors_under(component.settings, self.errors)
+        settings = errors_under(component.noise_settings, self.errors)
         if settings.correlated_share <= 0.0 or not detections:
             return local, None
         ranged = np.array([detection.has_range for detection in detections], dtype=bool)
@@ -205,7 +205,7 @@ class Predictor:
         if movers is None or not (len(movers) or self._moving.shares(frame.labels).any()):
             return None
         return predicted_movers(
-            self._moving_with(errors_under(component.settings, self._moving.errors)),
+            self._moving_with(errors_under(component.noise_settings, self._moving.errors)),
             movers,
             predicted.motion(len(self._moving.sensor_sigmas), drifts=bool(frame.detections)),
             frame.stamp_ns,

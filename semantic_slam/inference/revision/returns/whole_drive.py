@@ -71,7 +71,7 @@ class WholeDrive:
             polar_whiten=np.array([own.whiten for _, _, own in rows]).reshape(-1, 2, 2),
             covariance=partial(
                 _errors,
-                errors_under(component.settings, problem.detection_errors),
+                errors_under(component.noise_settings, problem.detection_errors),
                 motions,
                 frames,
                 [row[:2] for row in rows],
