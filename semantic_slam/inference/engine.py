@@ -22,7 +22,7 @@ from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building import make_run_configuration, problem_of, reference_of, start_of_run
 from semantic_slam.inference.candidate_table import CandidateTable
-from semantic_slam.inference.evidence.explanation import Explanation, mean_of_known
+from semantic_slam.inference.evidence.model_fit import ModelFit, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.kept_steps import KeptSteps
@@ -62,7 +62,7 @@ class Engine:
         "genuine",
         "reference",
         "recovery",
-        "explanation",
+        "model_fit",
         "log_evidence",
         "_last_stamp_ns",
     )
@@ -124,7 +124,7 @@ class Engine:
         )
         self.recovery = Recovery(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
         self.statement = Statement(self.problem, self.registry, self.genuine, self.recovery, self.alternatives)
-        self.explanation = Explanation()
+        self.model_fit = ModelFit()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept, in nats
         self._last_stamp_ns: int | None = None  # of the newest keyframe; None before the first one
 
@@ -228,7 +228,7 @@ class Engine:
 
         Pruning is relaxed while the data are poorly explained (``unexplained``, see ``widened``).
         """
-        limits = widened(self._limits(step), self.explanation.unexplained)
+        limits = widened(self._limits(step), self.model_fit.unexplained)
         kinds = Kinds(
             positions=candidates.poses[:, :3],
             root_numbers=self.hypotheses.root_numbers(candidates, self.problem),
@@ -344,5 +344,5 @@ class Engine:
             outlier_probability=outliers,
             log_evidence=log_evidence,
             innovation_nees=mean_of_known(candidates.innovation_nees[kept.kept], weights),
-            unexplained=self.explanation.add(log_evidence, log_reference),
+            unexplained=self.model_fit.add(log_evidence, log_reference),
         )

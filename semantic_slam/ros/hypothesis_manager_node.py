@@ -55,7 +55,7 @@ from semantic_slam.pipeline.journal.snapshots import Snapshots
 from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.session import CHANGEABLE, Session
 from semantic_slam.ros.node.changes import Values
-from semantic_slam.ros.node.health import Level, Status, dropped_status, explanation_status
+from semantic_slam.ros.node.health import Level, Status, dropped_status, model_fit_status
 from semantic_slam.ros.node.parameters import (
     declare_changeable,
     declare_configuration,
@@ -123,7 +123,7 @@ class HypothesisManagerNode(PipelineNode):
         self._announced, self._belief_stamp_ns = -1, 0
         self._is_recovering = self._is_finished = False
         self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
-        self._explanation = explanation_status(None)  # replaced by the worker, published by the executor
+        self._explanation = model_fit_status(None)  # replaced by the worker, published by the executor
         self._map_frame = frames.map
         self._publisher = BeliefPublisher(self, frames, self.lossless)
         self._publisher.broadcast_odom(broadcasts_odom)
@@ -202,7 +202,7 @@ class HypothesisManagerNode(PipelineNode):
             service.belief = None
         self._objects.begin()
         self._explain.begin()
-        self._explanation = explanation_status(None)
+        self._explanation = model_fit_status(None)
 
     def resume(self) -> None:
         """Start working; after :meth:`pause_work`, make keyframes again."""
@@ -313,7 +313,7 @@ class HypothesisManagerNode(PipelineNode):
         for service in self._answers:
             service.belief = belief
         self._explain.tell(self._pool.kept, belief)
-        self._explanation = explanation_status(belief, self._session.carried)
+        self._explanation = model_fit_status(belief, self._session.carried)
         self._belief_stamp_ns = belief.stamp_ns
         self._snapshots.count()
 
