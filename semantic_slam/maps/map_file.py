@@ -20,7 +20,7 @@ from semantic_slam.inference.world import map_prior
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
 from semantic_slam.maps.checks import MOST_OBJECTS, check_map
-from semantic_slam.maps.saved_map import Looks, MapHypotheses, MapObjects, Provenance, SavedMap
+from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, Provenance, SavedMap, ViewedFrom
 from semantic_slam.model_files import Arrays, ModelFormat
 
 REMEDY = "save it anew with semantic_slam map save"
@@ -158,7 +158,7 @@ def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
     """Parse arrays and description. Raises KeyError, TypeError or ValueError."""
     if told["frame"] != "map" or told["state_space"] not in STATE_SPACES:
         raise ValueError(f"frame {told['frame']!r}, state space {told['state_space']!r}")
-    parts: dict[str, type[Any]] = {"objects": MapObjects, "hypotheses": MapHypotheses, "looks": Looks}
+    parts: dict[str, type[Any]] = {"objects": MapObjects, "hypotheses": MapHypotheses, "looks": ViewedFrom}
     expected = {f"{part}.{own.name}" for part, kind in parts.items() for own in fields(kind)} - {"objects.names"}
     if set(arrays) != expected:
         raise ValueError(f"arrays are lacking or strange: {sorted(set(arrays) ^ expected)[0]}")
@@ -170,7 +170,7 @@ def _saved(arrays: Arrays, told: dict[str, Any]) -> SavedMap:
         class_names=_texts(told["class_names"]),
         objects=MapObjects(names=_texts(told["names"]), **told_of["objects"]),
         hypotheses=MapHypotheses(**told_of["hypotheses"]),
-        looks=Looks(**told_of["looks"]),
+        looks=ViewedFrom(**told_of["looks"]),
         has_cross_covariances=_flag(told["has_cross_covariances"]),
         discarded_mass=float(told["discarded_mass"]),
         descriptor_space=str(told["descriptor_space"]),

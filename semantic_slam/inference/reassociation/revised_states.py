@@ -39,7 +39,7 @@ def revised_objects(
         objects,
         ids=after.ids,
         existence_given=existence,
-        views=None if objects.views is None else objects.views.take(rows),
+        in_view=None if objects.in_view is None else objects.in_view.take(rows),
         gone=None if objects.gone is None else objects.gone[rows],
         track_scores=None
         if objects.track_scores is None

@@ -9,8 +9,8 @@ from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
+from semantic_slam.inference.states.in_view import InViewRecord
 from semantic_slam.inference.states.track_scores import false_alarm_probability, log_odds
-from semantic_slam.inference.states.views import Views
 
 BEYOND = 1e6
 """Metres to a position that the sensor never sees."""
@@ -29,7 +29,7 @@ class HypothesisObjects:
 
     ids: Index  # (O,)
     existence_given: Array  # (O, G) probability of existence under each setting
-    views: Views | None = None  # what detections and misses say of being in view; None: misses do not count
+    in_view: InViewRecord | None = None  # what detections and misses say of being in view; None: misses do not count
     gone: Array | None = None  # (O, G) probability that it existed and has left since; None: nothing leaves
     stamp_ns: int | None = None  # time to which departures are accounted for; None: before the first keyframe
     rates: DetectionRates = CERTAIN
@@ -88,7 +88,7 @@ class HypothesisObjects:
         return HypothesisObjects(
             ids=np.concatenate([self.ids[update.kept], update.new_ids]),
             existence_given=np.concatenate([update.existence[update.kept], update.new_existence]),
-            views=update.views,
+            in_view=update.in_view,
             gone=None
             if update.gone is None
             else np.concatenate([update.gone[update.kept], 0.0 * update.new_existence]),
@@ -189,7 +189,7 @@ class ExistenceUpdate:
     new_existence: Array  # (n, G)
     rates: DetectionRates = CERTAIN  # the settings that are left
     rates_kept: Flags | None = None  # which of the parent's settings these are; None: all
-    views: Views | None = None  # of the kept objects, then of the new ones; None: misses do not count
+    in_view: InViewRecord | None = None  # of the kept objects, then of the new ones; None: misses do not count
     gone: Array | None = None  # (O, G) probability that it has left, where departures are modelled
     stamp_ns: int | None = None  # of this keyframe, where departures are modelled
     moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing moves

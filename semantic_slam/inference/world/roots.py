@@ -8,10 +8,10 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_before
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.in_view import InViewRecord
 from semantic_slam.inference.states.metre import Metre
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
-from semantic_slam.inference.states.views import Views
 from semantic_slam.inference.world.departures import Departures
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.inference.world.starts import ANYWHERE
@@ -64,7 +64,7 @@ def _tracked_objects(problem: Problem, stated: HypothesisObjects) -> HypothesisO
     return replace(
         stated,
         existence_given=(1.0 - share) * existence,
-        views=Views.unknown(detectable, *shape),
+        in_view=InViewRecord.unknown(detectable, *shape),
         gone=share * existence if Departures(problem.open_world).is_on else None,
         rates=rates,
     )

@@ -226,7 +226,7 @@ def _detected_in_reach(component: Component, region: Any, reach: Index, objects:
     """(O, G) detection probabilities at the prediction, without occlusion; 0 for objects out of reach."""
     rates = component.objects.rates
     sensors, which = rates.sensors
-    looks = geometry_of(component.spaces).predicted_detections(region, sensors, objects)
+    predicted = geometry_of(component.spaces).predicted_detections(region, sensors, objects)
     detected = np.zeros(component.objects.existence_given.shape)
-    detected[reach] = looks.detected[0][:, which]
+    detected[reach] = predicted.detected[0][:, which]
     return detected
