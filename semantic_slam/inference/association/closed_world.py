@@ -17,7 +17,7 @@ from semantic_slam.inference.world.roots import closed_root
 class ClosedWorld:
     """The part of an association strategy that closed worlds share; subclasses say what they need, and predict."""
 
-    carries_views = tracks_objects = counts_misses = merges_copies = False
+    defers_view_factors = tracks_objects = counts_misses = merges_copies = False
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
         self.problem, self.registry = problem, registry

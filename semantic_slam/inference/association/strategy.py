@@ -93,7 +93,9 @@ class AssociationStrategy(Protocol):
     wants_identities: ClassVar[bool]  # detections carry the identity of their object
     counts_misses: ClassVar[bool]  # missed detections are evidence
     tracks_objects: ClassVar[bool]  # open world: births and removals; noise settings and biases may be inferred
-    carries_views: ClassVar[bool]  # no map states objects' headings: views enter a graph only once these are known
+    defers_view_factors: ClassVar[
+        bool
+    ]  # views enter a graph only once objects' headings, which no map states, are known
     merges_copies: ClassVar[bool]  # near-duplicate hypotheses arise, and are merged
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:

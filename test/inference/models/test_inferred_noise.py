@@ -89,7 +89,7 @@ def test_the_spread_of_a_bias_is_that_within_hypotheses_and_between_them() -> No
     tracked = [pool._backends[0].held[int(n)].component.tracked for n in belief.hypothesis_ids]
     weights, prior = np.exp(belief.log_weights), np.array([0.05, 0.1])
     means = np.array([own.bias[:2] for own in tracked]) * prior
-    within = np.array([np.diag(own.carried_covariance)[3:5] for own in tracked]) * prior**2
+    within = np.array([np.diag(own.propagated_covariance)[3:5] for own in tracked]) * prior**2
     squares = weights @ (within + means**2)
     np.testing.assert_allclose(belief.noise_values[1:], weights @ means, atol=1e-12)
     np.testing.assert_allclose(belief.noise_sigmas[1:], np.sqrt(squares - (weights @ means) ** 2), atol=1e-9)

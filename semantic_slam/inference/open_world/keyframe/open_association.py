@@ -42,7 +42,7 @@ from semantic_slam.inference.world.roots import tracking_root
 class OpenAssociation:
     """The k best joint assignments of every parent's detections to objects that it knows, or to new ones."""
 
-    carries_views = tracks_objects = True
+    defers_view_factors = tracks_objects = True
     needs_map, wants_identities, counts_misses, merges_copies = False, False, True, True
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:

@@ -208,7 +208,7 @@ class OpenKeyframe:
             existence=self._agreeing(parent, taken, existence),
             local=local,
             errors=None if prediction.errors is None else prediction.errors.transition,
-            carried_errors=prediction.carried_errors,
+            propagated_errors=prediction.propagated_errors,
             outliers=None if tail is None else self._outliers(own, row, known),
         )
 

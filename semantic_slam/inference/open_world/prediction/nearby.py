@@ -15,7 +15,7 @@ from semantic_slam.inference.open_world.prediction.open_geometry import geometry
 from semantic_slam.inference.open_world.prediction.predicted_robot import PredictedRobot
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalMap
-from semantic_slam.inference.smoothing.tracking import carried_keys
+from semantic_slam.inference.smoothing.tracking import motion_keys
 from semantic_slam.inference.states.in_view import InViewRecord
 from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
@@ -75,7 +75,7 @@ def local_around(component: Component, robot: Array, near: Index, ahead: Index) 
             :LOCAL_OBJECTS
         ]
         ids = component.objects.ids[np.union1d(np.union1d(near, ahead), around)]
-    keys = carried_keys(component.keyframe, len(tracked.bias), tracked.errors)
+    keys = motion_keys(component.keyframe, len(tracked.bias), tracked.errors)
     together = tracked.motion_covariance.copy()
     if len(ids):
         together = component.joint_covariance([*keys, *(object_key(int(n)) for n in ids)])

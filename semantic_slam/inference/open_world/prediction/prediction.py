@@ -18,9 +18,9 @@ from semantic_slam.inference.open_world.moving.moving_objects import PredictedMo
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap, LocalStart
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.observers import Observers
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 
@@ -34,7 +34,7 @@ class Prediction:
     predicted: PredictedBelief  # robot and near objects
     local: LocalMap  # predicted; holds all near objects
     errors: PredictedErrors | None  # of the detections, where they are correlated
-    carried_errors: CarriedErrors | None  # of earlier detections, after the motion
+    propagated_errors: PropagatedErrors | None  # of earlier detections, after the motion
     births: list[Birth]  # D
     rates: DetectionRates  # G settings, on which all below is conditioned
     log_intensity: Array  # (D, G) [1/m^2] or, for a bearing alone, in the region
@@ -94,7 +94,7 @@ class Prediction:
     @property
     def sensor(self) -> tuple[Array, Array]:
         """(d,) expected constant sensor errors, and (d, r + d) covariance with the robot and among each other."""
-        own = self.carried_errors if self.errors is None else self.errors.transition
+        own = self.propagated_errors if self.errors is None else self.errors.transition
         count = 0 if own is None else own.by_sensor.shape[1]
         if own is None or not count:
             return np.zeros(0), np.zeros((0, self.local.layout.robot))

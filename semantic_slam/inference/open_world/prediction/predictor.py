@@ -27,8 +27,8 @@ from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.second_boxes import second_boxes
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalMap
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.movers import Movers
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 from semantic_slam.inference.world.departures import Departures
 
@@ -82,8 +82,8 @@ class Predictor:
         near, beyond = self._near(predicted, births, detections, reach, named, wanted)
         ahead = geometry.ahead(region, tracked_states(component).states, robot, reach)
         local, shift = predicted.moved(local_around(component, robot, near, ahead))
-        carried = self._earlier_errors(predicted)
-        local, errors = self._with_errors(component, local, carried, near, detections)
+        propagated = self._earlier_errors(predicted)
+        local, errors = self._with_errors(component, local, propagated, near, detections)
         belief = predicted.with_objects(near, local, shift)
         objects = objects_in_reach(component, predicted, reach, near, belief)
         detected = _detected_in_reach(component, region, reach, objects)
@@ -100,7 +100,7 @@ class Predictor:
             predicted=belief,
             local=local,
             errors=errors,
-            carried_errors=carried,
+            propagated_errors=propagated,
             births=births,
             rates=component.objects.rates,
             log_intensity=intensity,
@@ -138,7 +138,7 @@ class Predictor:
             wanted,
         )
 
-    def _earlier_errors(self, predicted: PredictedRobot) -> CarriedErrors | None:
+    def _earlier_errors(self, predicted: PredictedRobot) -> PropagatedErrors | None:
         """The correlated errors of earlier detections after the motion; None: errors are independent."""
         component = predicted.component
         errors = tracked_states(component).errors
@@ -150,7 +150,7 @@ class Predictor:
         self,
         component: Component,
         local: LocalMap,
-        earlier: CarriedErrors | None,
+        earlier: PropagatedErrors | None,
         near: Index,
         detections: Sequence[Any],
     ) -> tuple[LocalMap, PredictedErrors | None]:
