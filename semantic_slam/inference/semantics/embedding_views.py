@@ -22,7 +22,7 @@ from semantic_slam.inference.semantics.interface import (
     reassociates,
 )
 from semantic_slam.inference.semantics.reassigned_vectors import reassigned_vectors
-from semantic_slam.inference.semantics.view_places import view_places
+from semantic_slam.inference.semantics.view_steps import ViewSteps, view_steps
 from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews, appearance_of
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
@@ -50,7 +50,7 @@ class EmbeddingViews:
         """Log evidence of each candidate's embeddings relative to the background, and the records after it."""
         rows, told = given.candidates.assignments, given.step.vectors
         assert told is not None
-        places = view_places(given)
+        steps = view_steps(given)
         keyframe = given.step.index if self.retells else None
         shared = [
             _Shared(model=self._model, told=told, views=parent.views, keyframe=keyframe) for parent in given.parents
@@ -65,8 +65,8 @@ class EmbeddingViews:
                 object_id = given.object_ids[int(rows.objects[row, number])]
                 before = records[row].get(object_id, given.parents[parent].views.get(object_id))
                 record = appearance_of(before) or self._known.get(object_id, self._nothing)
-                azimuth, log_range, _, elevation = places[row, number].tolist()
-                view = _View(index, azimuth, log_range, elevation)
+                seen = ViewSteps(*steps[row, number].tolist())
+                view = _View(index, seen.direction, seen.log_range, seen.elevation)
                 earlier = () if before is None else before.appearance_views
                 added, records[row][object_id] = shared[parent].with_view(record, earlier, object_id, view, ratios)
                 total[row] += added
