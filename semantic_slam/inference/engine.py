@@ -163,8 +163,12 @@ class Engine:
         """
         if not self.recovery.is_on:
             return 0.0
-        carried = [own for own in self.live.values() if is_carried_lately(own.lineage) or own.grounds]
-        weights = [own.log_weight for own in carried]
+        carried = [
+            hypothesis
+            for hypothesis in self.live.values()
+            if is_carried_lately(hypothesis.lineage) or hypothesis.grounds
+        ]
+        weights = [hypothesis.log_weight for hypothesis in carried]
         return float(np.exp(np.logaddexp.reduce(weights))) if weights else 0.0
 
     @property
@@ -275,7 +279,9 @@ class Engine:
             return committed
         most = most_of_a_kind(limits, len(step.detections))
         together, log_found = normalised(with_revised(self.live, found, places, self.problem, limits, most))
-        self.pool.offer({n: own.replayed for n, own in together.items() if own.replayed is not None})
+        self.pool.offer(
+            {n: hypothesis.replayed for n, hypothesis in together.items() if hypothesis.replayed is not None}
+        )
         committed = self._commit(step.index, together)
         self.hypotheses.enter(committed.hypotheses, committed.components, log_found)
         self.alternatives.enter(self.live)

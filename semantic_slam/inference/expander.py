@@ -95,7 +95,7 @@ class Expander:
                 return self._expanded(step, parent_ids, held, path, slips)
             there = self.problem.carried.step(step, carried)
             if carried == NEW_GROUND:
-                held = [replace(own, component=own.component.on_new_ground()) for own in held]
+                held = [replace(weighted, component=weighted.component.on_new_ground()) for weighted in held]
             return self._carried(self._expanded(there, parent_ids, held, path), carried)
         except np.linalg.LinAlgError as fault:
             raise InputError(
@@ -121,11 +121,11 @@ class Expander:
         factors, existence = keyframe.existence(candidates)
         rows = candidates.assignments
         steps = [
-            _told(own, revisions[parent], parents.components[parent])
-            for own, parent in zip(candidates.steps(keyframe.used, len(step.names)), rows.parents, strict=True)
+            _told(taken, revisions[parent], parents.components[parent])
+            for taken, parent in zip(candidates.steps(keyframe.used, len(step.names)), rows.parents, strict=True)
         ]
         used = [step.detections[number] for number in keyframe.used]
-        gains = np.array([own.log_gain + own.component.log_change(used) for own in revisions])
+        gains = np.array([revision.log_gain + revision.component.log_change(used) for revision in revisions])
         if slips is not None:
             gains = gains + slips.log_weights(parents.components)
         log_psi = _log_psi(rows, semantics, factors) + gains[rows.parents]
@@ -134,7 +134,7 @@ class Expander:
             parents=parents,
             keyframe=keyframe,
             candidates=candidates,
-            ids=[next_id(parents.ids[p], step.stamp_ns, own) for p, own in zip(rows.parents, steps, strict=True)],
+            ids=[next_id(parents.ids[p], step.stamp_ns, taken) for p, taken in zip(rows.parents, steps, strict=True)],
             steps=steps,
             log_psi=log_psi,
             log_left_out=candidates.log_left_out + _best_of_parents(rows.parents, log_psi, len(parents)),
@@ -146,13 +146,13 @@ class Expander:
     def _carried(self, expansion: Expansion, point: int) -> Expansion:
         """The candidates, with the prior weight of a kidnapping to that lattice point."""
         assert self.problem.carried is not None
-        assumed = [own.noise_settings or NoiseSettings() for own in expansion.parents.components]
-        weights = [self.problem.carried.log_weight(point, own.odometry_factor) for own in assumed]
-        rows, steps = expansion.assignments, [own.with_lattice_point(point) for own in expansion.steps]
+        assumed = [component.noise_settings or NoiseSettings() for component in expansion.parents.components]
+        weights = [self.problem.carried.log_weight(point, settings.odometry_factor) for settings in assumed]
+        rows, steps = expansion.assignments, [taken.with_lattice_point(point) for taken in expansion.steps]
         stamp_ns, ids = expansion.step.stamp_ns, expansion.parents.ids
         return replace(
             expansion,
-            ids=[next_id(ids[parent], stamp_ns, own) for parent, own in zip(rows.parents, steps, strict=True)],
+            ids=[next_id(ids[parent], stamp_ns, taken) for parent, taken in zip(rows.parents, steps, strict=True)],
             steps=steps,
             log_psi=expansion.log_psi + np.array(weights)[rows.parents],
         )
@@ -180,12 +180,14 @@ class Expander:
         if not self.reassociation.is_on:
             return parents, plain
         if path is not None:
-            own = self.reassociation.revised(step, parents.components[0], path.changes) if path.changes else plain[0]
-            return replace(parents, components=[own.component]), [own]
+            variant = (
+                self.reassociation.revised(step, parents.components[0], path.changes) if path.changes else plain[0]
+            )
+            return replace(parents, components=[variant.component]), [variant]
         found = self.reassociation.looked_for(step, parents)
         if not found:
             return parents, plain
-        variants = [own.component for own in found.values()]
+        variants = [variant.component for variant in found.values()]
         return parents.extended(list(found), variants), [*plain, *found.values()]
 
     def _semantics(self, keyframe: PredictedKeyframe, candidates: WeighedAssociations) -> SemanticEvidence:
@@ -208,7 +210,7 @@ def _with_slipping(
     if path is not None:
         if not path.slipped:
             return parents, revisions
-        return replace(parents, components=[slips.slipping(own) for own in parents.components]), revisions
+        return replace(parents, components=[slips.slipping(component) for component in parents.components]), revisions
     places = np.flatnonzero(parents.log_weights >= np.log(LEAST_SHARE)).tolist()
     variants = [slips.slipping(parents.components[place]) for place in places]
     return parents.extended(places, variants), [*revisions, *(revisions[place] for place in places)]

@@ -117,7 +117,10 @@ class Hypotheses:
 
     def root_numbers(self, candidates: CandidateTable, problem: Problem) -> NDArray[np.int_]:
         """(K,) root number of each candidate's history, see `Problem.root_number`."""
-        known = {n: problem.root_number(own.lineage) if own.lineage else n - ROOT_ID for n, own in self.live.items()}
+        known = {
+            n: problem.root_number(hypothesis.lineage) if hypothesis.lineage else n - ROOT_ID
+            for n, hypothesis in self.live.items()
+        }
         return np.array([known[n] for n in candidates.parent_ids.tolist()], dtype=int)
 
     def children(self, candidates: CandidateTable, pruned: Pruned, backend_ids: Sequence[int]) -> dict[int, Hypothesis]:

@@ -123,8 +123,8 @@ class Problem:
     @property
     def log_root_weights(self) -> list[float]:
         """Log prior weights of the root hypotheses, normalised: one for each noise setting of robot and sensor."""
-        log_priors = np.array([0.0 if own is None else own.log_prior for own in self.noise_settings])
-        return [float(own) for own in log_priors - np.log(np.exp(log_priors).sum())]
+        log_priors = np.array([0.0 if settings is None else settings.log_prior for settings in self.noise_settings])
+        return [float(log_weight) for log_weight in log_priors - np.log(np.exp(log_priors).sum())]
 
     def root_number(self, lineage: Sequence[LineageStep]) -> int:
         """Root number of a history: index of its noise setting + number of noise settings x number of its start."""
