@@ -26,7 +26,7 @@ from semantic_slam.inference.evidence.model_fit import ModelFit, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.kept_steps import KeptSteps
-from semantic_slam.inference.marginals import PassedOver, state_belief
+from semantic_slam.inference.marginals import state_belief
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.copies import Copies, Distinct
 from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
@@ -319,13 +319,11 @@ class Engine:
             step,
             self.statement.mixture(self.live, committed.components, committed.reported),
             committed.reported,
-            self.problem.class_names,
-            self.problem.inferred_noise,
-            state_space=self.problem.spaces.name,
-            num_candidates=len(candidates.ids),
+            self.problem,
+            candidates,
+            kept,
             discarded_mass=discarded.total,
             first_new_id=self.registry.first_new_id(step.index) if self.association.merges_copies else None,
-            passed_over=PassedOver.of(candidates, kept),
         )
         return replace(
             belief,
