@@ -34,7 +34,7 @@ class SeenAgain(NamedTuple):
         in_view: Callable[[Places, Array, Index], tuple[InViewProbabilities, Array]],
         chance: Callable[[Array], Array],
     ) -> tuple[PredictedDetections, Array]:
-        """Of N objects in K candidates, by ``places`` (K, N), and the (n, G) probabilities to see the pairs.
+        """What K candidates detect of N objects at ``places`` (K, N), and (n, G) probabilities to see the pairs.
 
         ``in_view`` gives the overlap of some places, whose objects nothing occluded before with some probability, and
         the probability that nothing but their own detections, by number, occludes them now; ``chance`` the detection

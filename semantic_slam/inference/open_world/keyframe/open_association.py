@@ -164,51 +164,57 @@ class OpenAssociation:
         detections would leave them. Columns are the near objects, then the D objects that the detections may start,
         then the moving objects.
         """
-        near = prediction.near
-        log_missed = log_miss(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])
-        r, detected = prediction.existence[near] * prediction.stands[near], prediction.detected[near]
-        with np.errstate(divide="ignore"):
-            log_ratio = np.log(r * np.maximum(detected, prediction.least_detected)) - log_missed[near]
-        unseen = log_missed.sum(axis=0) - prediction.expected_births
-        _, log_weights = prediction.rates.explained(unseen)
-        log_detected = np.logaddexp.reduce(log_weights + log_ratio, axis=1)
-        admitted = pairs.distance < self.settings.gate_sigma
-        log_new = np.logaddexp.reduce(log_weights + prediction.log_intensity, axis=1)
-        log_new += np.array([birth.log_area for birth in prediction.births])
+        log_weights, log_detected, log_missed, log_new = self._log_options(prediction)
         if pairs.log_words is not None:
             log_detected, log_new = log_detected + pairs.log_words[:, :-1], log_new + pairs.log_words[:, -1]
         log_known = pairs.log_density + log_detected
+        admitted = pairs.distance < self.settings.gate_sigma
         admitted |= self._outliers(pairs, log_known, log_new)
         moving, may_move, objects = self._moving(prediction, log_known, admitted, log_new, log_missed, log_weights)
-        log_pairs = np.concatenate([log_known, moving], axis=1)
         options = np.concatenate([admitted, may_move], axis=1)
-        weights = self.problem.weights
-        most = candidate_limit(weights, len(log_new))
+        most = candidate_limit(self.problem.weights, len(log_new))
         ranked = partial(
             best_assignments,
             admitted=options,
             log_new=log_new,
             limit=most,
-            gate=weights.gate,
+            gate=self.problem.weights.gate,
             log_beyond=prediction.log_beyond,
             objects=objects,
         )
+        log_pairs = np.concatenate([log_known, moving], axis=1)
         if self.settings.joint_ranking and admitted.any() and may_be_more(options, most):
             alone = np.concatenate([moving, log_new[:, None]], axis=1)
             linear = LinearisedEvidence.of(self.problem.spaces, prediction, pairs)
-            costs = JointCosts.of(linear, admitted, log_detected, alone)
             found = JointRanking(
-                costs=costs,
+                costs=JointCosts.of(linear, admitted, log_detected, alone),
                 log_pairs=log_pairs,
                 admitted=options,
                 ranked=ranked,
                 reach=float(np.log(self.problem.pruning.ratio)),
-            ).best(most, weights.gate)
+            ).best(most, self.problem.weights.gate)
         else:
             found = ranked(log_pairs)
-        known, moves = found.columns < len(near), found.columns < len(near) + moving.shape[1]
-        columns = found.columns + np.where(known, 0, np.where(moves, len(log_new), -moving.shape[1]))
-        return replace(found, columns=columns)
+        return replace(found, columns=_movers_last(found.columns, len(prediction.near), moving.shape[1]))
+
+    @staticmethod
+    def _log_options(prediction: Prediction) -> tuple[Array, Array, Array, Array]:
+        """Log weights of the options of a detection apart from where it is, averaged over the G sensor settings.
+
+        (G,) of the settings after a keyframe without detections; (M,) of a near object's detection relative to its
+        miss; (O, G) of misses; (D,) of births and false alarms.
+        """
+        near = prediction.near
+        log_missed = log_miss(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])
+        stands = prediction.existence[near] * prediction.stands[near]
+        with np.errstate(divide="ignore"):
+            log_ratio = np.log(stands * np.maximum(prediction.detected[near], prediction.least_detected))
+            log_ratio = log_ratio - log_missed[near]
+        _, log_weights = prediction.rates.explained(log_missed.sum(axis=0) - prediction.expected_births)
+        log_detected = np.logaddexp.reduce(log_weights + log_ratio, axis=1)
+        log_new = np.logaddexp.reduce(log_weights + prediction.log_intensity, axis=1)
+        log_new += np.array([birth.log_area for birth in prediction.births])
+        return log_weights, log_detected, log_missed, log_new
 
     def _outliers(self, pairs: PairDensities, log_known: Array, log_new: Array) -> Flags:
         """(D, M) outlier pairs whose weight is not negligible beside the alternatives of their detections."""
@@ -254,6 +260,13 @@ class OpenAssociation:
         if unknown:
             raise UnknownObjectsError(unknown)
         return np.array([place[own] for own in named], dtype=int).reshape(1, -1)
+
+
+def _movers_last(columns: Index, num_near: int, num_moving: int) -> Index:
+    """(B, D) columns in the order near, new, moving objects, from those in the order near, moving, new."""
+    num_new = columns.shape[1]
+    is_near, is_old = columns < num_near, columns < num_near + num_moving
+    return columns + np.where(is_near, 0, np.where(is_old, num_new, -num_moving))
 
 
 def _frame_input(step: Step, component: Component) -> FrameInput:
