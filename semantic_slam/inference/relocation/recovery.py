@@ -127,6 +127,19 @@ class Recovery:
             return {}
         best = next(iter(live.values()))
         self._log_best, self._log_ratio = best.log_weight + log_evidence - self._log_surplus, float(np.log(ratio))
+        self._search(live, best, log_evidence)
+        weighed = self._weighing(live, poses)
+        if not weighed or not self._weigh(best, log_evidence):
+            return {}
+        entering = [history for history in weighed if history.log_joint - self._log_best >= -self._log_ratio]
+        self._places.give_up(history.number for history in entering)
+        if entering:
+            for suspect in self._suspects.values():
+                suspect.looked = len(self._replay.steps)
+        return {history.number: self._entered(best, history) for history in entering}
+
+    def _search(self, live: Mapping[int, Hypothesis], best: Hypothesis, log_evidence: float) -> None:
+        """Begin histories at the newest suspects, and advance those under way."""
         if not self._replay.problem.is_placed(best.lineage):
             self._pass_over()
         self._keep_within_reach(best.lineage)
@@ -139,28 +152,19 @@ class Recovery:
             self._weigh(best, log_evidence)
             self._look(due, live)
         self._places.go_on(self._log_best, self._log_unplaced)
-        weighed = self._weighing(live, poses)
-        if not weighed or not self._weigh(best, log_evidence):
-            return {}
-        gains = {history.number: history.log_joint - self._log_best for history in weighed}
-        entering = [history for history in weighed if gains[history.number] >= -self._log_ratio]
-        self._places.give_up(history.number for history in entering)
-        if entering:
-            for suspect in self._suspects.values():
-                suspect.looked = len(self._replay.steps)
-        return {
-            history.number: Hypothesis(
-                owner=best.owner,
-                log_weight=best.log_weight + gains[history.number],
-                parent_id=history.parent_id,
-                lineage=history.lineage,
-                grounds=new_grounds(history.lineage),
-                revises=best,
-                replayed=history.component,
-                replicates=history.replicates + self._log_surplus,
-            )
-            for history in entering
-        }
+
+    def _entered(self, best: Hypothesis, history: Revised) -> Hypothesis:
+        """A history as a hypothesis that revises the ``best`` live one, with a weight in the unit of that one's."""
+        return Hypothesis(
+            owner=best.owner,
+            log_weight=best.log_weight + (history.log_joint - self._log_best),
+            parent_id=history.parent_id,
+            lineage=history.lineage,
+            grounds=new_grounds(history.lineage),
+            revises=best,
+            replayed=history.component,
+            replicates=history.replicates + self._log_surplus,
+        )
 
     def frame(self, grounds: Sequence[int]) -> Starts:
         """Start poses of the frame of a robot that was carried to new ground before the keyframes ``grounds``."""
