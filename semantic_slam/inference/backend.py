@@ -68,8 +68,8 @@ class Backend:
         self.held: dict[int, WeightedComponent] = {}
         if index == 0:
             self.held = {
-                ROOT_ID + number: WeightedComponent(self.association.root(number), log_weight)
-                for number, log_weight in enumerate(self.problem.log_root_weights)
+                ROOT_ID + root_number: WeightedComponent(self.association.root(root_number), log_weight)
+                for root_number, log_weight in enumerate(self.problem.log_root_weights)
             }
         self.committed = index - 1
         self._expanded: Expansion | None = None
@@ -184,11 +184,11 @@ class Backend:
         """
         if len(lineage) != length:
             raise LostComponentError(f"backend {self.backend_id} was given no lineage")
-        lineage, beginning = as_followed(lineage), self.problem.beginning(lineage)
-        numbers = [ROOT_ID + beginning]
+        lineage, root_number = as_followed(lineage), self.problem.root_number(lineage)
+        numbers = [ROOT_ID + root_number]
         for stamp_ns, taken in zip(self.steps.stamps_ns[:length], lineage, strict=True):
             numbers.append(next_id(numbers[-1], stamp_ns, taken))
-        begin, component = self.trunks.deepest(numbers) or (0, self.association.root(beginning))
+        begin, component = self.trunks.deepest(numbers) or (0, self.association.root(root_number))
         self.num_rebuilt, self.num_replayed = self.num_rebuilt + 1, self.num_replayed + length - begin
         for at in range(begin, length):
             step, child = self.steps[at], numbers[at + 1]

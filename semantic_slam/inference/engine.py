@@ -22,29 +22,29 @@ from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building import make_run_configuration, problem_of, reference_of, start_of_run
 from semantic_slam.inference.candidate_table import CandidateTable
-from semantic_slam.inference.evidence.explanation import Explanation, mean_of_known
+from semantic_slam.inference.evidence.model_fit import ModelFit, mean_of_known
 from semantic_slam.inference.hypotheses import Hypotheses, Hypothesis
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.kept_steps import KeptSteps
-from semantic_slam.inference.marginals import PassedOver, state_belief
+from semantic_slam.inference.marginals import state_belief
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.open_world.copies import Copies, Distinct
 from semantic_slam.inference.open_world.genuine_objects import GenuineObjects
 from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.protocol import BackendPool, Components, RunConfiguration
+from semantic_slam.inference.protocol import BackendPool, RunConfiguration
 from semantic_slam.inference.pruning import Kinds, Pruned, affordable, most_of_a_kind, prune, widened
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.revision.looking_back import Present
 from semantic_slam.inference.revision.replay import REACH, Replay
 from semantic_slam.inference.revision.revision import Revision, normalised, with_revised
-from semantic_slam.inference.rounds import HeldComponent, Rounds, held_components
+from semantic_slam.inference.rounds import Committed, Rounds, held_components
 from semantic_slam.inference.statement import Statement
 from semantic_slam.inference.summarised_copies import SummarisedCopies
 from semantic_slam.inference.world.carried import is_carried_lately
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
+from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.state import restore, state_of
 
@@ -62,7 +62,7 @@ class Engine:
         "genuine",
         "reference",
         "recovery",
-        "explanation",
+        "model_fit",
         "log_evidence",
         "_last_stamp_ns",
     )
@@ -107,7 +107,7 @@ class Engine:
         self.rounds = Rounds(pool, run.run_id, self.hypotheses)
         merges = self.association.merges_copies
         self.copies = Copies(self.problem) if merges else self._copies_of_known_objects()
-        self.alternatives = Alternatives(list(self.hypotheses.live)) if merges else NoAlternatives()
+        self.alternatives = Alternatives(self.problem, list(self.hypotheses.live)) if merges else NoAlternatives()
         self.budget = TimeBudget(self.problem.open_world.time_budget_ms, self.problem.pruning)
         self.genuine = GenuineObjects(
             self.problem.open_world, self.problem.detection_errors, counts_misses=self.association.counts_misses
@@ -124,7 +124,7 @@ class Engine:
         )
         self.recovery = Recovery(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
         self.statement = Statement(self.problem, self.registry, self.genuine, self.recovery, self.alternatives)
-        self.explanation = Explanation()
+        self.model_fit = ModelFit()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept, in nats
         self._last_stamp_ns: int | None = None  # of the newest keyframe; None before the first one
 
@@ -163,8 +163,12 @@ class Engine:
         """
         if not self.recovery.is_on:
             return 0.0
-        carried = [own for own in self.live.values() if is_carried_lately(own.lineage) or own.grounds]
-        weights = [own.log_weight for own in carried]
+        carried = [
+            hypothesis
+            for hypothesis in self.live.values()
+            if is_carried_lately(hypothesis.lineage) or hypothesis.grounds
+        ]
+        weights = [hypothesis.log_weight for hypothesis in carried]
         return float(np.exp(np.logaddexp.reduce(weights))) if weights else 0.0
 
     @property
@@ -182,11 +186,11 @@ class Engine:
         weighed = self.propagate_weights(keyframe, step)  # of all continuations of every component with w > 0
         candidates = self.copies.merged(weighed)
         kept = self.prune_and_normalise(step, candidates)
-        components, reported = self.add_observation_factors(step, candidates, kept)  # only for survivors, w > 0
-        self.alternatives.follow(weighed, self.live, components)
-        components, reported = self.revise(step, components, reported)
+        committed = self.add_observation_factors(step, candidates, kept)  # only for survivors, w > 0
+        self.alternatives.follow(weighed, self.live, committed.components)
+        committed = self.revise(step, committed)
         self.budget.end(len(self.hypotheses))
-        belief = self.weighted_components(step, components, reported, candidates, kept)
+        belief = self.weighted_components(step, committed, candidates, kept)
         return self.judged(step, belief, candidates, kept)
 
     def introduce(self, keyframe: Keyframe) -> Step:
@@ -228,10 +232,10 @@ class Engine:
 
         Pruning is relaxed while the data are poorly explained (``unexplained``, see ``widened``).
         """
-        limits = widened(self._limits(step), self.explanation.unexplained)
+        limits = widened(self._limits(step), self.model_fit.unexplained)
         kinds = Kinds(
             positions=candidates.poses[:, :3],
-            beginnings=self.hypotheses.beginnings(candidates),
+            root_numbers=self.hypotheses.root_numbers(candidates, self.problem),
             most=most_of_a_kind(limits, len(step.detections)),
         )
         ordinary = self.recovery.not_carried(self.live, candidates.parent_ids)
@@ -243,63 +247,68 @@ class Engine:
         """Pruning limits at a keyframe: fewer hypotheses in a long run, or where time is short."""
         return affordable(self.budget.limits(), step.index + 1)
 
-    def add_observation_factors(
-        self, step: Step, candidates: CandidateTable, kept: Pruned
-    ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
-        """Add the factors of Z_k to the survivors' components (Eqs. 4.9 and 4.10); return them and their objects.
+    def add_observation_factors(self, step: Step, candidates: CandidateTable, kept: Pruned) -> Committed:
+        """Add the factors of Z_k to the survivors' components (Eqs. 4.9 and 4.10).
 
         A component whose linear system is indeterminate is dropped together with its hypothesis.
         """
-        children = self.hypotheses.children(candidates, kept, self.pool.backend_ids)
-        children, answers = self.rounds.commit(step.index, children)
-        reported = self._reported(answers)
-        components = held_components(answers, reported)
-        self.hypotheses.accept(children, components, kept.discarded)
+        committed = self._commit(step.index, self.hypotheses.children(candidates, kept, self.pool.backend_ids))
+        self.hypotheses.accept(committed.hypotheses, committed.components, kept.discarded)
         self.hypotheses.discarded.find(candidates.log_found)
-        self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
-        return components, reported
+        self._remember(committed)
+        return committed
 
-    def revise(
-        self, step: Step, components: dict[int, HeldComponent], reported: ReportedObjects
-    ) -> tuple[dict[int, HeldComponent], ReportedObjects]:
+    def revise(self, step: Step, committed: Committed) -> Committed:
         """Let revised association histories enter the mixture with their own weights, if any were found.
 
         These correct past associations in hindsight (``revision``: duplicate objects, wrong loop closures), localise a
         lost robot in the map (``relocation``: global localisation), or explain the data by a kidnapped robot
-        (``recovery``). Returns the components and their objects.
+        (``recovery``). Returns what is committed in the end.
         """
         limits, ratio = self._limits(step), self.problem.pruning.ratio
+        components = committed.components
         poses = {number: components[number].pose for number in self.live}
         places = {number: pose[:3] for number, pose in poses.items()}
         found: dict[int, Hypothesis] = {}
         if self.revision.is_on:
             objects = {number: components[number].objects for number in self.live}
-            found |= self.revision.revised(Present(self.live, reported.ids, objects, self.log_evidence))
+            found |= self.revision.revised(Present(self.live, committed.reported.ids, objects, self.log_evidence))
         found |= self.relocation.placed(self.live, self.log_evidence, ratio)
         found |= self.recovery.found(self.live, poses, self.log_evidence, ratio)
         if not found:
-            return components, reported
+            return committed
         most = most_of_a_kind(limits, len(step.detections))
         together, log_found = normalised(with_revised(self.live, found, places, self.problem, limits, most))
-        self.pool.offer({n: own.replayed for n, own in together.items() if own.replayed is not None})
-        children, answers = self.rounds.commit(step.index, together)
-        reported = self._reported(answers)
-        components = held_components(answers, reported)
-        self.hypotheses.enter(children, components, log_found)
+        self.pool.offer(
+            {n: hypothesis.replayed for n, hypothesis in together.items() if hypothesis.replayed is not None}
+        )
+        committed = self._commit(step.index, together)
+        self.hypotheses.enter(committed.hypotheses, committed.components, log_found)
         self.alternatives.enter(self.live)
         self.log_evidence += log_found
-        self.copies.remember(self.live, {n: components[n].objects for n in self.live}, reported, self.registry)
-        return components, reported
+        self._remember(committed)
+        return committed
 
-    def _reported(self, answers: list[Components]) -> ReportedObjects:
-        """The objects to report, given the components that backends hold."""
-        return self.association.reported(self.registry, {n for answer in answers for n in answer.object_ids.tolist()})
+    def _commit(self, index: int, hypotheses: dict[int, Hypothesis]) -> Committed:
+        """Have the backends hold the components of these hypotheses after keyframe ``index``, and report them."""
+        hypotheses, answers = self.rounds.commit(index, hypotheses)
+        alive = {object_id for answer in answers for object_id in answer.object_ids.tolist()}
+        reported = self.association.reported(self.registry, alive)
+        return Committed(
+            hypotheses=hypotheses,
+            components=held_components(answers, reported),
+            reported=reported,
+        )
+
+    def _remember(self, committed: Committed) -> None:
+        """Keep of the live hypotheses what near copies among the next candidates are recognised by."""
+        objects = {number: committed.components[number].objects for number in self.live}
+        self.copies.remember(self.live, objects, committed.reported, self.registry)
 
     def weighted_components(
         self,
         step: Step,
-        components: dict[int, HeldComponent],
-        reported: ReportedObjects,
+        committed: Committed,
         candidates: CandidateTable,
         kept: Pruned,
     ) -> HybridBelief:
@@ -308,15 +317,13 @@ class Engine:
         self.genuine.note(step)
         belief = state_belief(
             step,
-            self.statement.mixture(self.live, components, reported),
-            reported,
-            self.problem.class_names,
-            self.problem.inferred_noise,
-            state_space=self.problem.spaces.name,
-            num_candidates=len(candidates.ids),
+            self.statement.mixture(self.live, committed.components, committed.reported),
+            committed.reported,
+            self.problem,
+            candidates,
+            kept,
             discarded_mass=discarded.total,
             first_new_id=self.registry.first_new_id(step.index) if self.association.merges_copies else None,
-            passed_over=PassedOver.of(candidates, kept),
         )
         return replace(
             belief,
@@ -341,5 +348,5 @@ class Engine:
             outlier_probability=outliers,
             log_evidence=log_evidence,
             innovation_nees=mean_of_known(candidates.innovation_nees[kept.kept], weights),
-            unexplained=self.explanation.add(log_evidence, log_reference),
+            unexplained=self.model_fit.add(log_evidence, log_reference),
         )

@@ -10,6 +10,7 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.strategy import AssociationStrategy, Parents, PredictedKeyframe
 from semantic_slam.inference.evidence.assignments import Assignments
 from semantic_slam.inference.evidence.weighed_associations import WeighedAssociations
+from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.reassociation.reassociation import Reassociation
 from semantic_slam.inference.reassociation.solved import RevisedComponent
@@ -21,9 +22,9 @@ from semantic_slam.inference.smoothing.growth import Outcome, grow
 from semantic_slam.inference.smoothing.past.horizon import oldest_kept
 from semantic_slam.inference.states.lineage import LineageStep, next_id
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
-from semantic_slam.inference.world.carried import NEW_GROUND, NOWHERE, carried_to, with_carried
+from semantic_slam.inference.world.carried import NEW_GROUND, NOWHERE
 from semantic_slam.inference.world.problem import Problem
-from semantic_slam.inference.world.slips import Slips, is_slipped, with_slip, without_slip
+from semantic_slam.inference.world.slips import Slips
 
 LEAST_SHARE = 0.2
 """Least weight of a hypothesis for which a wheel slip is weighed as an alternative motion."""
@@ -86,15 +87,15 @@ class Expander:
         ``path`` is the one continuation wanted when a lineage is replayed. ``carried`` is the lattice point to which a
         kidnapped robot was moved, NOWHERE for none; with a ``path``, its step states that.
         """
-        if path is not None and step.index > 0 and carried_to(path):
-            path, carried = with_carried(path, NOWHERE), carried_to(path)
+        if path is not None and step.index > 0 and path.lattice_point:
+            path, carried = path.with_lattice_point(NOWHERE), path.lattice_point
         slips = self.problem.slips if step.index > 0 else None
         try:
             if carried == NOWHERE or self.problem.carried is None:
                 return self._expanded(step, parent_ids, held, path, slips)
             there = self.problem.carried.step(step, carried)
             if carried == NEW_GROUND:
-                held = [replace(own, component=own.component.on_new_ground()) for own in held]
+                held = [replace(weighted, component=weighted.component.on_new_ground()) for weighted in held]
             return self._carried(self._expanded(there, parent_ids, held, path), carried)
         except np.linalg.LinAlgError as fault:
             raise InputError(
@@ -113,18 +114,18 @@ class Expander:
         parents, revisions = self._with_revised(step, Parents.of(parent_ids, held), path)
         if slips is not None:
             parents, revisions = _with_slipping(slips, parents, revisions, path)
-            path = path if path is None else without_slip(path)
+            path = path if path is None else path.without_slip()
         keyframe = self.association.predict(step, parents, path)  # by the motion model: Eqs. 4.11, 4.21
         candidates = keyframe.weigh(keyframe.associate())  # every beta_k, Eq. 4.20; classes and modes
         semantics = self._semantics(keyframe, candidates)
         factors, existence = keyframe.existence(candidates)
         rows = candidates.assignments
         steps = [
-            _told(own, revisions[parent], parents.components[parent])
-            for own, parent in zip(candidates.steps(keyframe.used, len(step.names)), rows.parents, strict=True)
+            _told(taken, revisions[parent], parents.components[parent])
+            for taken, parent in zip(candidates.steps(keyframe.used, len(step.names)), rows.parents, strict=True)
         ]
         used = [step.detections[number] for number in keyframe.used]
-        gains = np.array([own.log_gain + own.component.log_change(used) for own in revisions])
+        gains = np.array([revision.log_gain + revision.component.log_change(used) for revision in revisions])
         if slips is not None:
             gains = gains + slips.log_weights(parents.components)
         log_psi = _log_psi(rows, semantics, factors) + gains[rows.parents]
@@ -133,7 +134,7 @@ class Expander:
             parents=parents,
             keyframe=keyframe,
             candidates=candidates,
-            ids=[next_id(parents.ids[p], step.stamp_ns, own) for p, own in zip(rows.parents, steps, strict=True)],
+            ids=[next_id(parents.ids[p], step.stamp_ns, taken) for p, taken in zip(rows.parents, steps, strict=True)],
             steps=steps,
             log_psi=log_psi,
             log_left_out=candidates.log_left_out + _best_of_parents(rows.parents, log_psi, len(parents)),
@@ -145,15 +146,13 @@ class Expander:
     def _carried(self, expansion: Expansion, point: int) -> Expansion:
         """The candidates, with the prior weight of a kidnapping to that lattice point."""
         assert self.problem.carried is not None
-        weights = [
-            self.problem.carried.log_weight(point, own.settings.odometry_factor if own.settings is not None else 1.0)
-            for own in expansion.parents.components
-        ]
-        rows, steps = expansion.assignments, [with_carried(own, point) for own in expansion.steps]
+        assumed = [component.noise_settings or NoiseSettings() for component in expansion.parents.components]
+        weights = [self.problem.carried.log_weight(point, settings.odometry_factor) for settings in assumed]
+        rows, steps = expansion.assignments, [taken.with_lattice_point(point) for taken in expansion.steps]
         stamp_ns, ids = expansion.step.stamp_ns, expansion.parents.ids
         return replace(
             expansion,
-            ids=[next_id(ids[parent], stamp_ns, own) for parent, own in zip(rows.parents, steps, strict=True)],
+            ids=[next_id(ids[parent], stamp_ns, taken) for parent, taken in zip(rows.parents, steps, strict=True)],
             steps=steps,
             log_psi=expansion.log_psi + np.array(weights)[rows.parents],
         )
@@ -181,12 +180,14 @@ class Expander:
         if not self.reassociation.is_on:
             return parents, plain
         if path is not None:
-            own = self.reassociation.revised(step, parents.components[0], path.changes) if path.changes else plain[0]
-            return replace(parents, components=[own.component]), [own]
+            variant = (
+                self.reassociation.revised(step, parents.components[0], path.changes) if path.changes else plain[0]
+            )
+            return replace(parents, components=[variant.component]), [variant]
         found = self.reassociation.looked_for(step, parents)
         if not found:
             return parents, plain
-        variants = [own.component for own in found.values()]
+        variants = [variant.component for variant in found.values()]
         return parents.extended(list(found), variants), [*plain, *found.values()]
 
     def _semantics(self, keyframe: PredictedKeyframe, candidates: WeighedAssociations) -> SemanticEvidence:
@@ -199,7 +200,7 @@ def _told(step: LineageStep, revised: RevisedComponent, parent: Component) -> Li
     """A candidate's lineage step, with the reassociations of its parent, and whether its motion slipped."""
     if revised.changes:
         step = replace(step, changes=revised.changes)
-    return with_slip(step) if parent.slip is not None else step
+    return step.with_slip() if parent.slip is not None else step
 
 
 def _with_slipping(
@@ -207,9 +208,9 @@ def _with_slipping(
 ) -> tuple[Parents, list[RevisedComponent]]:
     """The parents, plus the likely ones with a wheel slip in this motion; with a ``path``, as it states."""
     if path is not None:
-        if not is_slipped(path):
+        if not path.slipped:
             return parents, revisions
-        return replace(parents, components=[slips.slipping(own) for own in parents.components]), revisions
+        return replace(parents, components=[slips.slipping(component) for component in parents.components]), revisions
     places = np.flatnonzero(parents.log_weights >= np.log(LEAST_SHARE)).tolist()
     variants = [slips.slipping(parents.components[place]) for place in places]
     return parents.extended(places, variants), [*revisions, *(revisions[place] for place in places)]

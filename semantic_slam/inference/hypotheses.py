@@ -18,6 +18,7 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import Lineage, LineageStep, revised
 from semantic_slam.inference.world.carried import new_grounds
+from semantic_slam.inference.world.problem import Problem
 
 RECENT_KEYFRAMES = 10
 """Number of keyframes in ``discarded_mass_window``: mass discarded before that has shown its effect, or never will."""
@@ -95,14 +96,14 @@ class Hypotheses:
         """Start with one root hypothesis for each noise setting that is to be decided by the evidence."""
         self.bagging = bagging
         self.live = {
-            ROOT_ID + number: Hypothesis(
+            ROOT_ID + root_number: Hypothesis(
                 owner=owner,
                 log_weight=log_weight,
-                parent_id=ROOT_ID + number,
+                parent_id=ROOT_ID + root_number,
                 lineage=(),
                 replicates=bagging.begun(log_weight),
             )
-            for number, log_weight in enumerate(log_root_weights)
+            for root_number, log_weight in enumerate(log_root_weights)
         }
         self.discarded = DiscardedMass()
 
@@ -114,10 +115,13 @@ class Hypotheses:
         """Number of keyframes so far, the length of every live lineage."""
         return len(next(iter(self.live.values())).lineage)
 
-    def beginnings(self, candidates: CandidateTable) -> NDArray[np.int_]:
-        """(K,) root of each candidate's history: the index of its noise setting and start, see `Problem.beginning`."""
-        began = {n: own.lineage[0].mode if own.lineage else n - ROOT_ID for n, own in self.live.items()}
-        return np.array([began[n] for n in candidates.parent_ids.tolist()], dtype=int)
+    def root_numbers(self, candidates: CandidateTable, problem: Problem) -> NDArray[np.int_]:
+        """(K,) root number of each candidate's history, see `Problem.root_number`."""
+        known = {
+            n: problem.root_number(hypothesis.lineage) if hypothesis.lineage else n - ROOT_ID
+            for n, hypothesis in self.live.items()
+        }
+        return np.array([known[n] for n in candidates.parent_ids.tolist()], dtype=int)
 
     def children(self, candidates: CandidateTable, pruned: Pruned, backend_ids: Sequence[int]) -> dict[int, Hypothesis]:
         """The surviving candidates, heaviest first; each stays with its parent's owner while that backend has room."""

@@ -1,6 +1,5 @@
 """Marginals of the hybrid belief over the weighted hypotheses (Eqs. 4.6-4.8)."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +15,8 @@ from semantic_slam.inference.object_places import distinct_places
 from semantic_slam.inference.object_table import ObjectTable, marginals
 from semantic_slam.inference.pruning import Pruned
 from semantic_slam.inference.states.lineage import Lineage
-from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ReportedObjects
+from semantic_slam.inference.world.problem import Problem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +85,7 @@ def _probabilities_of_known(
     object_ids: NDArray[np.int64],
     reported: ReportedObjects,
     first_new_id: int | None,
-    passed_over: PassedOver | None,
+    passed_over: PassedOver,
 ) -> Array:
     """:func:`association_probabilities` of the objects known before the keyframe, from (H, D) ``object_ids``."""
 
@@ -96,7 +95,7 @@ def _probabilities_of_known(
 
     count = len(reported.ids)
     probabilities = association_probabilities(weights, columns(object_ids), count)
-    if passed_over is not None and first_new_id is not None:
+    if first_new_id is not None:
         probabilities += association_probabilities(passed_over.weights, columns(passed_over.associations), count)
         probabilities /= 1.0 + passed_over.weights.sum()
     return probabilities
@@ -106,31 +105,31 @@ def state_belief(
     step: Step,
     mixture: Mixture,
     reported: ReportedObjects,
-    class_names: Sequence[str],
-    inferred_noise: InferredNoise,
+    problem: Problem,
+    candidates: CandidateTable,
+    kept: Pruned,
     *,
-    state_space: str,
-    num_candidates: int,
     discarded_mass: float,
-    first_new_id: int | None = None,
-    passed_over: PassedOver | None = None,
+    first_new_id: int | None,
 ) -> HybridBelief:
     """The belief after one keyframe, from the mixture over its hypotheses.
 
     Objects with ids from ``first_new_id`` on were born from this keyframe's detections; None: there are no births.
-    The pruned candidates ``passed_over`` count only in ``association_probabilities``.
+    Those of the ``candidates`` that were not ``kept`` count only in ``association_probabilities``.
     """
     weights = np.exp(mixture.log_weights)
     object_ids = mixture.associations()
     clutter = np.full(len(step.names), np.nan)  # in an open world it may be a new object
     if first_new_id is None:
         clutter = weights @ (object_ids < 0)
+    passed_over = PassedOver.of(candidates, kept)
+    state_space = problem.spaces.name
     return HybridBelief(
         stamp_ns=step.stamp_ns,
         keyframe=step.index,
         planar=state_space == "planar",
-        class_names=tuple(class_names),
-        num_candidates=num_candidates,
+        class_names=problem.class_names,
+        num_candidates=len(candidates.ids),
         hypothesis_ids=np.array(mixture.ids, dtype=np.uint64),
         parent_ids=np.array(mixture.parent_ids, dtype=np.uint64),
         modes=np.array([lineage[-1].mode for lineage in mixture.lineages], dtype=np.uint16),
@@ -151,6 +150,6 @@ def state_belief(
         state_space=state_space,
         **_revisions(mixture.changes),
         **distinct_places(weights, mixture.objects),
-        **inferred_noise.marginals(weights, mixture.noise, step.sensed),
+        **problem.inferred_noise.marginals(weights, mixture.noise, step.sensed),
         **marginals(weights, mixture.objects),
     )

@@ -56,19 +56,19 @@ class Kinds:
     """Coarse attributes of K candidates, by which they are clustered into kinds to keep the survivors diverse."""
 
     positions: Array  # (K, 3) of the robot, metres
-    beginnings: NDArray[np.int_]  # (K,) root of each history: the index of its noise setting and start
+    root_numbers: NDArray[np.int_]  # (K,) of each history: its noise setting and start, see `Problem.root_number`
     most: int | None = None  # kept of a kind; None: any number
 
     def of(self, order: NDArray[np.int_], place_m: float) -> NDArray[np.int_]:
         """(K,) cluster number of each candidate, taken in ``order``.
 
-        A candidate joins the cluster of the first one of the same root within ``place_m`` metres.
+        A candidate joins the cluster of the first one of the same root number within ``place_m`` metres.
         """
         kinds, left = np.zeros(len(order), dtype=int), np.arange(len(order))
-        positions, beginnings, number = self.positions[order], self.beginnings[order], 0
+        positions, root_numbers, number = self.positions[order], self.root_numbers[order], 0
         while len(left):
             near = np.hypot.reduce(positions[left] - positions[left[0]], axis=1) <= place_m
-            near &= beginnings[left] == beginnings[left[0]]
+            near &= root_numbers[left] == root_numbers[left[0]]
             kinds[left[near]] = number
             left, number = left[~near], number + 1
         return kinds

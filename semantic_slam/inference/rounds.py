@@ -33,6 +33,15 @@ class HeldComponent:
     noise: Array  # (N, 2)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Committed:
+    """Result of a commit: the hypotheses with their present owners, and their components as backends hold them."""
+
+    hypotheses: dict[int, Hypothesis]
+    components: dict[int, HeldComponent]  # without those that backends lost
+    reported: ReportedObjects  # the rows of the components' objects
+
+
 class Rounds:
     """Runs both rounds with the backends of ``pool``; hypotheses that a backend lost are rebuilt by the others."""
 

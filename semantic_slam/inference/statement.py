@@ -42,32 +42,32 @@ class Statement:
     ) -> Mixture:
         """The mixture over the ``live`` hypotheses, in descending order of weight."""
         found = self._as_believed(live, components)
-        rows = [self._in_map(components[n], own, reported) for n, own in found.items()]
-        objects = stack_rows([own.objects for own in rows])
+        rows = [self._in_map(components[n], hypothesis, reported) for n, hypothesis in found.items()]
+        objects = stack_rows([held.objects for held in rows])
         objects = _beside_rivals(found, objects)
         objects = self._as_scored(found, reported.ids, objects)
         return Mixture(
             ids=list(found),
-            parent_ids=[own.told_parent_id for own in found.values()],
-            log_weights=np.array([own.log_weight for own in found.values()]),
-            lineages=[own.lineage for own in found.values()],
+            parent_ids=[hypothesis.told_parent_id for hypothesis in found.values()],
+            log_weights=np.array([hypothesis.log_weight for hypothesis in found.values()]),
+            lineages=[hypothesis.lineage for hypothesis in found.values()],
             changes=self._alternatives.told({n: found[n] for n in live}),
-            poses=np.array([own.pose for own in rows]),
-            pose_covariances=np.array([own.covariance for own in rows]),
+            poses=np.array([held.pose for held in rows]),
+            pose_covariances=np.array([held.covariance for held in rows]),
             objects=objects,
-            noise=np.array([own.noise for own in rows]),
+            noise=np.array([held.noise for held in rows]),
         )
 
-    def _in_map(self, held: HeldComponent, own: Hypothesis, reported: ReportedObjects) -> HeldComponent:
+    def _in_map(self, held: HeldComponent, hypothesis: Hypothesis, reported: ReportedObjects) -> HeldComponent:
         """Express a component in map, adding the frame's uncertainty where its robot is not localised in the map.
 
         A robot that is lost or was kidnapped maps in a local frame, whose pose in map is known only by its prior.
         """
         starts = self._problem.starts
-        if own.grounds:
-            frame, first = self._recovery.frame(own.grounds), self._registry.first_new_id(own.grounds[0])
+        if hypothesis.grounds:
+            frame, first = self._recovery.frame(hypothesis.grounds), self._registry.first_new_id(hypothesis.grounds[0])
             held = in_map(held, frame, np.array([n < first for n in reported.ids], dtype=bool))
-        if starts is None or self._problem.is_placed(own.lineage):
+        if starts is None or self._problem.is_placed(hypothesis.lineage):
             return held
         known = self._problem.map_ids
         return in_map(held, starts, np.array([n in known for n in reported.ids], dtype=bool))
@@ -84,11 +84,11 @@ class Statement:
             return live
         places = Kinds(
             positions=np.array([components[number].pose[:3] for number, _ in every]),
-            beginnings=np.zeros(len(every), dtype=int),
+            root_numbers=np.zeros(len(every), dtype=int),
         )
         log_weights = bagging.log_weights(
-            np.array([own.log_weight for _, own in every]),
-            np.array([own.replicates for _, own in every]),
+            np.array([hypothesis.log_weight for _, hypothesis in every]),
+            np.array([hypothesis.replicates for _, hypothesis in every]),
             places.of(np.arange(len(every)), limits.place_m),
         )
         return {
@@ -106,5 +106,5 @@ def _beside_rivals(live: dict[int, Hypothesis], objects: ObjectTable) -> ObjectT
     """(H, O) objects, their existence beside the hypotheses in which they are false alarms, followed or not."""
     if not objects.track_scores.size:
         return objects
-    weights = np.exp([own.log_weight for own in live.values()])
+    weights = np.exp([hypothesis.log_weight for hypothesis in live.values()])
     return objects.existing(existence_beside_rivals(weights, objects.existed, objects.track_scores))

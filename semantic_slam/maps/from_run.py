@@ -28,7 +28,7 @@ from semantic_slam.inference.world.objects import ReportedObjects
 from semantic_slam.maps.checks import MOST_OBJECTS
 from semantic_slam.maps.class_priors import class_priors_of
 from semantic_slam.maps.from_belief import MOVES, mapped_rows, saved_map_of_belief
-from semantic_slam.maps.saved_map import Looks, MapHypotheses, SavedMap
+from semantic_slam.maps.saved_map import MapHypotheses, SavedMap, ViewedFrom
 from semantic_slam.pipeline.recorded_keyframes import recorded_keyframes
 
 KEPT_MASS, MOST_HYPOTHESES, MOST_NUMBERS = 0.999, 50, 1 << 23
@@ -131,13 +131,13 @@ def _sightings(engine: Engine, number: int, ids: Index) -> Array:
     return np.array([float(seen[own]) for own in ids.tolist()])
 
 
-def _looks(engine: Engine, component: Component) -> Looks:
+def _looks(engine: Engine, component: Component) -> ViewedFrom:
     """Poses from which a component has looked; empty in space, and where the sensor region is learned."""
     world = engine.problem.open_world
     if world.learn_region or component.spaces.name == SPATIAL:
-        return Looks()
+        return ViewedFrom()
     path = component.path()[:, :3]
-    return Looks(
+    return ViewedFrom(
         path=path, region=np.array([world.direction_rad, world.field_of_view_rad, world.min_range_m, world.max_range_m])
     )
 

@@ -20,7 +20,7 @@ from semantic_slam.inference.world import map_prior
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
 from semantic_slam.maps.checks import MOST_OBJECTS, check_map
-from semantic_slam.maps.saved_map import Looks, MapHypotheses, MapObjects, Provenance, SavedMap
+from semantic_slam.maps.saved_map import MapHypotheses, MapObjects, Provenance, SavedMap, ViewedFrom
 from semantic_slam.model_files import Arrays, ModelFormat
 
 REMEDY = "save it anew with semantic_slam map save"
@@ -158,7 +158,7 @@ def _saved(arrays: Arrays, entries: dict[str, Any]) -> SavedMap:
     """Parse arrays and description. Raises KeyError, TypeError or ValueError."""
     if entries["frame"] != "map" or entries["state_space"] not in STATE_SPACES:
         raise ValueError(f"frame {entries['frame']!r}, state space {entries['state_space']!r}")
-    parts: dict[str, type[Any]] = {"objects": MapObjects, "hypotheses": MapHypotheses, "looks": Looks}
+    parts: dict[str, type[Any]] = {"objects": MapObjects, "hypotheses": MapHypotheses, "looks": ViewedFrom}
     expected = {f"{part}.{own.name}" for part, kind in parts.items() for own in fields(kind)} - {"objects.names"}
     if set(arrays) != expected:
         raise ValueError(f"arrays are lacking or strange: {sorted(set(arrays) ^ expected)[0]}")
@@ -170,7 +170,7 @@ def _saved(arrays: Arrays, entries: dict[str, Any]) -> SavedMap:
         class_names=_texts(entries["class_names"]),
         objects=MapObjects(names=_texts(entries["names"]), **part_arrays["objects"]),
         hypotheses=MapHypotheses(**part_arrays["hypotheses"]),
-        looks=Looks(**part_arrays["looks"]),
+        looks=ViewedFrom(**part_arrays["looks"]),
         has_cross_covariances=_flag(entries["has_cross_covariances"]),
         discarded_mass=float(entries["discarded_mass"]),
         descriptor_space=str(entries["descriptor_space"]),

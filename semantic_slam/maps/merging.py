@@ -20,7 +20,7 @@ from semantic_slam.maps.differences import gone
 from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
 from semantic_slam.maps.merged_objects import MergedRows, merged_objects
-from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap, have_common_ancestor
+from semantic_slam.maps.saved_map import Provenance, SavedMap, ViewedFrom, have_common_ancestor
 
 SURE = 0.9
 """Smallest probability of an alignment that is accepted."""
@@ -155,9 +155,9 @@ def _blocks(joint: Array) -> Array:
     return np.array(np.einsum("iaib->iab", joint.reshape(count, 3, count, 3)))
 
 
-def _looks(one: Looks, other: Looks, T: Array) -> Looks:
+def _looks(one: ViewedFrom, other: ViewedFrom, T: Array) -> ViewedFrom:
     """Combined looks of both robots; empty where one map has none, or the sensor regions differ."""
     if not (len(one.path) and len(other.path) and np.allclose(one.region, other.region)):
-        return Looks()
+        return ViewedFrom()
     moved = se2.compose(np.broadcast_to(T, other.path.shape), other.path)
-    return Looks(path=np.concatenate([one.path, moved]), region=one.region)
+    return ViewedFrom(path=np.concatenate([one.path, moved]), region=one.region)

@@ -77,7 +77,7 @@ class MapHypotheses:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Looks:
+class ViewedFrom:
     """Poses from which the robot looked, and the sensor region, in the plane: objects in no look may exist unseen."""
 
     path: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (K, 3) x, y, yaw in map; none: not known
@@ -100,7 +100,7 @@ class SavedMap:
     objects: MapObjects
     hypotheses: MapHypotheses
     has_cross_covariances: bool  # else the objects of a hypothesis count as independent
-    looks: Looks = field(default_factory=Looks)
+    looks: ViewedFrom = field(default_factory=ViewedFrom)
     discarded_mass: float = 0.0  # of dropped hypotheses, 0..1
     descriptor_space: str = ""
     state_space: str = PLANAR  # of the run: planar or spatial

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.model_fit import UNEXPLAINED
 from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
 from semantic_slam.report.metrics_table import MEANINGS
 from semantic_slam.report.plain_json import to_text

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.model_fit import UNEXPLAINED
 from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.shown.objects import CERTAIN, ObjectView

@@ -56,7 +56,7 @@ from semantic_slam.pipeline.preamble import checked_initial_pose
 from semantic_slam.pipeline.session import Session
 from semantic_slam.ros.manager_parameters import ManagerParameters
 from semantic_slam.ros.node.changes import Values
-from semantic_slam.ros.node.health import Level, Status, dropped_status, explanation_status
+from semantic_slam.ros.node.health import Level, Status, dropped_status, model_fit_status
 from semantic_slam.ros.node.pipeline_node import PipelineNode, main_of
 from semantic_slam.ros.node.repeats import Repeats
 from semantic_slam.ros.node.run_inputs import imu_source
@@ -125,7 +125,7 @@ class HypothesisManagerNode(PipelineNode):
         self._announced, self._belief_stamp_ns = -1, 0
         self._is_paused = self._is_recovering = self._is_finished = False
         self._status = dropped_status(self.refused)  # replaced by the worker, published by the executor
-        self._explanation = explanation_status(None)  # replaced by the worker, published by the executor
+        self._explanation = model_fit_status(None)  # replaced by the worker, published by the executor
 
     def _create_services(self) -> None:
         self._background = InBackground(self, "services")
@@ -196,7 +196,7 @@ class HypothesisManagerNode(PipelineNode):
         self._belief, self._belief_stamp_ns, self._announced = None, 0, -1
         for service in self._belief_services:
             service.begin()
-        self._explanation = explanation_status(None)
+        self._explanation = model_fit_status(None)
 
     def resume(self) -> None:
         """Start working; after :meth:`pause_work`, make keyframes again."""
@@ -311,7 +311,7 @@ class HypothesisManagerNode(PipelineNode):
         )
         for service in self._belief_services:
             service.update(update)
-        self._explanation = explanation_status(belief, self._session.carried)
+        self._explanation = model_fit_status(belief, self._session.carried)
         self._belief_stamp_ns = belief.stamp_ns
         self._snapshots.count()
 

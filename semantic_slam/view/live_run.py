@@ -10,7 +10,7 @@ import numpy as np
 
 from semantic_slam.evaluation.record import json_object
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.model_fit import UNEXPLAINED
 from semantic_slam.inference.inputs.spatial_reader import camera_of
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.protocol import RunConfiguration

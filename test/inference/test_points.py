@@ -32,6 +32,7 @@ from semantic_slam.inference.states.keys import object_key, robot_key
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.roots import closed_root
 
 DRAWS, CHUNK = 1 << 20, 1 << 16
 POINTS = np.array([[2.0, 1.0], [2.3, -0.6], [3.4, 0.4]])
@@ -193,7 +194,7 @@ def test_a_large_map_of_points_is_that_of_poses() -> None:
 
 def test_samples_of_all_states_have_the_smoother_s_moments() -> None:
     """Robots and points of different sizes in one vector, in the order of their keys."""
-    component = pinned_world().problem().root()
+    component = closed_root(pinned_world().problem())
     samples = StateSamples.of(component, 40_000, seed=1)
     keys = [robot_key(-1), object_key(2), object_key(0)]
     drawn = np.concatenate([samples.deviations[:, samples.rows[key]] for key in keys], axis=1)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from semantic_slam import Configuration, Detection, Engine, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.configuration import PruningConfiguration, load_configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import strategy_of
@@ -24,8 +25,8 @@ def pruned(kinds: Kinds | None = None, ordinary: list[bool] | None = None, **lim
     return prune(WEIGHTS, np.arange(6, dtype=np.uint64), np.array([-np.inf]), settings, kinds, told)
 
 
-def kinds(beginnings: tuple[int, ...] = (0,) * 6, positions: np.ndarray = POSITIONS) -> Kinds:
-    return Kinds(positions=positions, beginnings=np.array(beginnings))
+def kinds(root_numbers: tuple[int, ...] = (0,) * 6, positions: np.ndarray = POSITIONS) -> Kinds:
+    return Kinds(positions=positions, root_numbers=np.array(root_numbers))
 
 
 def test_half_of_the_room_goes_in_turn_to_each_kind() -> None:
@@ -37,6 +38,26 @@ def test_half_of_the_room_goes_in_turn_to_each_kind() -> None:
 def test_what_began_otherwise_is_of_another_kind_wherever_it_is() -> None:
     at_one_place = np.zeros((6, 2))
     assert pruned(kinds((0, 0, 0, 0, 1, 1), at_one_place)).kept.tolist() == [0, 1, 2, 4]
+
+
+def test_posterior_modes_of_a_robot_on_a_known_map_are_of_one_kind() -> None:
+    """A lost robot's first detection has several modes, which only at the first keyframe of an open world are roots."""
+    row = MapPrior(tuple(ObjectPrior.planar(n, 2.0 * n, 1.0, sigma_m=0.1, sigma_rad=0.1) for n in range(4)))
+    live = []
+    for place_m in (0.0, 1000.0):  # without kinds; with one place for all
+        pruning = {"ratio": 30.0, "kind_ratio": 1e6, "place_m": place_m}
+        engine = Engine(
+            Configuration.of(semantic_model={"kind": "none"}, pruning=pruning),
+            row,
+            initial_pose=(3.0, 0.0, 0.0),
+            initial_covariance=np.diag([4.0, 2.25, 2.25]),
+        )
+        for k in range(2):
+            seen = [Detection(range_m=2.2, bearing_rad=0.5)]
+            engine.process(Keyframe.planar(k, motion=(0.3 * k, 0.0, 0.0), detections=seen))
+        live.append(list(engine.live))
+    assert len({history.lineage[0].mode for history in engine.live.values()}) > 1
+    assert live[0] == live[1]
 
 
 def test_what_is_of_a_kind_is_held_against_the_heaviest_of_that_kind() -> None:

@@ -13,6 +13,7 @@ from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.inference.world.roots import closed_root
 from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
 from semantic_slam.maps.class_priors import class_evidence, class_priors_of
 from semantic_slam.maps.comparison import Comparison
@@ -131,7 +132,7 @@ def test_a_hypothesis_that_lacks_an_object_knows_no_more_of_it_than_that_it_is_n
         seen = [Detection.at(*at, label="chair", track_id=name, score=0.5) for name, at in PLACES.items()]
         belief = engine.process(Keyframe.planar(index, detections=seen if index < 2 else seen[:1]))
     assert isinstance(engine.pool, InProcessPool)
-    whole = [engine.pool.component(int(belief.hypothesis_ids[0])), engine.problem.root()]
+    whole = [engine.pool.component(int(belief.hypothesis_ids[0])), closed_root(engine.problem)]
     arguments = np.array([5]), engine.registry.known, engine.problem.class_shares
     alone = class_priors_of(whole[:1], np.ones(1), *arguments)
     np.testing.assert_allclose(alone, 1.0 / 3.0)  # all came at once

@@ -13,7 +13,7 @@ from semantic_slam.maps.comparison import Comparison
 from semantic_slam.maps.differences import MapDifference, difference
 from semantic_slam.maps.map_file import with_id
 from semantic_slam.maps.merging import merged
-from semantic_slam.maps.saved_map import Looks, Provenance, SavedMap
+from semantic_slam.maps.saved_map import Provenance, SavedMap, ViewedFrom
 from semantic_slam.maps.telling import as_json
 from semantic_slam.maps.telling_changes import change_lines, changes_as_json
 
@@ -30,7 +30,7 @@ ROOM = np.array(
     ]
 )
 CLASSES = (0, 0, 1, 1, 2, 2, 3)
-EVERYWHERE = Looks(
+EVERYWHERE = ViewedFrom(
     path=np.array([[3.0, 1.0, turn] for turn in np.linspace(-3.0, 3.0, 120)]), region=np.array([0.0, 1.4, 0.3, 6.0])
 )
 
@@ -42,7 +42,7 @@ def room(
     frame_m: float = 0.2,
     sigma_rad: float = 0.05,
     first: int = 0,
-    looks: Looks = EVERYWHERE,
+    looks: ViewedFrom = EVERYWHERE,
 ) -> SavedMap:
     """Objects known to 3 cm relative to each other, in a frame that is known to ``frame_m``."""
     shares = {n: {name: (0.9997 if k == n else 0.0001) for k, name in enumerate(NAMES)} for n in range(len(NAMES))}
@@ -118,7 +118,7 @@ def test_what_objects_have_in_common_tells_a_nudge_from_a_frame_that_is_off() ->
 
 
 def test_what_was_never_looked_at_is_not_said_to_be_gone() -> None:
-    aside = Looks(path=np.tile([20.0, 0.0, 0.0], (40, 1)), region=EVERYWHERE.region)
+    aside = ViewedFrom(path=np.tile([20.0, 0.0, 0.0], (40, 1)), region=EVERYWHERE.region)
     old = told_of(room(), second(looks=aside), True).old[1]
     assert old.kind == "unseen" and old.probabilities["gone"] < 0.1
 

@@ -22,6 +22,7 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.world.map_prior import parse_map_prior
+from semantic_slam.inference.world.roots import closed_root
 from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
 from semantic_slam.maps.from_belief import saved_map_of_belief
 from semantic_slam.maps.from_run import saved_map_of_engine
@@ -108,7 +109,7 @@ def test_the_next_run_starts_from_what_objects_have_in_common(known: SavedMap, t
     np.testing.assert_array_equal(again.joint_covariance, prior.joint_covariance)
     problem = problem_of(make_run_configuration(GIVEN, prior, *start_of_run(GIVEN, None, None), stamp_ns=0))
     assert problem.joint is not None
-    _, covariance = problem.root().joint_of_objects(problem.joint.object_ids)
+    _, covariance = closed_root(problem).joint_of_objects(problem.joint.object_ids)
     np.testing.assert_allclose(covariance, problem.joint.covariance, atol=1e-9)
     for entry in problem.objects:
         rows = slice(3 * entry.object_id, 3 * entry.object_id + 3)

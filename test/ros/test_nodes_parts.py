@@ -20,7 +20,7 @@ from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import OdometryEstimate, header_stamp_ns
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.plain_views import MarkersView, pose_view
-from semantic_slam.ros.node.health import Level, explanation_status
+from semantic_slam.ros.node.health import Level, model_fit_status
 from semantic_slam.ros.node.run_inputs import map_prior_of
 from semantic_slam.ros.publishing.frames import Frames
 from semantic_slam.ros.publishing.transforms import Transforms
@@ -268,10 +268,10 @@ def test_in_space_an_ellipsoid_has_three_axes_of_its_own_and_stands_at_its_heigh
 @pytest.mark.parametrize(("unexplained", "level"), [(np.nan, Level.WARN), (0.2, Level.OK), (0.9, Level.WARN)])
 def test_a_belief_that_cannot_explain_its_data_or_does_not_know_is_a_warning(unexplained: float, level: Level) -> None:
     belief = replace(small_belief(3, [1], [0], [1.0], [1], [[0]]), unexplained=unexplained, log_evidence=-31.25)
-    status = explanation_status(belief)
+    status = model_fit_status(belief)
     assert status.level == level and status.values["log_evidence"] == "-31.25"
     assert ("keyframe 3" in status.message) == (level == Level.WARN)
     assert ("not known" in status.message) == np.isnan(unexplained)
-    carried = explanation_status(belief, 0.98)
+    carried = model_fit_status(belief, 0.98)
     assert carried.level == Level.WARN and "carried elsewhere lately (98%)" in carried.message
-    assert explanation_status(None).level == Level.OK
+    assert model_fit_status(None).level == Level.OK

@@ -12,6 +12,7 @@ from semantic_slam.inference.expander import Expander
 from semantic_slam.inference.smoothing.component import WeightedComponent
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.objects import ObjectRegistry
+from semantic_slam.inference.world.roots import closed_root
 from semantic_slam_lab.benchmarks.row import Row
 from semantic_slam_lab.grid.run import keyframes_of, run_of
 from semantic_slam_lab.grid.world import World, grid_world
@@ -84,7 +85,7 @@ def _prepared(world: World, random: np.random.Generator) -> tuple[Callable[[], o
     means = se2.compose(world.truth[0], se2.exp(random.normal(size=(PARENTS, 3)) * np.sqrt(world.noise.robot)))
     priors = [GaussianPrior(mean, covariance) for mean in means]
     parents = [
-        WeightedComponent(dataclasses.replace(problem, robot=prior).root(), -np.log(PARENTS)) for prior in priors
+        WeightedComponent(closed_root(dataclasses.replace(problem, robot=prior)), -np.log(PARENTS)) for prior in priors
     ]
     robots = [dataclasses.replace(world, robot_mean=mean).predicted_robot() for mean in means]
     return lambda: expander.expand(step, list(range(PARENTS)), parents), robots

@@ -19,6 +19,7 @@ from semantic_slam.inference.alternatives.told import Told, told_changes
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.states.lineage import Lineage
+from semantic_slam.inference.world.problem import Problem
 
 MOST_GIVEN_UP = 300
 """Largest number of pruned histories, heaviest first, that are considered in one keyframe."""
@@ -45,7 +46,7 @@ class NoAlternatives:
 
     def told(self, live: Mapping[int, Hypothesis]) -> list[tuple[int, int, int, int]]:
         """(hypothesis, keyframe, detection, object or -1) wherever a revised history differs from what it revises."""
-        return [(number, *change) for number, own in live.items() for change in own.changes()]
+        return [(number, *change) for number, hypothesis in live.items() for change in hypothesis.changes()]
 
 
 class Alternatives:
@@ -53,7 +54,8 @@ class Alternatives:
 
     STATE: ClassVar[tuple[str, ...]] = ("_lineages", "_shares", "_known", "_told", "_tells", "_renamed")
 
-    def __init__(self, root_ids: Sequence[int]) -> None:
+    def __init__(self, problem: Problem, root_ids: Sequence[int]) -> None:
+        self._problem = problem
         self._lineages: dict[int, Lineage] = {number: () for number in root_ids}  # of the live hypotheses
         self._shares = Shares(values=np.zeros((0, len(root_ids))))
         self._known = 0  # number of alternatives that are older than the newest keyframe
@@ -64,14 +66,16 @@ class Alternatives:
     def follow(self, weighed: CandidateTable, live: Mapping[int, Hypothesis], held: Mapping[int, Held]) -> None:
         """Update after pruning: each pruned candidate becomes an alternative to a similar ``live`` one, its heir."""
         columns = {number: column for column, number in enumerate(self._lineages)}
-        parents = np.array([columns[own.parent_id] for own in live.values()], dtype=int)
+        parents = np.array([columns[hypothesis.parent_id] for hypothesis in live.values()], dtype=int)
         before, self._known = self._shares, len(self._shares.changes)
         self._shares, self._tells = before.of_children(parents), self._tells[:, parents]
-        self._renamed = {n: _renamed(own, self._renamed.get(own.parent_id, {})) for n, own in live.items()}
+        self._renamed = {
+            n: _renamed(hypothesis, self._renamed.get(hypothesis.parent_id, {})) for n, hypothesis in live.items()
+        }
         place = {int(number): row for row, number in enumerate(weighed.ids)}
         rows = np.array([place[number] for number in live], dtype=int)
         covariances = np.array([held[number].covariance for number in live])
-        heirs = Heirs(weighed, rows, covariances, self._lineages)
+        heirs = Heirs(self._problem, weighed, rows, covariances, self._lineages)
         weights = np.exp(weighed.log_weights - weighed.log_weights.max())
         total = weights[rows]
         for row in self._given_up(weights, rows):
@@ -82,23 +86,24 @@ class Alternatives:
             total[heir] += weights[row]
             its = before.values[:, columns[int(weighed.parent_ids[row])]]
             self._shares.give_up(weights[row] / total[heir], changes, its, heir)
-        self._lineages = {number: own.lineage for number, own in live.items()}
+        self._lineages = {number: hypothesis.lineage for number, hypothesis in live.items()}
 
     def enter(self, live: Mapping[int, Hypothesis]) -> None:
         """Update after revisions entered: each inherits the alternatives of the hypothesis that it revises."""
         columns = {number: column for column, number in enumerate(self._lineages)}
         by_lineage = {id(lineage): number for number, lineage in self._lineages.items()}
         sources = {
-            n: n if own.revises is None else by_lineage.get(id(own.revises.lineage), n) for n, own in live.items()
+            n: n if hypothesis.revises is None else by_lineage.get(id(hypothesis.revises.lineage), n)
+            for n, hypothesis in live.items()
         }
         chosen = np.array([columns[source] for source in sources.values()], dtype=int)
         self._shares, self._tells = self._shares.of_children(chosen), self._tells[:, chosen]
-        self._renamed = {n: _renamed(own, self._renamed.get(sources[n], {})) for n, own in live.items()}
-        self._lineages = {number: own.lineage for number, own in live.items()}
+        self._renamed = {n: _renamed(hypothesis, self._renamed.get(sources[n], {})) for n, hypothesis in live.items()}
+        self._lineages = {number: hypothesis.lineage for number, hypothesis in live.items()}
 
     def told(self, live: Mapping[int, Hypothesis]) -> list[tuple[int, int, int, int]]:
         """(hypothesis, keyframe, detection, object or -1) where a history, as reported, differs from its parent's."""
-        weights = np.exp([own.log_weight for own in live.values()])
+        weights = np.exp([hypothesis.log_weight for hypothesis in live.values()])
         known = self._shares.take(np.arange(self._known))
         tells = balanced(self._tells, known, weights)
         now = Told.of(self._lineages, known.changes, tells, self._renamed)
@@ -122,12 +127,12 @@ class Alternatives:
         self._told = self._told.take(kept)
 
 
-def _renamed(own: Hypothesis, before: Mapping[int, int]) -> dict[int, int]:
+def _renamed(hypothesis: Hypothesis, before: Mapping[int, int]) -> dict[int, int]:
     """Object ids in a hypothesis, by their ids before its revisions merged objects."""
-    if own.revises is None:
+    if hypothesis.revises is None:
         return dict(before)
     news: dict[int, set[int]] = {}
-    for k, detection, number in own.changes():
-        news.setdefault(own.revises.lineage[k].association[detection], set()).add(number)
+    for k, detection, number in hypothesis.changes():
+        news.setdefault(hypothesis.revises.lineage[k].association[detection], set()).add(number)
     new = {old: next(iter(numbers)) for old, numbers in news.items() if len(numbers) == 1}
     return {old: new.get(number, number) for old, number in before.items()} | new

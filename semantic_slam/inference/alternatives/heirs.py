@@ -12,6 +12,7 @@ from semantic_slam.geometry.pose import PLANAR_AXES, planar_from_pose_vector, wr
 from semantic_slam.inference.alternatives.differences import Change, differences
 from semantic_slam.inference.candidate_table import CandidateTable
 from semantic_slam.inference.states.lineage import Lineage
+from semantic_slam.inference.world.problem import Problem
 
 FARTHEST = 3.0
 """Largest squared Mahalanobis distance of both robot poses, by the survivor's covariance: chi-square's mean, 3 dof."""
@@ -21,6 +22,7 @@ FARTHEST = 3.0
 class Heirs:
     """K candidates of a keyframe, of which the H in ``rows`` survive; P parents by their ids."""
 
+    problem: Problem
     weighed: CandidateTable
     rows: Index  # (H,) of the survivors
     covariances: Array  # (H, 6, 6) of the robot's pose
@@ -48,7 +50,7 @@ class Heirs:
         offset = self._poses - planar_from_pose_vector(self.weighed.poses[row])
         offset[:, 2] = wrap_angle(offset[:, 2])
         squared = (offset * np.linalg.solve(self._spreads, offset[..., None])[..., 0]).sum(axis=1)
-        return np.flatnonzero((squared <= FARTHEST) & (self._roots == self._begins(row)))
+        return np.flatnonzero((squared <= FARTHEST) & (self._root_numbers == self._root_number(row)))
 
     @cached_property
     def _poses(self) -> Array:
@@ -62,13 +64,13 @@ class Heirs:
         return self.covariances[:, axes[:, None], axes]
 
     @cached_property
-    def _roots(self) -> Index:
-        """(H,) the modes in which they began."""
-        return np.array([self._begins(row) for row in self.rows.tolist()], dtype=int)
+    def _root_numbers(self) -> Index:
+        """(H,) their root numbers."""
+        return np.array([self._root_number(row) for row in self.rows.tolist()], dtype=int)
 
-    def _begins(self, row: int) -> int:
+    def _root_number(self, row: int) -> int:
         lineage = self.parents[int(self.weighed.parent_ids[row])]
-        return lineage[0].mode if lineage else int(self.weighed.modes[row])
+        return self.problem.root_number(lineage or (self.weighed.step(row),))
 
     def _changes(self, row: int, at: int) -> tuple[Change, ...]:
         heir = int(self.rows[at])

@@ -83,15 +83,15 @@ class Told:
 def told_changes(before: Told, now: Told, live: Mapping[int, Hypothesis]) -> list[tuple[int, int, int, int]]:
     """(hypothesis, keyframe, detection, object or -1) where live hypotheses report otherwise than their parents did."""
     found = []
-    for number, own in live.items():
-        for place in sorted(_touched(before, now, number, own)):
+    for number, hypothesis in live.items():
+        for place in sorted(_touched(before, now, number, hypothesis)):
             object_id = now.object_at(number, place)
-            if object_id != before.object_at(own.told_parent_id, place):
+            if object_id != before.object_at(hypothesis.told_parent_id, place):
                 found.append((number, *place, object_id))
     return found
 
 
-def _touched(before: Told, now: Told, number: int, own: Hypothesis) -> set[Place]:
+def _touched(before: Told, now: Told, number: int, hypothesis: Hypothesis) -> set[Place]:
     """Detections where a hypothesis's report may differ from its parent's.
 
     These are detections of alternatives that it reports newly or no longer; for a revision, of all that either reports,
@@ -99,9 +99,9 @@ def _touched(before: Told, now: Told, number: int, own: Hypothesis) -> set[Place
     """
     told = now.tells[:, now.columns[number]]
     parent = np.zeros(len(told), dtype=bool)
-    parent[: len(before.tells)] = before.tells[:, before.columns[own.told_parent_id]]
-    if own.revises is None:
+    parent[: len(before.tells)] = before.tells[:, before.columns[hypothesis.told_parent_id]]
+    if hypothesis.revises is None:
         return now.places(np.flatnonzero(told != parent))
-    newest = len(own.lineage) - 1  # the newest keyframe, of which no parent reported anything
-    revised = {(keyframe, detection) for keyframe, detection, _ in own.changes() if keyframe < newest}
+    newest = len(hypothesis.lineage) - 1  # the newest keyframe, of which no parent reported anything
+    revised = {(keyframe, detection) for keyframe, detection, _ in hypothesis.changes() if keyframe < newest}
     return revised | now.places(np.flatnonzero(told | parent))

@@ -293,7 +293,7 @@ class ClosedKeyframe:
                 log_level=log_level,
                 is_cut_off=self._is_cut_off,
             )
-            return split_modes(unsplit, weights, self.path.mode if self.path is not None else None)
+            return split_modes(unsplit, weights, self.path.component_mode if self.path is not None else None)
         if method == "laplace":
             log_evidence = mode.log_evidence + problem.log_visibility(mode.y, soft=True) + of_rows
             return candidates.gaining(

@@ -11,12 +11,13 @@ from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.roots import closed_root
 
 
 class ClosedWorld:
     """The part of an association strategy that closed worlds share; subclasses say what they need, and predict."""
 
-    carries_views = tracks_objects = counts_misses = merges_copies = False
+    defers_view_factors = tracks_objects = counts_misses = merges_copies = False
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
         self.problem, self.registry = problem, registry
@@ -36,9 +37,9 @@ class ClosedWorld:
         """All objects of the map and all that detections named, seen or not."""
         return registry.stated
 
-    def root(self, number: int) -> Component:
+    def root(self, root_number: int) -> Component:
         """The component before any keyframe."""
-        return self.problem.root()
+        return closed_root(self.problem)
 
 
 def expected_along(path: LineageStep | None, known: list[int]) -> list[int]:

@@ -57,41 +57,53 @@ def pair_densities(
     """
     mean = predicted.mean[0]
     count = len(mean) - 1
+    shape = len(detections), count
     if not count or not detections:
-        nothing = np.zeros((len(detections), count))
-        return PairDensities(nothing, nothing, _no_pairs(nothing.shape), tail=tail, outlier_distance=nothing)
+        nothing = np.zeros(shape)
+        return PairDensities(nothing, nothing, _no_pairs(shape), tail=tail, outlier_distance=nothing)
     joint = predicted.pair_covariances[0]
     rows, storage = len(detections) * count, spaces.storage
     collected = model.collect(detections)
     if len(detections) > 1:  # a single row is broadcast
         collected = collected.take(np.repeat(np.arange(len(detections)), count))
-    robot = broadcast_copy(mean[0, : storage.robot], (rows, storage.robot))
+    robots = broadcast_copy(mean[0, : storage.robot], (rows, storage.robot))
     states = np.tile(mean[1:, : storage.landmark], (len(detections), 1))
-    part = model.geometry(collected, robot, states)
-    prior, slopes = np.tile(joint, (len(detections), 1, 1)), None
+    part = model.geometry(collected, robots, states)
     if errors is not None:
-        slopes, at = np.repeat(errors.slopes, count, axis=0), np.repeat(errors.mean, count, axis=0)
-        part = errors.transition.white.linearisation(part, slopes, at)
-        places = spaces.layout.rows_of_slots(np.stack([np.zeros(count, dtype=int), 1 + np.arange(count)], axis=1))
-        prior = errors.with_pairs(joint, places).reshape(rows, prior.shape[-1] + 2, -1)
+        return _at_prediction(*_with_errors(spaces, errors, part, joint, shape), shape, tail)
+    prior = np.tile(joint, (len(detections), 1, 1))
     jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object], axis=-1)
-    if slopes is not None:
-        jacobian = np.concatenate([jacobian, slopes[:, :, None] * np.eye(2)], axis=-1)
-    shape = len(detections), count
-    if slopes is None and tail is None:  # candidates are weighed at their modes
-        turns = np.repeat(np.sqrt([own.turn_variance for own in detections]), count)
+    if tail is None:  # candidates are weighed at their modes
+        turns = np.repeat(np.sqrt([detection.turn_variance for detection in detections]), count)
         bent = np.flatnonzero(bend(turns, jacobian, prior) > LARGEST_BEND)
         if len(bent):
             pairs = StatePairs(
                 spaces=spaces,
                 model=model,
                 detections=model.collect(detections).take(bent // count),
-                robots=robot[bent],
+                robots=robots[bent],
                 objects=states[bent],
                 root=np.linalg.cholesky(prior[bent]),
             )
             return _at_modes(pairs, bent, part, prior, shape)
     return _at_prediction(part, jacobian, prior, shape, tail)
+
+
+def _with_errors(
+    spaces: Spaces, errors: PredictedErrors, part: Linearisation, joint: Array, shape: tuple[int, int]
+) -> tuple[Linearisation, Array, Array]:
+    """Pairs (D M, ...) with the detections' correlated errors among the states: ``part``, Jacobians, covariances.
+
+    ``joint`` (M, r + l, r + l) is of robot and object.
+    """
+    count = shape[1]
+    slopes, at = np.repeat(errors.slopes, count, axis=0), np.repeat(errors.mean, count, axis=0)
+    part = errors.transition.white.linearisation(part, slopes, at)
+    slots = np.stack([np.zeros(count, dtype=int), 1 + np.arange(count)], axis=1)
+    prior = errors.with_pairs(joint, spaces.layout.rows_of_slots(slots))
+    jacobian = np.concatenate([part.jacobian_robot, part.jacobian_object, slopes[:, :, None] * np.eye(2)], axis=-1)
+    size = joint.shape[-1] + 2
+    return part, jacobian, prior.reshape(shape[0] * count, size, -1)
 
 
 def _at_prediction(

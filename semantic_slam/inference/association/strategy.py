@@ -93,7 +93,9 @@ class AssociationStrategy(Protocol):
     wants_identities: ClassVar[bool]  # detections carry the identity of their object
     counts_misses: ClassVar[bool]  # missed detections are evidence
     tracks_objects: ClassVar[bool]  # open world: births and removals; noise settings and biases may be inferred
-    carries_views: ClassVar[bool]  # no map states objects' headings: views enter a graph only once these are known
+    defers_view_factors: ClassVar[
+        bool
+    ]  # views enter a graph only once objects' headings, which no map states, are known
     merges_copies: ClassVar[bool]  # near-duplicate hypotheses arise, and are merged
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
@@ -115,8 +117,8 @@ class AssociationStrategy(Protocol):
     def reported(registry: ObjectRegistry, alive: Collection[int]) -> ReportedObjects:
         """The objects to report, given the ids ``alive`` that some hypothesis holds."""
 
-    def root(self, number: int) -> Component:
-        """The root component for a root ``number`` (noise setting and start), before any keyframe."""
+    def root(self, root_number: int) -> Component:
+        """The root component of a ``root_number`` (its noise setting and start), before any keyframe."""
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> PredictedKeyframe:
         """Predict the keyframe for the parents. Raises LostComponentError.

@@ -46,6 +46,8 @@ def moving_of(configuration: Configuration, association: type[AssociationStrateg
     return Moving(configuration.moving, configuration.detection_errors)
 
 
-def noises_of(configuration: Configuration, association: type[AssociationStrategy]) -> tuple[NoiseSettings | None, ...]:
+def noise_settings_of(
+    configuration: Configuration, association: type[AssociationStrategy]
+) -> tuple[NoiseSettings | None, ...]:
     """Noise settings that root hypotheses try; in a closed world only that of the configuration (None)."""
     return NoiseSettings.grid(configuration) if association.tracks_objects else (None,)

@@ -4,7 +4,7 @@ import json
 
 from semantic_slam.configuration import Configuration, from_dict
 from semantic_slam.inference.association.strategy import strategy_of
-from semantic_slam.inference.building.association_settings import as_used, moving_of, noises_of, while_lost
+from semantic_slam.inference.building.association_settings import as_used, moving_of, noise_settings_of, while_lost
 from semantic_slam.inference.building.class_prior import even_classes
 from semantic_slam.inference.building.clutter import clutter_of
 from semantic_slam.inference.building.known_objects import KnownObjects, known_objects
@@ -37,14 +37,15 @@ def problem_of(run: RunConfiguration) -> Problem:
     robot = sensing.robot_prior(run.initial_pose, run.initial_covariance)
     is_relocated = bool(known.entries) and configuration.revision.lost_every_keyframes > 0
     starts = Starts.of(robot) if is_relocated else None
-    noises, rates = noises_of(configuration, association), DetectionRates.of(configuration.open_world)
+    noise_settings = noise_settings_of(configuration, association)
+    rates = DetectionRates.of(configuration.open_world)
     return Problem(
         viewpoint=models.viewpoint,
         carried=Carried.of(configuration.revision),
         slips=Slips.of(configuration.odometry),
         starts=starts,
-        inferred_noise=InferredNoise.of(configuration, noises, rates),
-        noises=noises,
+        inferred_noise=InferredNoise.of(configuration, noise_settings, rates),
+        noise_settings=noise_settings,
         sigma_metre=configuration.perception.sigma_range_scale,
         spaces=sensing.spaces,
         model=sensing.model,

@@ -9,7 +9,7 @@ from semantic_slam.inference.association.strategy import strategy_of
 def semantics_name(configuration: Configuration) -> str:
     """Name of the semantics for the class models; it depends on whether views are factors. Raises InputError."""
     kind = class_model_kind(configuration.semantic_model)
-    if not _carries_views(configuration):
+    if not _defers_view_factors(configuration):
         return kind.semantics
     if kind.carried is None:
         raise InputError(
@@ -21,7 +21,7 @@ def semantics_name(configuration: Configuration) -> str:
 
 def views_are_factors(configuration: Configuration) -> bool:
     """Whether semantic measurements enter the graphs as factors, given classes that hypotheses enumerate."""
-    return class_model_kind(configuration.semantic_model).has_factors and not _carries_views(configuration)
+    return class_model_kind(configuration.semantic_model).has_factors and not _defers_view_factors(configuration)
 
 
 def sees_places_in_single_steps(configuration: Configuration) -> bool:
@@ -35,9 +35,9 @@ def tempering(settings: SemanticModelConfiguration) -> float:
     return settings.likelihood_tempering if class_model_kind(settings).repeats_errors else 1.0
 
 
-def _carries_views(configuration: Configuration) -> bool:
+def _defers_view_factors(configuration: Configuration) -> bool:
     """Whether views are kept in the objects' records, not as factors, until the objects' headings are known."""
     association = strategy_of(configuration)
     enumerates = configuration.open_world.classes == "enumerated"
     has_factors = class_model_kind(configuration.semantic_model).has_factors
-    return association.carries_views and not (has_factors and enumerates)
+    return association.defers_view_factors and not (has_factors and enumerates)

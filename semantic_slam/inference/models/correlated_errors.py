@@ -30,8 +30,8 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.observation import Linearisation
 from semantic_slam.inference.models.odometry_bias import CHANGE
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.keys import STRETCH, VECTOR_SIZES, letter_of, vector_parts
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 
 OWN_SHARE = 1e-4
 """Share of the variance of f that no two detections share: keeps covariances regular where two coincide."""
@@ -40,9 +40,9 @@ CHANGE_OF_SENSOR = CHANGE / np.sqrt(STRETCH)
 SAME_PLACE = 16.0
 """Squared Mahalanobis distance in range and bearing below which a detection may be at a place of a frame before."""
 MOST_UNSEEN = 8
-"""Largest number of places that are carried though a frame has no detection there."""
+"""Largest number of places that are propagated though a frame has no detection there."""
 LEAST_LEFT = 0.1
-"""Correlation with its last detection below which an unseen place is no longer carried."""
+"""Correlation with its last detection below which an unseen place is no longer propagated."""
 
 
 def sensor_sigmas(settings: DetectionErrorsConfiguration) -> Array:
@@ -71,7 +71,7 @@ def correlation(settings: DetectionErrorsConfiguration, one: Array, other: Array
 
 
 def lasting_places(
-    settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, detections: Sequence[Any]
+    settings: DetectionErrorsConfiguration, earlier: PropagatedErrors | None, detections: Sequence[Any]
 ) -> tuple[Array, Index]:
     """(D, 2) places [m] of D detections in the body frame, for the kernel, which is over true places.
 
@@ -79,24 +79,24 @@ def lasting_places(
     are matched with these places one to one, and keep them except for the share of their errors that the motion has
     renewed: otherwise the white noise of a measured place would count as motion.
 
-    Returns also the (U,) carried places that no detection is at and that are carried further, latest seen first.
+    Returns also the (U,) earlier places that no detection is at and that are propagated further, latest seen first.
     """
     places = np.array([own.place for own in detections])
-    if carried is None:
+    if earlier is None:
         return places, np.zeros(0, dtype=int)
     from scipy.optimize import linear_sum_assignment  # deferred: the import takes 0.2 s
 
     ranged = np.array([own.has_range for own in detections], dtype=bool)
-    offsets = _polar(carried.places)[None] - _polar(places)[:, None]
+    offsets = _polar(earlier.places)[None] - _polar(places)[:, None]
     offsets[..., 1] = wrap_angle(offsets[..., 1])
     whitened = offsets @ np.swapaxes([own.whiten for own in detections], 1, 2)
-    renewed = 1.0 - settings.correlated_share * carried.left  # white, or changed since
+    renewed = 1.0 - settings.correlated_share * earlier.left  # white, or changed since
     squared = (whitened**2).sum(axis=-1) / (2.0 * renewed)
     squared[~ranged] = SAME_PLACE
     rows, columns = linear_sum_assignment(np.minimum(squared, SAME_PLACE))
     same = squared[rows, columns] < SAME_PLACE
-    places[rows[same]] += carried.left * (carried.places[columns[same]] - places[rows[same]])
-    unseen = carried.left * carried.left_of_each >= LEAST_LEFT
+    places[rows[same]] += earlier.left * (earlier.places[columns[same]] - places[rows[same]])
+    unseen = earlier.left * earlier.left_of_each >= LEAST_LEFT
     unseen[columns[same]] = False
     return places, np.flatnonzero(unseen)[:MOST_UNSEEN]
 
@@ -138,14 +138,14 @@ class WhiteResidual:
 
 
 def _repeated(
-    settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, places: Array
+    settings: DetectionErrorsConfiguration, earlier: PropagatedErrors | None, places: Array
 ) -> tuple[Array, Array]:
     """A (2 D, 2 n) and Q (2 D, 2 D) of the process f alone, without constant sensor errors."""
     own = correlation(settings, places, places) + OWN_SHARE * np.eye(2 * len(places))
-    if carried is None:
+    if earlier is None:
         return np.zeros((len(own), 0)), own
-    known = correlation(settings, carried.places, carried.places) + OWN_SHARE * np.eye(2 * len(carried.places))
-    cross = carried.left * correlation(settings, places, carried.places)
+    known = correlation(settings, earlier.places, earlier.places) + OWN_SHARE * np.eye(2 * len(earlier.places))
+    cross = earlier.left * correlation(settings, places, earlier.places)
     matrix = np.asarray(np.linalg.solve(known, cross.T).T, dtype=np.float64)
     noise = own - matrix @ cross.T
     return matrix, 0.5 * (noise + noise.T)
@@ -187,23 +187,23 @@ class ErrorTransition:
 
     @classmethod
     def of(
-        cls, settings: DetectionErrorsConfiguration, carried: CarriedErrors | None, detections: Sequence[Any]
+        cls, settings: DetectionErrorsConfiguration, earlier: PropagatedErrors | None, detections: Sequence[Any]
     ) -> Self:
-        """The transition to detections in the body frame; ``carried`` is already expressed at the newest keyframe."""
-        places, unseen = lasting_places(settings, carried, detections)
+        """The transition to detections in the body frame; ``earlier`` is already expressed at the newest keyframe."""
+        places, unseen = lasting_places(settings, earlier, detections)
         by_sensor, left = sensor_slopes(settings, detections), np.ones(len(detections))
-        if carried is not None:
-            places = np.concatenate([places, carried.places[unseen]])
-            by_sensor = np.concatenate([by_sensor, carried.slopes_at(unseen)])
-            left = np.append(left, carried.left * carried.left_of_each[unseen])
-        matrix, noise = _repeated(settings, carried, places)
-        matrix, noise = _with_sensor(matrix, noise, by_sensor, None if carried is None else carried.by_sensor)
+        if earlier is not None:
+            places = np.concatenate([places, earlier.places[unseen]])
+            by_sensor = np.concatenate([by_sensor, earlier.slopes_at(unseen)])
+            left = np.append(left, earlier.left * earlier.left_of_each[unseen])
+        matrix, noise = _repeated(settings, earlier, places)
+        matrix, noise = _with_sensor(matrix, noise, by_sensor, None if earlier is None else earlier.by_sensor)
         return cls(
             white=WhiteResidual(settings),
-            before=-1 if carried is None else carried.keyframe,
+            before=-1 if earlier is None else earlier.keyframe,
             matrix=matrix,
             noise=noise,
-            mean=np.zeros(len(matrix)) if carried is None else matrix @ carried.mean,
+            mean=np.zeros(len(matrix)) if earlier is None else matrix @ earlier.mean,
             places=places,
             by_sensor=by_sensor,
             left_of_each=left,
@@ -214,9 +214,9 @@ class ErrorTransition:
         """Number of entries, of two components each."""
         return len(self.mean) // 2
 
-    def after(self, keyframe: int, mean: Array) -> CarriedErrors:
+    def after(self, keyframe: int, mean: Array) -> PropagatedErrors:
         """The errors of this frame, ``keyframe``, with this ``mean``."""
-        return CarriedErrors(
+        return PropagatedErrors(
             keyframe=keyframe,
             places=self.places,
             by_sensor=self.by_sensor,

@@ -17,7 +17,7 @@ WIDTH = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class LineOfSight:
-    """Where the thing lies, in map, that a detection without a range is of: on a ray, with an error of direction."""
+    """Ray in map on which the object of a range-less detection lies, with its angular variance."""
 
     origin: Array  # (p,) metres
     direction: Array  # (p,) unit vector

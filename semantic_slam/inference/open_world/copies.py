@@ -32,7 +32,7 @@ class RecentAssociations:
     confirms: NDArray[np.bool_]  # (R,) whether the detection is the second one of its object
     sure: dict[int, Array] = field(default_factory=dict)  # id -> (3,) position of likely static objects
     movers: dict[int, Array] = field(default_factory=dict)  # id -> (4,) position and its sigma of moving ones
-    noise: int = 0  # noise setting and start of the hypothesis
+    root_number: int = 0  # of the hypothesis: its noise setting and start
     ground: int = 0  # keyframe since which the robot is on new ground
     tentative: Collection[int] = ()  # objects with a single detection, a recent one
 
@@ -141,7 +141,9 @@ class Copies:
         nothing = RecentAssociations(
             objects=np.zeros((0, 3)), classes=np.zeros(0, dtype=int), confirms=np.zeros(0, dtype=bool)
         )
-        self._recent = {ROOT_ID + number: replace(nothing, noise=number) for number in range(len(problem.noises))}
+        self._recent = {
+            ROOT_ID + number: replace(nothing, root_number=number) for number in range(len(problem.noise_settings))
+        }
 
     def merged(self, candidates: C) -> C:
         """The candidates, with near copies merged among those that pruning might keep."""
@@ -160,7 +162,7 @@ class Copies:
     def _compared(self, candidates: MergeableCandidates, likely: Index) -> MergeCandidates:
         """The properties by which some candidates are compared."""
         recent = [self._recent[int(candidates.parent_ids[row])] for row in likely]
-        noise = np.array([[item.noise, item.ground] for item in recent])
+        roots = np.array([[item.root_number, item.ground] for item in recent])
         parents, numbers = np.unique(candidates.parent_ids[likely], return_inverse=True)
         before = np.array([item.objects for item in recent]).reshape(len(likely), -1, 3)
         known = np.array([item.classes for item in recent], dtype=int).reshape(len(likely), -1)
@@ -171,7 +173,7 @@ class Copies:
         return MergeCandidates(
             poses=candidates.poses[likely],
             objects=np.concatenate([before, candidates.object_poses[likely, :, :3]], axis=1),
-            classes=np.concatenate([known, candidates.classes[likely], noise], axis=1),
+            classes=np.concatenate([known, candidates.classes[likely], roots], axis=1),
             confirms=np.concatenate([confirmed, now], axis=1),
             parents=numbers,
             alike=self._alike([self._recent[int(n)] for n in parents]),
@@ -228,7 +230,7 @@ class Copies:
             confirms=confirms,
             sure=sure,
             movers=movers,
-            noise=lineage[0].mode,
+            root_number=lineage[0].mode,
             ground=max(survivor.grounds, default=0),
             tentative=tentative,
         )

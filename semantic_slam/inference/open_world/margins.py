@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.states.views import Overlap
+from semantic_slam.inference.states.in_view import InViewProbabilities
 
 LEAST_VARIANCE = 1e-12
 """Least variance of a direction [rad^2]."""
@@ -52,7 +52,7 @@ class Places(NamedTuple):
     turn: Array  # (d, d) axes of the sensor before, in the present frame
     shift: Array  # (d,) place of the sensor before, in the present frame
 
-    def overlap(self, margins_of: Callable[[Array, Array], Margins]) -> tuple[Overlap, Array]:
+    def overlap(self, margins_of: Callable[[Array, Array], Margins]) -> tuple[InViewProbabilities, Array]:
         """Probabilities of being inside, and (C, ...) correlations of each coordinate with that before.
 
         ``margins_of`` gives the margins of places in the frame of the sensor, with their covariances.
@@ -69,7 +69,7 @@ class Places(NamedTuple):
         common = ndtr(np.minimum(now.upper, upper)) - ndtr(np.maximum(now.lower, lower))
         apart = within * then
         both = apart + lasting * (np.maximum(common, 0.0) - apart)
-        return Overlap(then.prod(axis=0), within.prod(axis=0), both.prod(axis=0)), lasting
+        return InViewProbabilities(then.prod(axis=0), within.prod(axis=0), both.prod(axis=0)), lasting
 
     def at(self, rows: Index, columns: Index) -> "Places":
         """Some of the places of (K, N) objects."""
@@ -122,14 +122,14 @@ class Places(NamedTuple):
         return np.asarray(np.exp(-0.5 * turned**2 / own) * own / (own + of_shown))
 
 
-def with_occlusion(overlap: Overlap, before: Array, now: Array, lasting: Array) -> Overlap:
+def with_occlusion(overlap: InViewProbabilities, before: Array, now: Array, lasting: Array) -> InViewProbabilities:
     """Probabilities to be inside and not occluded; ``before`` and ``now`` (...,): that nothing occludes an object.
 
     ``lasting`` (...,): correlation of both.
     """
     apart = before * now
     both = apart + lasting * (np.minimum(before, now) - apart)
-    return Overlap(before=overlap.before * before, now=overlap.now * now, both=overlap.both * both)
+    return InViewProbabilities(before=overlap.before * before, now=overlap.now * now, both=overlap.both * both)
 
 
 def _flat_with(values: Array, others: Array, size: int) -> Array:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.states.views import Views
+from semantic_slam.inference.states.in_view import InViewRecord
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,6 +15,6 @@ class PredictedObjects:
     objects: Array  # (N, s)
     gain: Array  # (N, l, r) regression Cov(o, x) Cov(x)^-1 of each object on the robot
     remainder: Array  # (N, l, l) covariance of the object given the robot
-    views: Views  # of the N objects, after the keyframe before, under each distinct setting of the detection model
+    in_view: InViewRecord  # after the keyframe before, under each distinct setting of the detection model
     robot_before: Array  # (s,) robot of the keyframe before, in the frame of the present one
     motion_noise: Array  # (r, r) covariance of the motion since then

@@ -12,8 +12,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.open_world.margins import NOT_DETECTED, Places
+from semantic_slam.inference.states.in_view import InViewProbabilities, InViewRecord, PredictedDetections
 from semantic_slam.inference.states.miss_runs import MissRuns
-from semantic_slam.inference.states.views import Looks, Overlap, Views
 
 
 class SeenAgain(NamedTuple):
@@ -26,31 +26,31 @@ class SeenAgain(NamedTuple):
     slopes: Array  # (n, m, d) Jacobians of the detections' whitened residuals by these
     at_modes: bool  # whether they are weighed at the modes: a learned region ends where detections do, errors included
 
-    def looks(
+    def predicted(
         self,
         places: Places,
-        views: Views,
+        record: InViewRecord,
         runs: MissRuns,
-        in_view: Callable[[Places, Array, Index], tuple[Overlap, Array]],
+        in_view: Callable[[Places, Array, Index], tuple[InViewProbabilities, Array]],
         chance: Callable[[Array], Array],
-    ) -> tuple[Looks, Array]:
-        """Looks at N objects in K candidates, by their ``places`` (K, N), and (n, G) probabilities to see the pairs.
+    ) -> tuple[PredictedDetections, Array]:
+        """What K candidates detect of N objects at ``places`` (K, N), and (n, G) probabilities to see the pairs.
 
         ``in_view`` gives the overlap of some places, whose objects nothing occluded before with some probability, and
         the probability that nothing but their own detections, by number, occludes them now; ``chance`` the detection
         probabilities in view, by the points.
         """
-        shape, pairs, some = places.points.shape[:-1], (self.candidates, self.columns), views.take(self.columns)
+        shape, pairs, some = places.points.shape[:-1], (self.candidates, self.columns), record.take(self.columns)
         detected_as = np.full(shape, NOT_DETECTED)
         detected_as[pairs] = self.detections
         if self.at_modes:
-            looks = views.predicted(*in_view(places, views.unoccluded, detected_as), chance(places.points), runs)
-            return looks, looks.detected[pairs]
+            predicted = record.predicted(*in_view(places, record.unoccluded, detected_as), chance(places.points), runs)
+            return predicted, predicted.detected[pairs]
         every = places.flat_with(places.at(*pairs).measured(self.points, self.slopes))
-        before = np.concatenate([np.tile(views.unoccluded, shape[0]), some.unoccluded])
+        before = np.concatenate([np.tile(record.unoccluded, shape[0]), some.unoccluded])
         overlap, unoccluded = in_view(every, before, np.concatenate([detected_as.ravel(), self.detections]))
         count = shape[0] * shape[1]
-        expected = Overlap(*(own[:count].reshape(shape) for own in overlap))
-        found = Overlap(*(own[count:] for own in overlap))
-        looks = views.predicted(expected, unoccluded[:count].reshape(shape), chance(places.points), runs)
-        return looks, some.seen(expected.at(*pairs), found, chance(self.points), runs)
+        expected = InViewProbabilities(*(own[:count].reshape(shape) for own in overlap))
+        found = InViewProbabilities(*(own[count:] for own in overlap))
+        predicted = record.predicted(expected, unoccluded[:count].reshape(shape), chance(places.points), runs)
+        return predicted, some.seen(expected.at(*pairs), found, chance(self.points), runs)

@@ -101,7 +101,7 @@ class Reassociation:
         return length
 
     def _solver(self, step: Step, component: Component) -> Solver:
-        region = sensor_region(self._problem.open_world).reaching(step.sensed).read_by(component.settings)
+        region = sensor_region(self._problem.open_world).reaching(step.sensed).read_by(component.noise_settings)
         return Solver(settings=self._problem.open_world, new_objects=self._problem.model.new_objects, region=region)
 
     def _born(self, keyframe: int, number: int) -> int:

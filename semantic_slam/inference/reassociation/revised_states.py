@@ -11,7 +11,7 @@ from semantic_slam.inference.reassociation.accounts import StretchAccount
 from semantic_slam.inference.reassociation.atoms import Atoms
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.smoothing.tracking import carried_keys
+from semantic_slam.inference.smoothing.tracking import motion_keys
 from semantic_slam.inference.states.keys import bias_key, error_keys, object_key, robot_key
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects, TrackedStates
 
@@ -39,7 +39,7 @@ def revised_objects(
         objects,
         ids=after.ids,
         existence_given=existence,
-        views=None if objects.views is None else objects.views.take(rows),
+        in_view=None if objects.in_view is None else objects.in_view.take(rows),
         gone=None if objects.gone is None else objects.gone[rows],
         track_scores=None
         if objects.track_scores is None
@@ -79,8 +79,8 @@ def revised_tracking(component: Component, smoother: Smoother, ids: Index) -> Tr
     if errors is not None:
         keys = error_keys(errors.keyframe, errors.count)
         errors = replace(errors, mean=np.concatenate([smoother.vector(key) for key in keys]))
-    together = smoother.joint_covariance(carried_keys(keyframe, len(before.bias), errors))
-    carried = len(before.bias) > 0 or errors is not None
+    together = smoother.joint_covariance(motion_keys(keyframe, len(before.bias), errors))
+    propagates = len(before.bias) > 0 or errors is not None
     return replace(
         before,
         states=states,
@@ -91,5 +91,5 @@ def revised_tracking(component: Component, smoother: Smoother, ids: Index) -> Tr
         trail=path,
         bias=smoother.vector(bias_key(keyframe)) if len(before.bias) else before.bias,
         errors=errors,
-        carried_covariance=together if carried else None,
+        propagated_covariance=together if propagates else None,
     )

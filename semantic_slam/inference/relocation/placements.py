@@ -95,7 +95,7 @@ class Placements:
 
     @cached_property
     def _regions(self) -> list[SensorRegion]:
-        region = sensor_region(self.problem.open_world).read_by(self.component.settings)
+        region = sensor_region(self.problem.open_world).read_by(self.component.noise_settings)
         return [region.reaching(step.sensed) for step in self.steps]
 
     @cached_property
@@ -209,5 +209,5 @@ class Placements:
             replace(step, association=tuple(names.get(number, number) for number in step.association))
             for step in self.lineage
         ]
-        steps[0] = replace(steps[0], mode=self.problem.with_start(self.component.noise, start))
+        steps[0] = replace(steps[0], mode=self.problem.with_start(self.component.noise_index, start))
         return Placement(tuple(steps), tuple(sorted(names.items())), log_gain)

@@ -12,7 +12,7 @@ from semantic_slam.inference.relocation.likelihood_field import differ
 from semantic_slam.inference.revision.replay import Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import Lineage
-from semantic_slam.inference.world.carried import FIRST_POINT, carried_to
+from semantic_slam.inference.world.carried import FIRST_POINT
 
 AHEAD, HOPELESS = 2, 12.0
 """Keyframes that candidates are replayed at a time, and nats behind the best of them at which one is dropped."""
@@ -102,7 +102,7 @@ class Account:
     @classmethod
     def of(cls, lineage: Lineage, pose: Array) -> "Account":
         """The account of a history after which the robot is at ``pose``."""
-        return cls(tuple((step.association, min(carried_to(step), FIRST_POINT)) for step in lineage[1:]), pose)
+        return cls(tuple((step.association, min(step.lattice_point, FIRST_POINT)) for step in lineage[1:]), pose)
 
     def is_like(self, other: "Account") -> bool:
         """Whether two histories are alike in what they saw and in pose: with one object alone many poses fit."""

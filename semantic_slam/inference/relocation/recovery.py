@@ -112,7 +112,7 @@ class Recovery:
         """(K,) whether the parents of candidates were not carried lately (``SOON``); None where none ever is."""
         if not self.is_on:
             return None
-        carried = {number: is_carried_lately(own.lineage) for number, own in live.items()}
+        carried = {number: is_carried_lately(hypothesis.lineage) for number, hypothesis in live.items()}
         return np.array([not carried[number] for number in parent_ids.tolist()], dtype=bool)
 
     def found(
@@ -127,6 +127,19 @@ class Recovery:
             return {}
         best = next(iter(live.values()))
         self._log_best, self._log_ratio = best.log_weight + log_evidence - self._log_surplus, float(np.log(ratio))
+        self._search(live, best, log_evidence)
+        weighed = self._weighing(live, poses)
+        if not weighed or not self._weigh(best, log_evidence):
+            return {}
+        entering = [history for history in weighed if history.log_joint - self._log_best >= -self._log_ratio]
+        self._places.give_up(history.number for history in entering)
+        if entering:
+            for suspect in self._suspects.values():
+                suspect.looked = len(self._replay.steps)
+        return {history.number: self._entered(best, history) for history in entering}
+
+    def _search(self, live: Mapping[int, Hypothesis], best: Hypothesis, log_evidence: float) -> None:
+        """Begin histories at the newest suspects, and advance those under way."""
         if not self._replay.problem.is_placed(best.lineage):
             self._pass_over()
         self._keep_within_reach(best.lineage)
@@ -139,28 +152,19 @@ class Recovery:
             self._weigh(best, log_evidence)
             self._look(due, live)
         self._places.go_on(self._log_best, self._log_unplaced)
-        weighed = self._weighing(live, poses)
-        if not weighed or not self._weigh(best, log_evidence):
-            return {}
-        gains = {own.number: own.log_joint - self._log_best for own in weighed}
-        entering = [own for own in weighed if gains[own.number] >= -self._log_ratio]
-        self._places.give_up(own.number for own in entering)
-        if entering:
-            for suspect in self._suspects.values():
-                suspect.looked = len(self._replay.steps)
-        return {
-            own.number: Hypothesis(
-                owner=best.owner,
-                log_weight=best.log_weight + gains[own.number],
-                parent_id=own.parent_id,
-                lineage=own.lineage,
-                grounds=new_grounds(own.lineage),
-                revises=best,
-                replayed=own.component,
-                replicates=own.replicates + self._log_surplus,
-            )
-            for own in entering
-        }
+
+    def _entered(self, best: Hypothesis, history: Revised) -> Hypothesis:
+        """A history as a hypothesis that revises the ``best`` live one, with a weight in the unit of that one's."""
+        return Hypothesis(
+            owner=best.owner,
+            log_weight=best.log_weight + (history.log_joint - self._log_best),
+            parent_id=history.parent_id,
+            lineage=history.lineage,
+            grounds=new_grounds(history.lineage),
+            revises=best,
+            replayed=history.component,
+            replicates=history.replicates + self._log_surplus,
+        )
 
     def frame(self, grounds: Sequence[int]) -> Starts:
         """Start poses of the frame of a robot that was carried to new ground before the keyframes ``grounds``."""
@@ -193,21 +197,24 @@ class Recovery:
 
     def _weighing(self, live: Mapping[int, Hypothesis], poses: Mapping[int, Array]) -> list[Revised]:
         """Histories that may weigh enough and are unlike every live one."""
-        on_new_ground = [] if self._new_ground is None else [own.progress for own in self._new_ground.followed]
+        on_new_ground = [] if self._new_ground is None else [history.progress for history in self._new_ground.followed]
         least = self._log_best - self._log_ratio - MARGIN
-        likely = [own for own in [*self._places.through, *on_new_ground] if own.log_joint >= least]
+        likely = [history for history in [*self._places.through, *on_new_ground] if history.log_joint >= least]
         if not likely:
             return []
-        known = [Account.of(own.lineage, planar_from_pose_vector(poses[number])) for number, own in live.items()]
+        known = [
+            Account.of(hypothesis.lineage, planar_from_pose_vector(poses[number]))
+            for number, hypothesis in live.items()
+        ]
         return [
-            self._replay.finished(replace(own, component=own.component.fork()))
-            for own in likely
-            if own.number not in live and not any(map(account(own).is_like, known))
+            self._replay.finished(replace(history, component=history.component.fork()))
+            for history in likely
+            if history.number not in live and not any(map(account(history).is_like, known))
         ]
 
     def _pass_over(self) -> None:
         """Drop the newest suspects: a robot that is not localised yet is searched for on the map anyway."""
-        self._suspects = {at: own for at, own in self._suspects.items() if at < self._begun}
+        self._suspects = {at: suspect for at, suspect in self._suspects.items() if at < self._begun}
         self._begun = self._num_noted
 
     def _begin(self, live: Mapping[int, Hypothesis]) -> None:
@@ -223,18 +230,18 @@ class Recovery:
         if self._new_ground is None:
             return
         self._new_ground.go_on(self._log_best)
-        followed = {own.since for own in self._new_ground.followed}
-        lineages = [own.progress.lineage for own in self._new_ground.followed] + self._places.lineages
-        grounds = [own.grounds for own in live.values()] + [new_grounds(lineage) for lineage in lineages]
+        followed = {history.since for history in self._new_ground.followed}
+        lineages = [history.progress.lineage for history in self._new_ground.followed] + self._places.lineages
+        grounds = [hypothesis.grounds for hypothesis in live.values()] + [new_grounds(lineage) for lineage in lineages]
         held = followed.union(*grounds)
-        self._suspects = {at: own for at, own in self._suspects.items() if at in followed}
-        self._origins = {at: own for at, own in self._origins.items() if at in held}
+        self._suspects = {at: suspect for at, suspect in self._suspects.items() if at in followed}
+        self._origins = {at: origin for at, origin in self._origins.items() if at in held}
 
     def _due(self) -> int | None:
         """The most promising keyframe to look at now; None where none is, or an earlier look is more promising."""
         now = len(self._replay.steps)
-        self._suspects = {at: own for at, own in self._suspects.items() if self._is_open(at, own, now)}
-        due = {at: self._promise(at) for at, own in self._suspects.items() if self._is_due(at, own, now)}
+        self._suspects = {at: suspect for at, suspect in self._suspects.items() if self._is_open(at, suspect, now)}
+        due = {at: self._promise(at) for at, suspect in self._suspects.items() if self._is_due(at, suspect, now)}
         at = max(due, key=lambda at: due[at], default=None)
         return None if at is None or due[at] <= self._promised() else at
 
@@ -262,14 +269,16 @@ class Recovery:
         """
         if self._new_ground is None:
             return self._suspects[since].log_ratio
-        own = self._new_ground.at(since)
-        if own is None or own.num_recognisable < LEAST_OBJECTS:
+        followed = self._new_ground.at(since)
+        if followed is None or followed.num_recognisable < LEAST_OBJECTS:
             return -np.inf
-        return own.progress.log_joint if own.progress.log_joint >= self._log_best - PROMISING else -np.inf
+        return followed.progress.log_joint if followed.progress.log_joint >= self._log_best - PROMISING else -np.inf
 
     def _not_carried_lately(self, live: Mapping[int, Hypothesis], since: int) -> Lineage:
         """The likeliest history not carried within ``SOON`` keyframes before this one, or else the likeliest."""
-        lineages = [own.lineage for own in live.values() if not is_carried_lately(own.lineage[:since])]
+        lineages = [
+            hypothesis.lineage for hypothesis in live.values() if not is_carried_lately(hypothesis.lineage[:since])
+        ]
         return [*lineages, next(iter(live.values())).lineage][0]
 
     def _look(self, since: int, live: Mapping[int, Hypothesis]) -> None:
@@ -296,6 +305,10 @@ class Recovery:
 
     def _log_unplaced(self, at: int) -> float:
         """Log weight of a history that is localised but recognises nothing, after ``at`` keyframes."""
-        own = None if self._new_ground is None else self._new_ground.at(self._looked_at)
+        followed = None if self._new_ground is None else self._new_ground.at(self._looked_at)
         carried = self._replay.problem.carried
-        return -np.inf if own is None or carried is None else own.log_joints[at - 1 - own.since] + carried.log_place
+        return (
+            -np.inf
+            if followed is None or carried is None
+            else followed.log_joints[at - 1 - followed.since] + carried.log_place
+        )

@@ -124,7 +124,7 @@ class Relocation:
         )
         assert self._lost is not None
         least = log_least - self._lost.log_surplus - lost.log_joint - MARGIN
-        taken = {problem.start_of(problem.beginning(own.lineage)) for own in live.values()}
+        taken = {problem.start_of(problem.root_number(own.lineage)) for own in live.values()}
         for placement in placements.best(self.settings.proposals, taken):
             again = now - self._tried.get(placement.what, -AGAIN) >= AGAIN
             if placement.log_gain >= least and again:

@@ -113,10 +113,10 @@ class Replay:
 
     def begun(self, lineage: Lineage) -> Progress:
         """A history before the first keyframe."""
-        beginning = self.problem.beginning(lineage)
-        root, log_weight = self.association.root(beginning), self.problem.log_weight_of(beginning)
+        root_number = self.problem.root_number(lineage)
+        root, log_weight = self.association.root(root_number), self.problem.log_weight_of(root_number)
         return Progress(
-            lineage, 0, ROOT_ID + beginning, root, (log_weight,), 0.0, self.problem.bagging.begun(log_weight)
+            lineage, 0, ROOT_ID + root_number, root, (log_weight,), 0.0, self.problem.bagging.begun(log_weight)
         )
 
     def advanced(self, own: Progress, count: int, *, in_place: bool = True) -> Progress:
@@ -261,7 +261,7 @@ class Replay:
         known, ids = self._numbered
         pairs = enumerate(zip(known, lineage, strict=False))
         shared = next((at for at, (one, other) in pairs if one is not other), min(len(known), len(lineage)))
-        numbers = ids[: shared + 1] if shared else [ROOT_ID + self.problem.beginning(lineage)]
+        numbers = ids[: shared + 1] if shared else [ROOT_ID + self.problem.root_number(lineage)]
         for stamp_ns, taken in zip(self.steps.stamps_ns[shared:], lineage[shared:], strict=False):
             numbers.append(next_id(numbers[-1], stamp_ns, taken))
         self._numbered = lineage, numbers

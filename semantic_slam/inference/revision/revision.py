@@ -82,10 +82,10 @@ def with_revised(
     every = sorted({**live, **found}.items(), key=lambda item: (-item[1].log_weight, item[0]))
     if limits.place_m <= 0.0:
         return dict(every[: limits.max_hypotheses])
-    rows = [places[number] if number in live else _place(own, problem) for number, own in every]
+    rows = [places[number] if number in live else _place(hypothesis, problem) for number, hypothesis in every]
     kinds = Kinds(
         positions=np.array(rows),
-        beginnings=np.array([problem.beginning(own.lineage) for _, own in every]),
+        root_numbers=np.array([problem.root_number(hypothesis.lineage) for _, hypothesis in every]),
     ).of(np.arange(len(every)), limits.place_m)
     if most is not None:
         left = np.flatnonzero(ranks(kinds) < most)
@@ -93,14 +93,16 @@ def with_revised(
     return dict([every[row] for row in shared_out(kinds, limits.max_hypotheses)])
 
 
-def _place(own: Hypothesis, problem: Problem) -> Array:
+def _place(hypothesis: Hypothesis, problem: Problem) -> Array:
     """(3,) position [m] of the robot in a replayed history."""
-    assert own.replayed is not None
-    return np.asarray(problem.spaces.robot.poses(own.replayed.newest_robot()[None])[0, :3])
+    assert hypothesis.replayed is not None
+    return np.asarray(problem.spaces.robot.poses(hypothesis.replayed.newest_robot()[None])[0, :3])
 
 
 def normalised(hypotheses: Mapping[int, Hypothesis]) -> tuple[dict[int, Hypothesis], float]:
     """Hypotheses with weights that sum to one, and the log of the sum before."""
-    weights: Array = np.array([own.log_weight for own in hypotheses.values()])
+    weights: Array = np.array([hypothesis.log_weight for hypothesis in hypotheses.values()])
     total = float(np.logaddexp.reduce(weights))
-    return {n: replace(own, log_weight=own.log_weight - total) for n, own in hypotheses.items()}, total
+    return {
+        n: replace(hypothesis, log_weight=hypothesis.log_weight - total) for n, hypothesis in hypotheses.items()
+    }, total

@@ -30,12 +30,12 @@ from semantic_slam.inference.semantics.interface import (
     SemanticInput,
     reassociates,
 )
+from semantic_slam.inference.semantics.label_records import LabelEvidence, NewLabelEvidence, label_evidence_of
 from semantic_slam.inference.semantics.new_classes import NewClasses
 from semantic_slam.inference.semantics.new_words import BoxModels, BoxWords
-from semantic_slam.inference.semantics.retold_words import retold_words
-from semantic_slam.inference.semantics.told_words import NewWords, ToldWords, told_so_far
+from semantic_slam.inference.semantics.reassigned_labels import reassigned_labels
 from semantic_slam.inference.semantics.track_links import NO_TRACK, TrackLinks
-from semantic_slam.inference.semantics.view_places import view_places
+from semantic_slam.inference.semantics.view_steps import ViewSteps, view_steps
 from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior
 from semantic_slam.viewpoint.labels.model import LabelModel
@@ -88,7 +88,7 @@ class DetectorLabels:
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of each candidate's labels, and the objects' records after it."""
-        before, parents = [told_so_far(parent) for parent in given.parents], given.candidates.assignments.parents
+        before, parents = [label_evidence_of(parent) for parent in given.parents], given.candidates.assignments.parents
         news, settings = self._news(given, before), np.array([self._of_all(own) for own in before])  # (P, R)
         after = settings[parents] + np.array([self._gained(own) for own in news]).reshape(settings[parents].shape)
         evidence = finite_log_sum_exp(after, axis=1) - finite_log_sum_exp(settings, axis=1)[parents]
@@ -96,7 +96,7 @@ class DetectorLabels:
             evidence = evidence + self._of_tracks(self._tracks, given, before)
 
         def records(rows: Sequence[int]) -> list[dict[int, ObjectViews]]:
-            every = [before[parents[row]] | {n: own.told for n, own in news[row].items()} for row in rows]
+            every = [before[parents[row]] | {n: own.evidence for n, own in news[row].items()} for row in rows]
             return [_views(told, after[row]) for told, row in zip(every, rows, strict=True)]
 
         return SemanticEvidence(
@@ -111,7 +111,7 @@ class DetectorLabels:
     ) -> tuple[float, dict[int, ObjectViews]]:
         """Log gain of reassigning the labels of detections by ``changes``, and the records afterwards."""
         before = {number: own.recent[0] for number, own in views.items()}
-        after = retold_words(self._boxes, before, changes, log_prior_of, self._log_ratios(views))
+        after = reassigned_labels(self._boxes, before, changes, log_prior_of, self._log_ratios(views))
         settings, revised = self._of_all(before), self._of_all(after)
         gain = finite_log_sum_exp(revised, axis=0) - finite_log_sum_exp(settings, axis=0)
         return float(gain), _views(after, revised)
@@ -127,7 +127,7 @@ class DetectorLabels:
         """(M,) whether objects have the default class prior, from their (M, C) priors."""
         return np.asarray((log_prior == self._log_shares).all(axis=1))
 
-    def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, ToldWords]]) -> Array:
+    def _of_tracks(self, links: TrackLinks, given: SemanticInput, before: list[dict[int, LabelEvidence]]) -> Array:
         """(K,) log evidence of the tracks of each candidate's boxes."""
         rows, evidence = given.candidates.assignments, np.zeros(len(given.candidates.assignments))
         tracks = [given.step.names[index] for index in given.used.tolist()]
@@ -193,36 +193,41 @@ class DetectorLabels:
         first = self._model.weighed(self._model.start(), view, self._model.drawn(view))
         return finite_log_sum_exp(first.by_setting + self._model.settings.log_weights[:, None], axis=0)
 
-    def _news(self, given: SemanticInput, before: list[dict[int, ToldWords]]) -> list[dict[int, NewWords]]:
+    def _news(self, given: SemanticInput, before: list[dict[int, LabelEvidence]]) -> list[dict[int, NewLabelEvidence]]:
         """For each candidate, the updated label evidence of this keyframe's objects."""
-        rows, ids, places = given.candidates.assignments, given.object_ids, view_places(given).tolist()
-        parents, objects, news = rows.parents.tolist(), rows.objects.tolist(), [dict[int, NewWords]() for _ in places]
+        rows, ids = given.candidates.assignments, given.object_ids
+        parents = rows.parents.tolist()
+        news = [dict[int, NewLabelEvidence]() for _ in parents]
+        candidates = list(zip(parents, rows.objects.tolist(), view_steps(given).tolist(), news, strict=True))
         ratios = [self._log_ratios(parent.views) for parent in given.parents]
-        untold, none = self._is_untold(given.log_class_prior).tolist(), np.zeros(len(self._log_shares))
+        untold = self._is_untold(given.log_class_prior).tolist()
+        none = np.zeros(len(self._log_shares))
         for number, index in enumerate(given.used.tolist()):
-            box, known = BoxWords(self._boxes, given, index), dict[tuple[int, ...], NewWords]()
-            for parent, own, where, words in zip(parents, objects, places, news, strict=True):
-                place = own[number]
-                if place < 0:
+            box = BoxWords(self._boxes, given, index)
+            known = dict[tuple[int, ...], NewLabelEvidence]()  # shared between hypotheses
+            for parent, object_rows, steps, found in candidates:
+                column = object_rows[number]
+                if column < 0:
                     continue
-                last, new = before[parent].get(ids[place]), words.get(ids[place])
-                earlier = last if new is None else new.told
-                is_first = earlier is None and untold[place]
-                of = parent if is_first else -1
-                is_new = earlier is None and ids[place] in given.new[parent]
-                key = (id(earlier), of, place, is_new, *where[number])  # shared between hypotheses
+                object_id = ids[column]
+                last, new = before[parent].get(object_id), found.get(object_id)
+                earlier = last if new is None else new.evidence
+                is_first = earlier is None and untold[column]
+                is_new = earlier is None and object_id in given.new[parent]
+                key = (id(earlier), parent if is_first else -1, column, is_new, *steps[number])
                 if key not in known:
-                    shares = ratios[parent] if is_first else none
-                    known[key] = box.weighed(last, earlier, place, shares, *where[number], is_new=is_new)
-                words[ids[place]] = known[key]
+                    log_ratios = ratios[parent] if is_first else none
+                    seen = ViewSteps(*steps[number])
+                    known[key] = box.weighed(last, earlier, column, log_ratios, seen, is_new=is_new)
+                found[object_id] = known[key]
         return news
 
-    def _of_all(self, told: dict[int, ToldWords]) -> Array:
+    def _of_all(self, told: dict[int, LabelEvidence]) -> Array:
         """(R,) log probability of each setting, joint with all labels of a hypothesis."""
         every = [told[number].log_evidence for number in sorted(told)]  # in one order, whoever rebuilt the hypothesis
         return np.asarray(self._model.settings.log_weights + np.add.reduce(every))
 
-    def _gained(self, news: dict[int, NewWords]) -> Array:
+    def _gained(self, news: dict[int, NewLabelEvidence]) -> Array:
         """(R,) log evidence of a keyframe's labels under each setting; 0 without any."""
         gains = [own.gain for own in news.values()]
         return sum(gains[1:], gains[0]) if gains else np.zeros(self._model.num_settings)
@@ -238,7 +243,7 @@ def _size_model(models: ClassModels) -> SizeModel | None:
     return SizeModel.of(names, known, new.sigma_log_size, new.sigma_log_view, share)
 
 
-def _views(told: dict[int, ToldWords], log_settings: Array) -> dict[int, ObjectViews]:
+def _views(told: dict[int, LabelEvidence], log_settings: Array) -> dict[int, ObjectViews]:
     """The records of all objects, with settings weighed by the other objects' labels; ``log_settings`` (R,)."""
     if not told:
         return {}

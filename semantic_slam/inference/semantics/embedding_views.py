@@ -13,6 +13,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.detection_vectors import DetectionVectors
+from semantic_slam.inference.semantics.appearance_views import AppearanceView, record_of_views
 from semantic_slam.inference.semantics.interface import (
     ClassModels,
     LogPriorOf,
@@ -20,9 +21,8 @@ from semantic_slam.inference.semantics.interface import (
     SemanticInput,
     reassociates,
 )
-from semantic_slam.inference.semantics.retold_looks import retold_looks
-from semantic_slam.inference.semantics.told_looks import Look, views_of
-from semantic_slam.inference.semantics.view_places import view_places
+from semantic_slam.inference.semantics.reassigned_vectors import reassigned_vectors
+from semantic_slam.inference.semantics.view_steps import ViewSteps, view_steps
 from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews, appearance_of
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
@@ -34,23 +34,23 @@ class EmbeddingViews:
     """Evidence of appearance embeddings; the record of an object is its appearance so far."""
 
     def __init__(
-        self, model: EmbeddingModel, known: Mapping[int, EmbeddingRecord], *, keeps_looks: bool = False
+        self, model: EmbeddingModel, known: Mapping[int, EmbeddingRecord], *, keeps_views: bool = False
     ) -> None:
-        """``known``: object id -> appearance stored in a map. ``keeps_looks``: views may be reassigned later."""
+        """``known``: object id -> appearance stored in a map. ``keeps_views``: views may be reassigned later."""
         self._model, self._known, self._nothing = model, known, model.start()
-        self.retells = keeps_looks
+        self.retells = keeps_views
 
     @classmethod
     def of(cls, models: ClassModels) -> Self:
         """From the embedding model, which the kind of class models must have."""
         assert models.embeddings is not None
-        return cls(models.embeddings, models.appearances, keeps_looks=reassociates(models.configuration))
+        return cls(models.embeddings, models.appearances, keeps_views=reassociates(models.configuration))
 
     def weigh(self, given: SemanticInput) -> SemanticEvidence:
         """Log evidence of each candidate's embeddings relative to the background, and the records after it."""
         rows, told = given.candidates.assignments, given.step.vectors
         assert told is not None
-        places = view_places(given)
+        steps = view_steps(given)
         keyframe = given.step.index if self.retells else None
         shared = [
             _Shared(model=self._model, told=told, views=parent.views, keyframe=keyframe) for parent in given.parents
@@ -65,10 +65,10 @@ class EmbeddingViews:
                 object_id = given.object_ids[int(rows.objects[row, number])]
                 before = records[row].get(object_id, given.parents[parent].views.get(object_id))
                 record = appearance_of(before) or self._known.get(object_id, self._nothing)
-                azimuth, log_range, _, elevation = places[row, number].tolist()
-                view = _View(index, azimuth, log_range, elevation)
-                looks = () if before is None else before.looks
-                added, records[row][object_id] = shared[parent].with_view(record, looks, object_id, view, ratios)
+                seen = ViewSteps(*steps[row, number].tolist())
+                view = _View(index, seen.direction, seen.log_range, seen.elevation)
+                earlier = () if before is None else before.appearance_views
+                added, records[row][object_id] = shared[parent].with_view(record, earlier, object_id, view, ratios)
                 total[row] += added
         return SemanticEvidence.of(total, records)
 
@@ -76,7 +76,7 @@ class EmbeddingViews:
         self, views: Mapping[int, ObjectViews], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
     ) -> tuple[float, dict[int, ObjectViews]]:
         """Log gain of reassigning the vectors of detections by ``changes``, and the records afterwards."""
-        return retold_looks(self._model, views, changes)
+        return reassigned_vectors(self._model, views, changes)
 
 
 @dataclass(frozen=True)
@@ -101,20 +101,20 @@ class _Shared:
     model: EmbeddingModel
     told: DetectionVectors
     views: Mapping[int, ObjectViews]
-    keyframe: int | None  # whose looks are kept; None: they are not
+    keyframe: int | None  # whose views are kept; None: they are not
     known: dict[tuple[int, int, _View], tuple[float, ObjectViews]] = field(default_factory=dict)
 
     def with_view(
         self,
         record: EmbeddingRecord,
-        looks: tuple[Look, ...],
+        earlier: tuple[AppearanceView, ...],
         object_id: int,
         view: _View,
         ratios: dict[tuple[int, _View], Array],
     ) -> tuple[float, ObjectViews]:
         """Log evidence of a view of an object, and the updated record; ``ratios`` are shared by all parents.
 
-        ``looks`` are the object's so far, where they are kept.
+        ``earlier`` are the object's views so far, where they are kept.
         """
         key = id(record), object_id, view
         if key not in self.known:
@@ -123,16 +123,19 @@ class _Shared:
                 ratios[id(record), view] = record.log_ratios(vector, background, view.place)[:, 0]
             ratio, usual = ratios[id(record), view], self._usual(object_id)
             after = record.after(vector, ratio, usual, background, view.place)
-            self.known[key] = self.model.evidence(record, ratio, usual), views_of(after, (*looks, *self._kept(view)))
+            self.known[key] = (
+                self.model.evidence(record, ratio, usual),
+                record_of_views(after, (*earlier, *self._kept(view))),
+            )
         return self.known[key]
 
-    def _kept(self, view: _View) -> tuple[Look, ...]:
-        """The look of a view, where looks are kept."""
+    def _kept(self, view: _View) -> tuple[AppearanceView, ...]:
+        """The view as it is kept, where views are kept."""
         if self.keyframe is None:
             return ()
         told, detection = self.told, (self.keyframe, view.index)
         vector = told.vectors[view.index]
-        return (Look(detection=detection, vector=vector, background=told.background, place=view.place),)
+        return (AppearanceView(detection=detection, vector=vector, background=told.background, place=view.place),)
 
     def _usual(self, object_id: int) -> Array:
         """(R,) log probabilities of the settings for one object, by all others."""

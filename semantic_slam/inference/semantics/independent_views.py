@@ -62,7 +62,10 @@ class ClassLikelihoods:
     """Densities of semantic measurements under every class of a viewpoint model."""
 
     def __init__(self, model: ViewpointModel, tempering: float, outliers: OutlierScores | None = None) -> None:
-        """``tempering``: number of views that count as one; ``outliers``: None: no outliers; both as in the factors."""
+        """``tempering``: number of views that count as one independent view.
+
+        ``outliers``: score density of outlier views, None to model none. Both as in the view factors.
+        """
         self._model, self._power, self._outliers = model, 1.0 / tempering, outliers
 
     def of(self, drawn: DrawnFeatures, viewpoints: Viewpoints) -> tuple[Array, Array]:
@@ -106,7 +109,10 @@ class IndependentViews:
     """Class likelihoods at the modes, for the epistemic part and the coverage; they add no weight."""
 
     def __init__(self, model: ViewpointModel, tempering: float, outliers: OutlierScores | None = None) -> None:
-        """``tempering``: number of views that count as one; ``outliers``: None: no outliers; both as in the factors."""
+        """``tempering``: number of views that count as one independent view.
+
+        ``outliers``: score density of outlier views, None to model none. Both as in the view factors.
+        """
         self._model, self._likelihoods = model, ClassLikelihoods(model, tempering, outliers)
 
     @classmethod

@@ -39,7 +39,7 @@ class LabelsAndVectors:
 
         def records(rows: Sequence[int]) -> list[dict[int, ObjectViews]]:
             parts = zip(rows, labels.records(rows), vectors.records(rows), strict=True)
-            return [_with_looks(named, {**before[parents[row]], **seen}) for row, named, seen in parts]
+            return [_with_appearances(named, {**before[parents[row]], **seen}) for row, named, seen in parts]
 
         return replace(labels, log_weights=labels.log_weights + vectors.log_weights, records=records)
 
@@ -61,12 +61,14 @@ class LabelsAndVectors:
         """Log gain of reassigning labels and vectors of detections by ``changes``, and the records afterwards."""
         by_labels, named = self._labels.retold(views, changes, log_prior_of)
         by_vectors, seen = self._vectors.retold(views, changes, log_prior_of)
-        return by_labels + by_vectors, _with_looks(named, seen)
+        return by_labels + by_vectors, _with_appearances(named, seen)
 
 
-def _with_looks(named: Mapping[int, ObjectViews], seen: Mapping[int, ObjectViews]) -> dict[int, ObjectViews]:
+def _with_appearances(named: Mapping[int, ObjectViews], seen: Mapping[int, ObjectViews]) -> dict[int, ObjectViews]:
     """The records of labels ``named``, each with the appearance that its object was ``seen`` to have, if it was."""
     return {
-        number: replace(own, appearance=seen[number].appearance, looks=seen[number].looks) if number in seen else own
+        number: replace(own, appearance=seen[number].appearance, appearance_views=seen[number].appearance_views)
+        if number in seen
+        else own
         for number, own in named.items()
     }

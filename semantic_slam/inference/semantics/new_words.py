@@ -7,7 +7,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.spatial.log_range import LogRange
 from semantic_slam.inference.semantics.interface import SemanticInput
-from semantic_slam.inference.semantics.told_words import NewWords, ToldBox, ToldWords
+from semantic_slam.inference.semantics.label_records import LabelEvidence, LabelledBox, NewLabelEvidence
+from semantic_slam.inference.semantics.view_steps import ViewSteps
 from semantic_slam.viewpoint.labels.confusion import STEP_RAD
 from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.labels.record import LabelView, LabelWord
@@ -25,14 +26,14 @@ class BoxModels:
 
     def weighed(
         self,
-        box: ToldBox,
-        before: ToldWords | None,
-        earlier: ToldWords | None,
+        box: LabelledBox,
+        before: LabelEvidence | None,
+        earlier: LabelEvidence | None,
         log_prior: Array,
         log_ratios: Array,
         drawn: Array,
-    ) -> NewWords:
-        """One more box of an object, given its records ``before`` this keyframe and ``earlier`` within it.
+    ) -> NewLabelEvidence:
+        """One more box of an object, given its evidence ``before`` this keyframe and ``earlier`` within it.
 
         ``log_prior`` (C,): the object's class prior before the run. ``log_ratios`` (C,): its change if this is the
         first box. ``drawn``: as the label model computes it for the view.
@@ -43,9 +44,9 @@ class BoxModels:
         prior = log_prior + ratios if sizes is None else log_prior + ratios + sizes.log_likelihood
         evidence = words.log_evidence(self.labels.log_rows(prior))
         priors = log_prior, ratios
-        return NewWords(words, sizes, evidence, before, earlier, priors, box, keeps_boxes=self.keeps_boxes)
+        return NewLabelEvidence(words, sizes, evidence, before, earlier, priors, box, keeps_boxes=self.keeps_boxes)
 
-    def _with_size(self, before: ToldWords | None, box: ToldBox) -> SizeRecord | None:
+    def _with_size(self, before: LabelEvidence | None, box: LabelledBox) -> SizeRecord | None:
         """The size record of one object with this box; unchanged where the box has no size."""
         if self.sizes is None:
             return None
@@ -70,36 +71,37 @@ class BoxWords:
 
     def weighed(
         self,
-        before: ToldWords | None,
-        earlier: ToldWords | None,
-        place: int,
+        before: LabelEvidence | None,
+        earlier: LabelEvidence | None,
+        column: int,
         log_ratios: Array,
-        direction: int,
-        log_range: int,
-        range_sigma: int,
-        elevation: int,
+        steps: ViewSteps,
         *,
         is_new: bool,
-    ) -> NewWords:
-        """The box as one of the object at index ``place``, given its records ``before`` and ``earlier`` in the frame.
+    ) -> NewLabelEvidence:
+        """The box as one of the object at index ``column``, given its evidence ``before`` and ``earlier`` in the frame.
 
-        The viewpoint is given in the steps of ``view_places``. ``log_ratios`` (C,): change of its class prior if this
+        ``log_ratios`` (C,): change of its class prior if this
         is its first detection. ``is_new``: this box starts the object. Its range then counts as unknown for its size,
         as the range's prior follows from the size that its label lets expect.
         """
-        away = STEP_RAD * float(log_range)
-        at = self._models.anywhere if is_new else LogRange(away, STEP_RAD * range_sigma)
+        log_range = STEP_RAD * float(steps.log_range)
+        at = self._models.anywhere if is_new else LogRange(log_range, STEP_RAD * steps.range_sigma)
         view = LabelView(
-            word=self._word, direction=direction, log_range=away, elevation=elevation, stretch=self._stretch
+            word=self._word,
+            direction=steps.direction,
+            log_range=log_range,
+            elevation=steps.elevation,
+            stretch=self._stretch,
         )
-        box = ToldBox(
+        box = LabelledBox(
             detection=self._detection,
             view=view,
             log_size=self._log_angle + at.mean,
             range_sigma=at.sigma,
             track=self._track,
         )
-        return self._models.weighed(box, before, earlier, self._log_prior[place], log_ratios, self._drawn_by(view))
+        return self._models.weighed(box, before, earlier, self._log_prior[column], log_ratios, self._drawn_by(view))
 
     def _drawn_by(self, view: LabelView) -> Array:
         """Counts that the view draws from, computed once per sector."""

@@ -56,11 +56,11 @@ class Component:
     tracked: TrackedStates | None = None  # None: marginals are read from the smoother on demand
     single_steps: bool = False  # one update per keyframe, not iterated
     local: LocalMap | None = None  # marginals about the newest keyframe; None: ask the smoother
-    noise: int = 0  # which noise setting of robot and sensor it assumes
+    noise_index: int = 0  # which noise setting of robot and sensor it assumes
     start: int = 0  # which start pose it assumes (global localisation)
     elsewhere: frozenset[int] = frozenset()  # map objects while the robot is not localised on the map: never detected
     left_behind: frozenset[int] = frozenset()  # likewise, of a robot carried to new ground; these occlude nothing
-    settings: NoiseSettings | None = None  # of ``noise``; None: all as configured
+    noise_settings: NoiseSettings | None = None  # of ``noise_index``; None: all as configured
     slip: Array | None = None  # (r, r) covariance that slip adds to the next motion; None: it does not slip
     slipped: bool = False  # whether the newest motion did so
     movers: Movers | None = None  # objects that move or may move; None: nothing moves
@@ -224,15 +224,15 @@ class Component:
 
     def sensed(self, detections: Sequence[Any]) -> Sequence[Any]:
         """The detections with the noise that this hypothesis assumes."""
-        if self.settings is None or self.settings.as_told:
+        if self.noise_settings is None or self.noise_settings.as_told:
             return detections
-        return [detection.taken_as(self.settings) for detection in detections]
+        return [detection.taken_as(self.noise_settings) for detection in detections]
 
     def log_change(self, detections: Sequence[Any]) -> float:
         """Log density of the detections as measured, relative to that of :meth:`sensed` (ranges from depths)."""
-        if self.settings is None or not self.settings.ranges_are_depth:
+        if self.noise_settings is None or not self.noise_settings.ranges_are_depth:
             return 0.0
-        return float(sum(detection.log_change(self.settings) for detection in detections))
+        return float(sum(detection.log_change(self.noise_settings) for detection in detections))
 
     def moved_by(self, motion: Motion) -> Motion:
         """Odometry with the noise and clock offset that this hypothesis assumes; cached for the newest motion."""
@@ -241,8 +241,8 @@ class Component:
         return self._moved[1]
 
     def _moved_by(self, motion: Motion) -> Motion:
-        if self.settings is not None and self.settings.odometry_factor != 1.0:
-            motion = replace(motion, covariance=self.settings.odometry_factor * motion.covariance)
+        if self.noise_settings is not None and self.noise_settings.odometry_factor != 1.0:
+            motion = replace(motion, covariance=self.noise_settings.odometry_factor * motion.covariance)
         if self.slip is not None:
             motion = replace(motion, covariance=motion.covariance + self.slip)
         if motion.shifts is None or motion.by_bias is None or self.tracked is None:

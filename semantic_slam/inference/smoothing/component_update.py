@@ -8,12 +8,12 @@ from semantic_slam.inference.evidence.window import Window
 from semantic_slam.inference.models.correlated_errors import ErrorTransition
 from semantic_slam.inference.models.step import AssociatedDetection
 from semantic_slam.inference.smoothing.local_map import LocalMap
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.correction import Correction
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.inference.states.outlier_counts import OutlierCounts
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
 
 
@@ -35,7 +35,7 @@ class ComponentUpdate:
     local: LocalMap | None = None  # updated by the detections, where updates are not iterated
     errors: ErrorTransition | None = None  # of correlated errors to this frame's detections
     movers: Movers | None = None  # afterwards; None: nothing moves
-    carried_errors: CarriedErrors | None = None  # correlated errors after the motion, if nothing is detected
+    propagated_errors: PropagatedErrors | None = None  # correlated errors after the motion, if nothing is detected
 
     outliers: OutlierCounts | None = None  # afterwards; None: as before
 

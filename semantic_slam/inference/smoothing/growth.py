@@ -144,7 +144,7 @@ def _moved(parents: Sequence[Component], updates: Sequence[ComponentUpdate]) -> 
 
 
 def _noise(parent: Component) -> Noise:
-    return parent.noise, parent.slip is not None
+    return parent.noise_index, parent.slip is not None
 
 
 def _shared(parents: Sequence[Component], motion: Motion) -> dict[Noise, KeyframeFactors]:

@@ -60,14 +60,14 @@ class LocalMap:
     num_errors: int = 0  # q
 
     @property
-    def carried(self) -> slice:
+    def propagated(self) -> slice:
         """Rows of robot, biases and correlated errors."""
         return slice(0, self.layout.robot + self.num_biases + self.num_errors)
 
     @property
     def errors(self) -> slice:
         """Rows of the correlated errors."""
-        return slice(self.layout.robot + self.num_biases, self.carried.stop)
+        return slice(self.layout.robot + self.num_biases, self.propagated.stop)
 
     def holds(self, object_ids: Index) -> bool:
         """Whether all of (n,) objects are in this map."""
@@ -141,13 +141,13 @@ class LocalMap:
 
     def without(self, gone: Flags) -> "LocalMap":
         """The map of the objects that are not ``gone`` (M,)."""
-        rows = np.concatenate([np.zeros(self.carried.stop, dtype=bool), np.repeat(gone, self.layout.landmark)])
+        rows = np.concatenate([np.zeros(self.propagated.stop, dtype=bool), np.repeat(gone, self.layout.landmark)])
         covariance = self.covariance[~rows][:, ~rows]
         return replace(self, ids=self.ids[~gone], objects=self.objects[~gone], covariance=covariance)
 
     def _starts(self) -> Index:
         """(M,) first row of each object."""
-        return np.asarray(self.carried.stop + self.layout.landmark * np.arange(len(self.ids)))
+        return np.asarray(self.propagated.stop + self.layout.landmark * np.arange(len(self.ids)))
 
     def with_errors(self, matrix: Array, noise: Array) -> "LocalMap":
         """The map with correlated errors f' = A f + v, ``matrix`` A and ``noise`` the covariance of v."""

@@ -9,9 +9,9 @@ from semantic_slam.geometry.moments import largest_sigmas
 from semantic_slam.inference.smoothing.component_update import ComponentUpdate
 from semantic_slam.inference.smoothing.local_map import LocalMap
 from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.states.keys import bias_key, error_keys, object_key, robot_key
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
 
@@ -30,7 +30,7 @@ def tracked_before(
         robot_covariance=robot.covariance,
         trail=np.zeros((0, storage.robot)),
         bias=np.zeros(num_biases),
-        carried_covariance=_with_unit_bias(robot.covariance, num_biases),
+        propagated_covariance=_with_unit_bias(robot.covariance, num_biases),
     )
 
 
@@ -66,7 +66,7 @@ def tracked_after(
         bias=smoother.vector(bias_key(keyframe)) if len(before.bias) else before.bias,
         errors=errors,
         anchors=_anchors_after(before, update),
-        carried_covariance=together if len(before.bias) or errors is not None else None,
+        propagated_covariance=together if len(before.bias) or errors is not None else None,
     )
     return tracked, local
 
@@ -93,10 +93,10 @@ def _anchors_after(before: TrackedStates, update: ComponentUpdate) -> Array | No
 
 def _errors_after(
     smoother: Smoother, keyframe: int, before: TrackedStates, update: ComponentUpdate
-) -> CarriedErrors | None:
+) -> PropagatedErrors | None:
     """The correlated errors, as of the newest frame with detections."""
     if update.errors is None:
-        return before.errors if update.carried_errors is None else update.carried_errors
+        return before.errors if update.propagated_errors is None else update.propagated_errors
     keys = error_keys(keyframe, update.errors.count)
     return update.errors.after(keyframe, np.concatenate([smoother.vector(key) for key in keys]))
 
@@ -105,30 +105,30 @@ def _joint(
     smoother: Smoother,
     keyframe: int,
     num_biases: int,
-    errors: CarriedErrors | None,
+    errors: PropagatedErrors | None,
     local: LocalMap | None,
     object_ids: Index,
 ) -> tuple[Array, Array]:
     """(r + p + q) square of robot, biases and errors, and (n, l, l) of objects: from the local map if it holds them."""
     if local is not None and local.holds(object_ids):
-        return local.covariance[local.carried, local.carried], local.single(object_ids)
-    carried, keys = carried_keys(keyframe, num_biases, errors), [object_key(n) for n in object_ids.tolist()]
+        return local.covariance[local.propagated, local.propagated], local.single(object_ids)
+    own_keys, keys = motion_keys(keyframe, num_biases, errors), [object_key(n) for n in object_ids.tolist()]
     if smoother.spaces.name == "spatial":
-        return _read_at_once(smoother, carried, keys)
-    return smoother.joint_covariance(carried), smoother.covariances(keys)
+        return _read_at_once(smoother, own_keys, keys)
+    return smoother.joint_covariance(own_keys), smoother.covariances(keys)
 
 
-def _read_at_once(smoother: Smoother, carried: list[int], objects: list[int]) -> tuple[Array, Array]:
-    """Covariances of what is carried and of objects, from one joint one that the next prediction needs, too."""
+def _read_at_once(smoother: Smoother, own_keys: list[int], objects: list[int]) -> tuple[Array, Array]:
+    """Covariances of robot, biases and errors, and of objects, from a joint one that the next prediction needs."""
     layout = smoother.spaces.layout
-    joint = smoother.joint_covariance([*carried, *objects])
+    joint = smoother.joint_covariance([*own_keys, *objects])
     first = len(joint) - layout.landmark * len(objects)
     blocks = joint[first:, first:].reshape(len(objects), layout.landmark, len(objects), layout.landmark)
     numbers = np.arange(len(objects))
     return joint[:first, :first].copy(), blocks[numbers, :, numbers]
 
 
-def carried_keys(keyframe: int, num_biases: int, errors: CarriedErrors | None) -> list[int]:
+def motion_keys(keyframe: int, num_biases: int, errors: PropagatedErrors | None) -> list[int]:
     """Keys of the newest robot, the biases of its odometry, and the correlated errors."""
     repeated = [] if errors is None else error_keys(errors.keyframe, errors.count)
     return [robot_key(keyframe), *[bias_key(keyframe)][:num_biases], *repeated]

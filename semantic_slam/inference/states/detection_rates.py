@@ -75,6 +75,11 @@ class DetectionRates:
         """The Markov chains of detectability, one for each of the G settings."""
         return MissRuns(self.probability, self.persistence)
 
+    @property
+    def misses_in_runs(self) -> bool:
+        """Whether an object's detectability is correlated between keyframes, under some setting."""
+        return bool((self.persistence > 0.0).any())
+
     def fall_off(self, ranges_m: Array) -> Array:
         """(..., G) detection probabilities at (...,) ranges, as shares of those at the sensor.
 

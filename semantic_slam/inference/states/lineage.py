@@ -16,6 +16,13 @@ MOVES = -2
 Reassigned = tuple[int, int, int, int]
 """Reassociation of a past detection: its keyframe and number, the new object id, and the old one."""
 
+COMPONENT_MODES = 32
+"""More modes than a component has."""
+SLIP = COMPONENT_MODES
+"""Added to ``LineageStep.mode`` where the motion before the step slipped."""
+POINT = 2 * SLIP
+"""Factor of the lattice point's number in ``LineageStep.mode``."""
+
 Value = TypeVar("Value", int, tuple[int, ...])
 
 
@@ -27,11 +34,17 @@ def _the_one(value: Value) -> Value:
 
 @dataclass(frozen=True, slots=True)
 class LineageStep:
-    """The choices of a hypothesis at one keyframe: association, classes, mode, and reassociations of the past."""
+    """The choices of a hypothesis at one keyframe: association, classes, mode, and reassociations of the past.
+
+    ``mode`` is the number of the component's posterior mode, plus ``SLIP`` where the motion slipped, plus ``POINT``
+    times the number of the lattice point to which a kidnapped robot was carried. At the first keyframe of an open world
+    it is the root number instead. That of a newest step fits into 16 bits: only replays choose lattice points and
+    starts, and always at earlier keyframes (newly at most ``NEW_GROUND``), whose modes are sent with 32 bits.
+    """
 
     association: tuple[int, ...]  # (D,) object id per detection, -1 clutter
     class_assignment: tuple[int, ...]  # (D,) class of that object, -1 when classes are not enumerated, MOVES
-    mode: int = 0  # posterior mode, slip and kidnapping; open world, first keyframe: root number (noise and start)
+    mode: int = 0
     changes: tuple[Reassigned, ...] = ()  # reassociations made before this keyframe; earlier steps have them already
 
     @classmethod
@@ -40,6 +53,36 @@ class LineageStep:
     ) -> Self:
         """Make a step with interned numbers, to save memory: long lineages name the same few objects in every step."""
         return cls(tuple(map(_the_one, association)), _the_one(tuple(classes)), mode, changes)
+
+    @property
+    def component_mode(self) -> int:
+        """Number of the component's posterior mode."""
+        return self.mode % COMPONENT_MODES
+
+    @property
+    def slipped(self) -> bool:
+        """Whether the motion before the step slipped; the step must not be the first one."""
+        return self.mode % POINT >= SLIP
+
+    @property
+    def lattice_point(self) -> int:
+        """The lattice point to which the robot was carried before the step, which must not be the first one.
+
+        0 (``NOWHERE``): it was not carried.
+        """
+        return self.mode // POINT
+
+    def with_slip(self) -> Self:
+        """The step, marked as following a motion that slipped."""
+        return replace(self, mode=self.mode | SLIP)
+
+    def without_slip(self) -> Self:
+        """The step without the mark of a slip."""
+        return replace(self, mode=self.mode & ~SLIP)
+
+    def with_lattice_point(self, number: int) -> Self:
+        """The step, with the robot carried to a lattice point before it; 0 (``NOWHERE``): not carried."""
+        return replace(self, mode=self.mode % POINT + POINT * number)
 
 
 Lineage = tuple[LineageStep, ...]

@@ -59,7 +59,7 @@ class ObjectViews:
     descriptor: DescriptorRecord | None = None  # with a learned latent space
     headings: HeadingRecord | None = None
     appearance: "EmbeddingRecord | None" = None  # of its appearance vectors; None: there were none
-    looks: tuple[Any, ...] = ()  # the views with vectors, oldest first, where they may be reassigned later
+    appearance_views: tuple[Any, ...] = ()  # the views with vectors, oldest first, where they may be reassigned later
     log_ratios: Array | None = None  # (C,) log ratio of its class prior at birth to that before the run; None: equal
 
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from semantic_slam.geometry import so3
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import CERTAIN, DetectionRates
+from semantic_slam.inference.states.in_view import InViewRecord
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 from semantic_slam.inference.states.track_scores import false_alarm_probability, log_odds
-from semantic_slam.inference.states.views import Views
 
 BEYOND = 1e6
 """Metres to a position that the sensor never sees."""
@@ -29,7 +29,7 @@ class HypothesisObjects:
 
     ids: Index  # (O,)
     existence_given: Array  # (O, G) probability of existence under each setting
-    views: Views | None = None  # what detections and misses say of being in view; None: misses do not count
+    in_view: InViewRecord | None = None  # what detections and misses say of being in view; None: misses do not count
     gone: Array | None = None  # (O, G) probability that it existed and has left since; None: nothing leaves
     stamp_ns: int | None = None  # time to which departures are accounted for; None: before the first keyframe
     rates: DetectionRates = CERTAIN
@@ -88,7 +88,7 @@ class HypothesisObjects:
         return HypothesisObjects(
             ids=np.concatenate([self.ids[update.kept], update.new_ids]),
             existence_given=np.concatenate([update.existence[update.kept], update.new_existence]),
-            views=update.views,
+            in_view=update.in_view,
             gone=None
             if update.gone is None
             else np.concatenate([update.gone[update.kept], 0.0 * update.new_existence]),
@@ -114,16 +114,16 @@ class TrackedStates:
     robot_covariance: Array  # (r, r)
     trail: Array  # (T, s) robot at each keyframe, as estimated then; thinned where the past is marginalised
     bias: Array = field(default_factory=lambda: np.zeros(0))  # (p,) of odometry
-    errors: CarriedErrors | None = None  # correlated errors of detections, q components; None: q is 0
+    errors: PropagatedErrors | None = None  # correlated errors of detections, q components; None: q is 0
     anchors: Array | None = (
         None  # (O, 3) ray origins of objects first seen by bearing alone, NaN for others; None: all are others
     )
-    carried_covariance: Array | None = None  # (r + p + q) square, of robot, bias and errors; None: p and q are 0
+    propagated_covariance: Array | None = None  # (r + p + q) square, of robot, bias and errors; None: p and q are 0
 
     @property
     def motion_covariance(self) -> Array:
         """(r + p + q) square covariance of the newest robot pose, the odometry biases and the correlated errors."""
-        return self.robot_covariance if self.carried_covariance is None else self.carried_covariance
+        return self.robot_covariance if self.propagated_covariance is None else self.propagated_covariance
 
     @property
     def bias_sigmas(self) -> Array:
@@ -168,9 +168,9 @@ class TrackedStates:
         """
         size = len(self.robot_covariance)
         count = 0 if self.errors is None else self.errors.by_sensor.shape[1]
-        if self.errors is None or self.carried_covariance is None or not count:
+        if self.errors is None or self.propagated_covariance is None or not count:
             return np.zeros(0), np.zeros((0, size))
-        rows = self.carried_covariance[-count:]
+        rows = self.propagated_covariance[-count:]
         return self.errors.mean[-count:], np.concatenate([rows[:, :size], rows[:, -count:]], axis=1)
 
     @property
@@ -189,7 +189,7 @@ class ExistenceUpdate:
     new_existence: Array  # (n, G)
     rates: DetectionRates = CERTAIN  # the settings that are left
     rates_kept: Flags | None = None  # which of the parent's settings these are; None: all
-    views: Views | None = None  # of the kept objects, then of the new ones; None: misses do not count
+    in_view: InViewRecord | None = None  # of the kept objects, then of the new ones; None: misses do not count
     gone: Array | None = None  # (O, G) probability that it has left, where departures are modelled
     stamp_ns: int | None = None  # of this keyframe, where departures are modelled
     moving: Array | None = None  # (O, G) probability that it moves, if it was missed; None: nothing moves

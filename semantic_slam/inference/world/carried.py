@@ -4,7 +4,7 @@ Between two keyframes this happens with a small probability; the new position is
 arbitrary. A single linearisation does not hold over metres and all headings. So a history in which the robot was
 carried names a point c of a lattice over relative motions; there a narrow Gaussian D replaces the odometry factor, and
 its peak density is divided out, as for the starts of a lost robot (``Starts``). The point is part of the history: it is
-coded in the mode of its lineage step.
+coded in its lineage step.
 
 Alternatively the robot is set down on "new ground": its position is left open, it maps in a local frame and re-observes
 no object that it knew before, like a lost robot that is not localised yet. The weight of its detections does not depend
@@ -23,8 +23,6 @@ from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.states.lineage import LineageStep
 from semantic_slam.inference.world.starts import ANYWHERE, Starts
 
-MODES = 64
-"""More modes than a component has: a step's mode is the mode of its component + MODES x number of the lattice point."""
 NOWHERE = 0
 """In place of a lattice point: the robot was not carried, odometry holds."""
 NEW_GROUND = 1
@@ -87,21 +85,11 @@ def _number(point: int) -> int:
     return point + 1 - FIRST_POINT if point >= FIRST_POINT else ANYWHERE
 
 
-def carried_to(step: LineageStep) -> int:
-    """The lattice point to which the robot is carried before a step other than the first one; NOWHERE: it is not."""
-    return step.mode // MODES
-
-
 def is_carried_lately(lineage: Sequence[LineageStep]) -> bool:
     """Whether the robot of a history was carried before one of its last ``SOON`` steps."""
-    return any(map(carried_to, lineage[max(len(lineage) - SOON, 1) :]))
+    return any(step.lattice_point for step in lineage[max(len(lineage) - SOON, 1) :])
 
 
 def new_grounds(lineage: Sequence[LineageStep], first: int = 0) -> tuple[int, ...]:
     """The keyframes before which the robot was set down on new ground, in a history from keyframe ``first`` on."""
-    return tuple(k for k, step in enumerate(lineage, start=first) if k and carried_to(step) == NEW_GROUND)
-
-
-def with_carried(step: LineageStep, point: int) -> LineageStep:
-    """The lineage step with the robot carried to a lattice point, coded in its mode."""
-    return replace(step, mode=step.mode % MODES + MODES * point)
+    return tuple(k for k, step in enumerate(lineage, start=first) if k and step.lattice_point == NEW_GROUND)

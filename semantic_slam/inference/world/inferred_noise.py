@@ -31,10 +31,14 @@ class InferredNoise:
     sensor_sigmas: Array = field(default_factory=lambda: np.zeros(2))  # prior sigmas of sensor biases; 0: not estimated
 
     @classmethod
-    def of(cls, configuration: Configuration, noises: Sequence[NoiseSettings | None], rates: DetectionRates) -> Self:
+    def of(
+        cls, configuration: Configuration, noise_settings: Sequence[NoiseSettings | None], rates: DetectionRates
+    ) -> Self:
         """The parameters that the configuration leaves open, given the noise settings and rates of hypotheses."""
         odometry, errors = configuration.odometry, configuration.detection_errors
-        differing = [name for name, own in NAMES.items() if len({getattr(one, own, None) for one in noises}) > 1]
+        differing = [
+            name for name, own in NAMES.items() if len({getattr(one, own, None) for one in noise_settings}) > 1
+        ]
         open_rates = [name for name, own in detection_rates.NAMES.items() if len(np.unique(getattr(rates, own))) > 1]
         means, sigmas = odometry_bias.bias_means(odometry), odometry_bias.bias_sigmas(odometry)
         return cls(
@@ -55,7 +59,7 @@ class InferredNoise:
 
     def moments(self, component: Component) -> Array:
         """(N, 2) means and standard deviations of the parameters under one hypothesis."""
-        settings = [(getattr(component.settings, NAMES[name]), 0.0) for name in self.settings]
+        settings = [(getattr(component.noise_settings, NAMES[name]), 0.0) for name in self.settings]
         settings += [(float(component.slipped), 0.0) for _ in self.slips]
         rates = component.objects.rates
         settings += [rates.moments(detection_rates.NAMES[name]) for name in self.rates]

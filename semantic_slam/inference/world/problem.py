@@ -1,7 +1,7 @@
 """The inference problem of a run: models, priors and settings, built once from the run's configuration."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -28,17 +28,10 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.semantics.interface import NoSemantics, Semantics
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.smoothing.smoother import Smoother
-from semantic_slam.inference.smoothing.tracking import tracked_before
-from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.gaussian import GaussianPrior, JointPrior
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.states.metre import Metre
-from semantic_slam.inference.states.movers import Movers
 from semantic_slam.inference.states.spaces import Spaces
-from semantic_slam.inference.states.views import Views
 from semantic_slam.inference.world.carried import Carried
-from semantic_slam.inference.world.departures import Departures
 from semantic_slam.inference.world.displaced_objects import Displaced
 from semantic_slam.inference.world.inferred_noise import InferredNoise
 from semantic_slam.inference.world.objects import ObjectEntry
@@ -89,7 +82,9 @@ class Problem:
     displaced: Displaced = field(default_factory=Displaced)  # displaced twins among ``objects``
     inferred_noise: InferredNoise = field(default_factory=InferredNoise)
     sigma_metre: float = 0.0  # relative sigma of the global scale of all ranges, which without a map is unobservable
-    noises: tuple[NoiseSettings | None, ...] = (None,)  # open world: one per root hypothesis; None: as configured
+    noise_settings: tuple[NoiseSettings | None, ...] = (
+        None,
+    )  # open world: one per root hypothesis; None: as configured
     carried: Carried | None = None  # prior of a kidnapped robot; None: it is never carried
     slips: Slips | None = None  # wheel slip of odometry; None: never
     starts: Starts | None = None  # global localisation in a map, open world: initial poses; None: as its prior
@@ -128,81 +123,34 @@ class Problem:
     @property
     def log_root_weights(self) -> list[float]:
         """Log prior weights of the root hypotheses, normalised: one for each noise setting of robot and sensor."""
-        log_priors = np.array([0.0 if own is None else own.log_prior for own in self.noises])
-        return [float(own) for own in log_priors - np.log(np.exp(log_priors).sum())]
+        log_priors = np.array([0.0 if settings is None else settings.log_prior for settings in self.noise_settings])
+        return [float(log_weight) for log_weight in log_priors - np.log(np.exp(log_priors).sum())]
 
-    def beginning(self, lineage: Sequence[LineageStep]) -> int:
-        """Root number of a history: index of its noise setting + number of noises x index of its start."""
-        return lineage[0].mode if len(self.noises) > 1 or self.starts is not None else 0
+    def root_number(self, lineage: Sequence[LineageStep]) -> int:
+        """Root number of a history: index of its noise setting + number of noise settings x number of its start."""
+        return lineage[0].mode if len(self.noise_settings) > 1 or self.starts is not None else 0
 
-    def start_of(self, beginning: int) -> int:
+    def noise_index_of(self, root_number: int) -> int:
+        """The index of the noise setting of a root number."""
+        return root_number % len(self.noise_settings)
+
+    def start_of(self, root_number: int) -> int:
         """The start of a root number, see ``Starts``."""
-        return beginning // len(self.noises)
+        return root_number // len(self.noise_settings)
 
-    def with_start(self, beginning: int, start: int) -> int:
+    def with_start(self, root_number: int, start: int) -> int:
         """The root number with the same noise setting, and another start."""
-        return beginning % len(self.noises) + start * len(self.noises)
+        return self.noise_index_of(root_number) + start * len(self.noise_settings)
 
     def is_placed(self, lineage: Sequence[LineageStep]) -> bool:
         """Whether the robot is localised in the map, in a history."""
-        return self.starts is None or self.start_of(self.beginning(lineage)) != ANYWHERE
+        return self.starts is None or self.start_of(self.root_number(lineage)) != ANYWHERE
 
-    def log_weight_of(self, beginning: int) -> float:
+    def log_weight_of(self, root_number: int) -> float:
         """Log prior weight of a root number."""
-        log_weight = self.log_root_weights[beginning % len(self.noises)]
-        return log_weight if self.starts is None else log_weight + self.starts.log_weight(self.start_of(beginning))
-
-    def root(self) -> Component:
-        """The root component: the priors of robot and mapped objects, before any keyframe."""
-        priors = {entry.object_id: entry.prior for entry in self.objects}
-        existence = {entry.object_id: entry.existence for entry in self.objects}
-        return Component.root(self.spaces, self.model, self.robot, priors, self.latent, existence, self.joint)
+        log_weight = self.log_root_weights[self.noise_index_of(root_number)]
+        return log_weight if self.starts is None else log_weight + self.starts.log_weight(self.start_of(root_number))
 
     def tail_of(self, component: Component) -> HeavyTail | None:
         """The outliers that a hypothesis expects among detections; None: none is one."""
-        return HeavyTail.of(errors_under(component.settings, self.detection_errors), component.outliers)
-
-    def _single_steps(self, smoother: Smoother) -> Smoother:
-        """The smoother configured for a single (not iterated) update per keyframe."""
-        return smoother.with_single_steps(self.num_biases, errors_repeat=self.detection_errors.correlated_share > 0.0)
-
-    def tracking_root(self, beginning: int) -> Component:
-        """Root component of an open world, which tracks states and existence, for a root number (noise and start).
-
-        A robot that is not localised in the map (start ANYWHERE) cannot observe the objects of the map.
-        """
-        number, robot = beginning % len(self.noises), self.robot
-        if self.starts is not None:
-            robot = self.starts.prior(self.start_of(beginning))
-        plain, single_steps = replace(self, robot=robot).root(), not self.open_world.iterate_updates
-        entries = sorted(self.objects, key=lambda entry: entry.object_id)
-        tracked = tracked_before(self.spaces, robot, [entry.prior for entry in entries], self.num_biases)
-        start = self.start_of(beginning)
-        is_elsewhere = self.starts is not None and start == ANYWHERE
-        rates = DetectionRates.of(self.open_world)
-        in_runs = bool((rates.persistence > 0.0).any())
-        shape = len(entries), len(rates)
-        stated = np.broadcast_to(plain.objects.existence_given, shape)
-        share = self.open_world.departed_share
-        objects = replace(
-            plain.objects,
-            existence_given=(1.0 - share) * stated,
-            views=Views.unknown(np.broadcast_to(rates.runs.share, shape) if in_runs else None, *shape),
-            gone=share * stated if Departures(self.open_world).is_on else None,
-            rates=rates,
-        )
-        return replace(
-            plain,
-            objects=objects,
-            smoother=self._single_steps(plain.smoother) if single_steps else plain.smoother,
-            tracked=tracked,
-            single_steps=single_steps,
-            noise=number,
-            start=start,
-            elsewhere=plain.object_ids if is_elsewhere else frozenset(),
-            settings=self.noises[number],
-            metre=None if self.objects or not self.sigma_metre else Metre(self.sigma_metre, robot.mean[:2]),
-            movers=None
-            if not self.moving.is_on
-            else Movers.none(self.moving.stands, len(rates), in_runs, len(self.moving.sensor_sigmas)),
-        )
+        return HeavyTail.of(errors_under(component.noise_settings, self.detection_errors), component.outliers)

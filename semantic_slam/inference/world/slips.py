@@ -1,7 +1,7 @@
 """Wheel slip: wheels that spin or lose contact for a moment, which the ordinary odometry noise does not cover.
 
 Between two keyframes this happens with a small probability; the covariance of a slip is then added to that of the
-motion. Which motions slipped is part of a history, coded in the modes of its lineage steps. A likely history is weighed
+motion. Which motions slipped is part of a history, coded in its lineage steps. A likely history is weighed
 both with and without a slip, an unlikely one only without.
 """
 
@@ -13,11 +13,6 @@ import numpy as np
 from semantic_slam.configuration import OdometryConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.smoothing.component import Component
-from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.world.carried import MODES
-
-SLIPPED = MODES // 2
-"""Added to a step's mode where the motion before it slipped; larger than any mode number of a component."""
 
 
 @dataclass(frozen=True)
@@ -43,18 +38,3 @@ class Slips:
         """(P,) log prior probability of each component's choice: that its next motion slips, or does not."""
         slip = np.array([own.slip is not None for own in components])
         return np.asarray(np.where(slip, np.log(self.share), np.log1p(-self.share)))
-
-
-def is_slipped(step: LineageStep) -> bool:
-    """Whether the motion before a lineage step slipped; the step must not be the first one."""
-    return step.mode % MODES >= SLIPPED
-
-
-def with_slip(step: LineageStep) -> LineageStep:
-    """The lineage step, marked as following a motion that slipped."""
-    return replace(step, mode=step.mode + SLIPPED)
-
-
-def without_slip(step: LineageStep) -> LineageStep:
-    """The lineage step without the mark of a slip."""
-    return replace(step, mode=step.mode - SLIPPED) if is_slipped(step) else step

@@ -6,7 +6,7 @@ from semantic_slam.evaluation.record import Record
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.chi_squared import chi_squared_quantile
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.model_fit import UNEXPLAINED
 from semantic_slam.report.drawing.charts import Chart, Key, keyframes, time_plot
 
 LOW_NIS, LOWEST_NIS = 1e-2, 1e-4

@@ -8,7 +8,7 @@ from math import isnan
 from tempfile import gettempdir
 
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.evidence.explanation import UNEXPLAINED, WINDOW_KEYFRAMES
+from semantic_slam.inference.evidence.model_fit import UNEXPLAINED, WINDOW_KEYFRAMES
 from semantic_slam.messages import topics
 
 SILENT_AFTER_S = 3.0
@@ -123,7 +123,7 @@ def repeated_status(repeated: Counter[str]) -> Status:
     return Status("repeated", Level.OK, text, {f"repeated: {topic}": str(n) for topic, n in sorted(repeated.items())})
 
 
-def explanation_status(belief: HybridBelief | None, carried: float = 0.0) -> Status:
+def model_fit_status(belief: HybridBelief | None, carried: float = 0.0) -> Status:
     """Whether the newest belief explains its data; ``carried``: probability that the robot was kidnapped recently."""
     if belief is None:
         return Status("explanation", Level.OK, "no keyframe so far")

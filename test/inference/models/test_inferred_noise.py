@@ -77,7 +77,7 @@ def test_what_hypotheses_differ_in_is_weighed_with_them() -> None:
     belief, pool = last_of(
         biased_room(6, perception={"noise_factors": [1.0, 4.0]}, open_world={"iterate_updates": False})
     )
-    factors = [pool._backends[0].held[int(n)].component.settings.detection_factor for n in belief.hypothesis_ids]
+    factors = [pool._backends[0].held[int(n)].component.noise_settings.detection_factor for n in belief.hypothesis_ids]
     share = np.exp(belief.log_weights)[np.array(factors) == 4.0].sum()
     assert 0.001 < share < 0.999
     assert belief.noise_values == pytest.approx([1.0 + 3.0 * share])
@@ -89,7 +89,7 @@ def test_the_spread_of_a_bias_is_that_within_hypotheses_and_between_them() -> No
     tracked = [pool._backends[0].held[int(n)].component.tracked for n in belief.hypothesis_ids]
     weights, prior = np.exp(belief.log_weights), np.array([0.05, 0.1])
     means = np.array([own.bias[:2] for own in tracked]) * prior
-    within = np.array([np.diag(own.carried_covariance)[3:5] for own in tracked]) * prior**2
+    within = np.array([np.diag(own.propagated_covariance)[3:5] for own in tracked]) * prior**2
     squares = weights @ (within + means**2)
     np.testing.assert_allclose(belief.noise_values[1:], weights @ means, atol=1e-12)
     np.testing.assert_allclose(belief.noise_sigmas[1:], np.sqrt(squares - (weights @ means) ** 2), atol=1e-9)

@@ -14,7 +14,7 @@ from semantic_slam.inference.models.correlated_errors import (
     lasting_places,
 )
 from semantic_slam.inference.models.planar.detection import PlanarDetection
-from semantic_slam.inference.states.carried_errors import CarriedErrors
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 
 OBJECTS = np.array([[5.0, 0.0], [5.5, 1.2], [6.5, -1.4]])
 DRIVES = 5
@@ -154,8 +154,8 @@ def test_errors_of_a_drive_are_nearer_to_those_over_true_places_than_over_measur
     assert np.mean(found) < 0.7 * np.mean(measured)
 
 
-def carried(places: Array, left: float = 1.0) -> CarriedErrors:
-    return CarriedErrors(
+def carried(places: Array, left: float = 1.0) -> PropagatedErrors:
+    return PropagatedErrors(
         keyframe=0,
         places=places,
         by_sensor=np.zeros((2 * len(places), 0)),

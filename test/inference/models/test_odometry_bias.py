@@ -136,7 +136,7 @@ def test_the_bias_is_found(bias: tuple[float, float]) -> None:
     """Odometry alone, exact, would leave 0.01 / (0.25 sqrt(K)) rad/m and 0.02 / (0.25 sqrt(K)): no less is claimed."""
     for seed in range(3):
         found = population_after(room_with(np.array(bias), 60, seed))
-        sigmas = np.sqrt(np.diag(found.carried_covariance)[3:]) * PRIOR_SIGMAS
+        sigmas = np.sqrt(np.diag(found.propagated_covariance)[3:]) * PRIOR_SIGMAS
         assert (np.abs(found.bias * PRIOR_SIGMAS - (*bias, 0.0, 0.0)) <= 3.0 * sigmas).all()
         floor = np.array([0.01, 0.02]) / (0.25 * np.sqrt(60))
         assert (sigmas[:2] > 0.8 * floor).all()

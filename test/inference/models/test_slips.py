@@ -21,7 +21,6 @@ from semantic_slam.geometry.pose import (
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.world.slips import is_slipped
 
 SLIPS = {"slip_share": 0.3, "sigma_slip_m": 0.2, "sigma_slip_rad": 0.1}
 EVERYTHING = {"ratio": 1e9, "max_hypotheses": 2000}
@@ -84,7 +83,7 @@ def test_a_slip_is_found_stated_and_taken_out_of_the_path(seed: int) -> None:
         stated = np.array([slipped(belief) for belief in beliefs])
         assert stated[2] > 0.95 and np.delete(stated, 2).max() < 0.05
         best = next(iter(engine.live.values())).lineage
-        assert [k for k, step in enumerate(best) if k and is_slipped(step)] == [2]
+        assert [k for k, step in enumerate(best) if k and step.slipped] == [2]
     assert errors[0] < 0.25 and errors[1] > 0.4
 
 
@@ -94,7 +93,7 @@ def test_a_history_is_rebuilt_with_its_slips() -> None:
     whole, divided = (Engine.of_run(room.run, pool) for pool in (InProcessPool(2), ForgetfulPool(2)))
     for keyframe in room.keyframes:
         assert_same(divided.process(keyframe), whole.process(keyframe))
-    assert any(is_slipped(step) for own in whole.live.values() for step in own.lineage[1:])
+    assert any(step.slipped for own in whole.live.values() for step in own.lineage[1:])
 
 
 def test_slips_are_refused_where_objects_are_not_tracked() -> None:

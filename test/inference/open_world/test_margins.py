@@ -7,8 +7,8 @@ from semantic_slam.geometry import se2, se3, so3
 from semantic_slam.inference.open_world.margins import Places
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
+from semantic_slam.inference.states.in_view import InViewProbabilities, InViewRecord
 from semantic_slam.inference.states.miss_runs import MissRuns
-from semantic_slam.inference.states.views import Overlap, Views
 
 PLANAR = SensorRegion(min_range_m=0.5, max_range_m=5.0, field_of_view_rad=1.4)
 SPATIAL = SpatialRegion(min_range_m=0.5, max_range_m=5.0, half_width_rad=0.6, half_height_rad=0.4)
@@ -70,16 +70,18 @@ def test_detections_of_an_object_are_together_as_probable_as_that_it_is_detected
     """Averaged over drawn measurements of its place: with the miss, the outcomes sum to one."""
     random, count, sigmas, spread = np.random.default_rng(3), 20_000, np.array([0.3, 0.2]), np.diag([0.25, 0.16])
     at = None if detectable is None else np.full((1, 1), detectable)
-    views = Views(hidden=np.full((1, 1), hidden), unoccluded=np.ones(1), detectable=at, detectable_hidden=at)
+    views = InViewRecord(hidden=np.full((1, 1), hidden), unoccluded=np.ones(1), detectable=at, detectable_hidden=at)
     own, runs, chance = places([[4.8, 0.0]], spread, np.eye(2), [-0.2, 0.0]), MissRuns(0.6, 0.5), np.full((1, 1), 0.6)
     expected, _ = own.overlap(PLANAR.margins)
-    predicted = views.predicted(Overlap(*(part[None] for part in expected)), np.ones((1, 1)), chance[None], runs)
+    predicted = views.predicted(
+        InViewProbabilities(*(part[None] for part in expected)), np.ones((1, 1)), chance[None], runs
+    )
     off = random.normal(size=(count, 2)) * np.sqrt(np.diag(spread) + sigmas**2)
     points = own.points + off * np.diag(spread) / (np.diag(spread) + sigmas**2)
     everywhere = np.zeros(count, dtype=int)
     seen = own._replace(**{name: getattr(own, name)[everywhere] for name in ("covariance", "by_robot", "by_motion")})
     found, _ = seen.measured(points, np.tile(np.diag(1.0 / sigmas), (count, 1, 1))).overlap(PLANAR.margins)
-    expected = Overlap(*(part[everywhere] for part in expected))
+    expected = InViewProbabilities(*(part[everywhere] for part in expected))
     detected = views.take(everywhere).seen(expected, found, chance[everywhere], runs)
     np.testing.assert_allclose(detected.mean(), predicted.detected.item(), rtol=0.03)
 

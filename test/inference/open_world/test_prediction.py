@@ -14,8 +14,9 @@ from semantic_slam.inference.models.planar.detection import PlanarDetection
 from semantic_slam.inference.models.step import Motion
 from semantic_slam.inference.open_world.prediction import nearby
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
-from semantic_slam.inference.open_world.prediction.predictor import Predictor
+from semantic_slam.inference.open_world.prediction.predictor import FrameInput, Predictor
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.world.roots import tracking_root
 
 AROUND = 24
 MOTION = Motion(np.zeros(3), 1e-4 * np.eye(3))
@@ -39,9 +40,9 @@ def prediction(
     )
     room = make_room(1, map_prior=MapPrior(objects), open_world={"max_joint_objects": limit, **world})
     problem = problem_of(room.run)
-    component = problem.tracking_root(0)
+    component = tracking_root(problem, 0)
     return Predictor(problem.model, problem.open_world, problem.detection_errors).predict(
-        component, MOTION, [detection], wanted=wanted
+        component, FrameInput(motion=MOTION, detections=[detection]), wanted=wanted
     )
 
 
@@ -118,9 +119,9 @@ def test_an_uncertain_object_may_be_within_reach() -> None:
         ),
     )
     problem = problem_of(far.run)
-    component = problem.tracking_root(0)
+    component = tracking_root(problem, 0)
     found = Predictor(problem.model, problem.open_world, problem.detection_errors).predict(
-        component, MOTION, [detection(3.0)]
+        component, FrameInput(motion=MOTION, detections=[detection(3.0)])
     )
     assert found.in_reach.tolist() == [0]
 

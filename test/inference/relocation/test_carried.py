@@ -20,7 +20,7 @@ from semantic_slam.inference.relocation.places import Account
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import LineageStep
-from semantic_slam.inference.world.carried import FIRST_POINT, SOON, carried_to, is_carried_lately, with_carried
+from semantic_slam.inference.world.carried import FIRST_POINT, SOON, is_carried_lately
 
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([-1.0, -3.0, 0.4])
 BEFORE, AFTER = 5, 6
@@ -61,7 +61,7 @@ def assert_found(engine: Engine, beliefs: list[HybridBelief]) -> None:
     assert is_found(beliefs[BEFORE - 1]) and not is_found(beliefs[BEFORE])
     assert is_found(beliefs[-1])
     best = next(iter(engine.live.values()))
-    assert [k for k, step in enumerate(best.lineage) if k and carried_to(step)] == [BEFORE]
+    assert [k for k, step in enumerate(best.lineage) if k and step.lattice_point] == [BEFORE]
 
 
 @pytest.mark.long
@@ -133,7 +133,7 @@ def test_what_did_not_fit_long_ago_is_no_longer_looked_at_first(monkeypatch: pyt
 
 
 def test_histories_that_have_seen_the_same_are_one_only_near_each_other() -> None:
-    lineage = (LineageStep((3,), (-1,)), with_carried(LineageStep((3,), (-1,)), 7))
+    lineage = (LineageStep((3,), (-1,)), LineageStep((3,), (-1,)).with_lattice_point(7))
     here, beside, away = (Account.of(lineage, START + np.array([x, 0.0, 0.0])) for x in (0.0, 0.2, 2.0))
     turned = Account.of(lineage, START + np.array([0.0, 0.0, 1.0]))
     assert here.is_like(beside) and not here.is_like(away) and not here.is_like(turned)
@@ -148,7 +148,7 @@ def test_hypotheses_of_a_robot_that_stayed_are_given_up_later_than_all_others(ki
     for keyframe in carried_world().keyframes:
         engine.process(keyframe)
     assert engine.carried > 0.99
-    assert [any(map(carried_to, own.lineage)) for own in engine.live.values()].count(False) == followed
+    assert [any(step.lattice_point for step in own.lineage) for own in engine.live.values()].count(False) == followed
 
 
 def test_who_is_never_carried_is_not_found_again() -> None:
@@ -183,7 +183,7 @@ def test_such_a_history_weighs_what_the_integral_over_all_places_does() -> None:
     robot = se2.compose(START, STEP)
     point = carried.point(se2.between(robot, after.truth[0]))
     assert begun is not None and point is not None
-    found = replay.followed((first, with_carried(LineageStep(names, (-1, -1, -1)), point)))
+    found = replay.followed((first, LineageStep(names, (-1, -1, -1)).with_lattice_point(point)))
     assert found is not None
     odds = np.log(1e-3 / (1.0 - 1e-3)) + 3.0 * np.log(0.9)
     expected = odds + _by_grid(robot, after.truth[0], steps[1].detections, TRIANGLE[list(names)])
@@ -210,6 +210,6 @@ def _by_grid(robot: np.ndarray, centre: np.ndarray, detections: list, places: np
 @pytest.mark.parametrize("at", [0, 1, 2, 7])
 @pytest.mark.parametrize("length", [1, 2, SOON, SOON + 1, SOON + 9])
 def test_carried_lately_is_within_the_last_steps_and_the_first_step_is_a_start(at: int, length: int) -> None:
-    stays, moved = LineageStep((), ()), with_carried(LineageStep((), ()), FIRST_POINT)
+    stays, moved = LineageStep((), ()), LineageStep((), ()).with_lattice_point(FIRST_POINT)
     lineage = tuple(moved if k == at else stays for k in range(length))
     assert is_carried_lately(lineage) == (0 < at < length <= at + SOON)

@@ -12,7 +12,7 @@ from semantic_slam import Engine
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision.replay import REACH
-from semantic_slam.inference.world.carried import SOON, carried_to, new_grounds
+from semantic_slam.inference.world.carried import SOON, new_grounds
 
 START, THERE, BEYOND = np.array([4.0, -7.0, 1.9]), np.array([-1.0, -3.0, 0.4]), np.array([40.0, 3.0, 0.4])
 BEFORE, AFTER = 90, 6
@@ -62,7 +62,7 @@ def test_a_robot_kidnapped_on_a_long_drive_is_localised_where_it_was_set_down(
     near = errors(beliefs[-1], carried_world(THERE, BEFORE, AFTER).truth[-1]) < 0.3
     assert np.exp(beliefs[-1].log_weights[near]).sum() > 0.9
     best = next(iter(engine.live.values()))
-    assert [k for k, step in enumerate(best.lineage) if k and carried_to(step)] == [BEFORE]
+    assert [k for k, step in enumerate(best.lineage) if k and step.lattice_point] == [BEFORE]
 
 
 @pytest.mark.long

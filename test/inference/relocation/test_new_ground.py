@@ -14,7 +14,7 @@ from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import Lineage, LineageStep
-from semantic_slam.inference.world.carried import NEW_GROUND, new_grounds, with_carried
+from semantic_slam.inference.world.carried import NEW_GROUND, new_grounds
 from semantic_slam.maps.from_run import saved_map_of_engine
 
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([40.0, 3.0, 0.4])
@@ -92,7 +92,7 @@ def test_such_a_history_weighs_what_a_first_keyframe_does() -> None:
     replay = _replay(engine, world.keyframes[: BEFORE + 1])
     first, lineage = engine.registry.first_new_id(BEFORE), _named(world)
     seen = tuple(range(first, first + len(ELSEWHERE)))
-    step = with_carried(LineageStep(seen, (-1,) * len(seen)), NEW_GROUND)
+    step = LineageStep(seen, (-1,) * len(seen)).with_lattice_point(NEW_GROUND)
     before, after = replay.before(lineage, BEFORE), replay.followed((*lineage, step))
     fresh = Engine(configuration(initial_pose={"mean": [0.0, 0.0, 0.0], "sigma": [0.01, 0.01, 0.01]}))
     alone = replace(world.keyframes[BEFORE], index=0)

@@ -14,7 +14,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.model_fit import UNEXPLAINED
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam_lab.repetitions import keyed_generator
 from semantic_slam_lab.studies.carried_robot.recognition import (

@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.configuration import ClosedWorldConfiguration, Configuration, load_configuration
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.evidence.explanation import UNEXPLAINED
+from semantic_slam.inference.evidence.model_fit import UNEXPLAINED
 from semantic_slam.shipped import configuration_file
 from semantic_slam_lab.studies.faulty_rooms.closed_room import make_room, normalised_error, position_error_m, run
 from semantic_slam_lab.studies.faulty_rooms.faults import FAULTS, FaultyRoom

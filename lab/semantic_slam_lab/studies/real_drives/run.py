@@ -124,10 +124,10 @@ def _by_engine(task: Task, bag: Path, beliefs: Path) -> Outcome:
 
 def _chosen(component: Component, configuration: Configuration) -> Chosen:
     """What the hypothesis takes the noises to be, or what the configuration says."""
-    if component.settings is None:
+    if component.noise_settings is None:
         perception = configuration.perception
         return Chosen(detection_factor=perception.noise_factors[0], ranges_are=perception.ranges_are[0])
-    own = component.settings
+    own = component.noise_settings
     kind = DEPTH if own.ranges_are_depth else DISTANCE
     return Chosen(own.odometry_factor, own.detection_factor, kind, own.correlated_share)
 

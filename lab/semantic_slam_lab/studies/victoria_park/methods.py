@@ -113,7 +113,7 @@ def drive_with(method: str, drive: Drive, max_hypotheses: int | None = None) -> 
     metrics = {
         **scores(associations, drive.labels),
         "n_landmarks": float(len({n for own in associations for n in own})),
-        "noise_factor": component.settings.odometry_factor if component.settings is not None else 1.0,
+        "noise_factor": component.noise_settings.odometry_factor if component.noise_settings is not None else 1.0,
         "heading_bias_rad_per_m": heading_bias,
         "n_landmarks_in_belief": float((component.objects.existence > 0.5).sum()),
         **_times(np.array(seconds), drive.duration_s * len(seconds) / len(drive.keyframes)),

@@ -47,7 +47,7 @@ class BodyObservation(ScoredViews, SpatialObservation):
         return super().turned_start(detections, x, position(first), position(second))
 
     def object_priors(self, detections: Sequence[SpatialDetection], x: Array) -> list[GaussianPrior]:
-        """Priors of new objects: placed as points, upright, heading as the robot's."""
+        """Priors of new objects with attitude: position as for points, upright, yaw equal to the robot's."""
         new, attitude = self.new_objects, _upright(x[3:])
         turns = [new.sigma_tilt_rad, new.sigma_tilt_rad, new.sigma_heading_rad]
         at_range = np.diag([*turns, *[new.sigma_position_m] * 3]) ** 2

@@ -7,10 +7,10 @@ import numpy as np
 from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.open_world.existence import LEAST_PROBABILITY, existence_after_miss, log_miss
-from semantic_slam.inference.open_world.prediction.nearby import views_of
+from semantic_slam.inference.open_world.prediction.nearby import in_view_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.states.in_view import InViewRecord, PredictedDetections
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
-from semantic_slam.inference.states.views import Looks, Views
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class CandidateExistence:
 
     prediction: Prediction
     settings: OpenWorldConfiguration
-    looks: Looks  # K = 1, at the objects in reach if they stand still, under each distinct sensor
+    predicted: PredictedDetections  # K = 1, of the objects in reach if they stand still, under each distinct sensor
     standing: Array  # (O, G) detection probabilities of what stands still
     detected: Array  # (O, G) detection probabilities
     log_missed: Array  # (O, G) log probabilities of missing each object
@@ -56,7 +56,7 @@ class CandidateExistence:
             new_existence=prediction.birth_existence[np.ix_(self.new, np.flatnonzero(left))],
             rates=rates,
             rates_kept=None if left.all() else left,
-            views=self._views(kept).with_rates(left),
+            in_view=self._in_view(kept).with_rates(left),
             gone=gone,
             stamp_ns=prediction.population.stamp_ns,
             moving=None if prediction.movers is None else 1.0 - stands,
@@ -91,12 +91,12 @@ class CandidateExistence:
         gone[self.observed] = 0.0
         return np.asarray(gone)
 
-    def _views(self, kept: Flags) -> Views:
+    def _in_view(self, kept: Flags) -> InViewRecord:
         """What is known of being in view, of the objects ``kept`` (O,), then of the new ones."""
         prediction = self.prediction
         (sensors, which), runs, reach = prediction.rates.sensors, prediction.rates.runs, prediction.in_reach
         seen = np.zeros(len(prediction.existence), dtype=bool)
         seen[self.observed] = True
-        in_reach = self.looks.after(seen[reach], sensors.runs).with_rates(which)
-        all_objects = views_of(prediction.population).unreached(runs).updated(reach, in_reach)
+        in_reach = self.predicted.after(seen[reach], sensors.runs).with_rates(which)
+        all_objects = in_view_of(prediction.population).unreached(runs).updated(reach, in_reach)
         return all_objects.take(kept).joined(all_objects.started(len(self.new), runs))

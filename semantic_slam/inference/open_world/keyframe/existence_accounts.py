@@ -15,9 +15,9 @@ from semantic_slam.inference.open_world.keyframe.associated_pairs import associa
 from semantic_slam.inference.open_world.keyframe.candidate_existence import CandidateExistence
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.states.in_view import PredictedDetections
 from semantic_slam.inference.states.lineage import MOVES
 from semantic_slam.inference.states.tracked_objects import ExistenceUpdate
-from semantic_slam.inference.states.views import Looks
 from semantic_slam.inference.world.problem import Problem
 
 
@@ -46,12 +46,12 @@ class ExistenceAccounts:
     ) -> "_ParentAccounts":
         """The accounts of one parent's candidates; ``moves`` (K, D): which detections are of what moves.
 
-        Looks are from the candidates' modes, averaged over where the robot still may be.
+        Detections are predicted from the candidates' modes, averaged over where the robot still may be.
         """
         reached, (sensors, which) = prediction.component.objects.ids[prediction.in_reach], prediction.rates.sensors
         columns, are_reached = places_among(reached, object_ids)
         pairs = np.nonzero(are_reached & ~moves)
-        looks, seen = geometry_of(prediction.component.spaces).detections_at(
+        predicted, seen = geometry_of(prediction.component.spaces).detections_at(
             prediction.region,
             sensors,
             prediction.objects,
@@ -65,7 +65,7 @@ class ExistenceAccounts:
         return _ParentAccounts(
             prediction=prediction,
             settings=self._problem.open_world,
-            looks=looks,
+            predicted=predicted,
             object_ids=object_ids,
             is_new=object_ids >= self._born.min(initial=np.iinfo(int).max),
             moves=moves,
@@ -79,7 +79,7 @@ class _ParentAccounts:
 
     prediction: Prediction
     settings: OpenWorldConfiguration
-    looks: Looks  # from the K modes, at the objects in reach if they stand still, under each distinct sensor
+    predicted: PredictedDetections  # from the K modes, of those in reach if standing still, by sensor
     object_ids: Index  # (K, D)
     is_new: Flags  # (K, D) whether the detection is a first one (birth)
     moves: Flags  # (K, D) whether it is of an object that moves
@@ -89,7 +89,7 @@ class _ParentAccounts:
     def standing(self) -> Array:
         """(K, O, G) detection probabilities of what stands still."""
         standing = np.zeros((len(self.object_ids), *self.prediction.existence.shape))
-        standing[:, self.prediction.in_reach] = self.looks.detected[..., self.prediction.rates.sensors[1]]
+        standing[:, self.prediction.in_reach] = self.predicted.detected[..., self.prediction.rates.sensors[1]]
         return standing
 
     @cached_property
@@ -160,7 +160,7 @@ class _ParentAccounts:
         return CandidateExistence(
             prediction=self.prediction,
             settings=self.settings,
-            looks=self.looks.of(candidate),
+            predicted=self.predicted.of(candidate),
             standing=self.standing[candidate],
             detected=self.detected[candidate],
             log_missed=self.log_missed[candidate],

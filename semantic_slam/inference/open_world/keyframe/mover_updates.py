@@ -76,9 +76,9 @@ def _missed(
 
 def _of_static(prediction: Prediction, update: ExistenceUpdate, object_ids: Index) -> Array:
     """(n, G) detectability in the next keyframe of objects that are also kept as static ones."""
-    assert update.views is not None and update.views.detectable is not None
+    assert update.in_view is not None and update.in_view.detectable is not None
     return np.asarray(
-        update.views.detectable[np.searchsorted(prediction.component.objects.ids[update.kept], object_ids)]
+        update.in_view.detectable[np.searchsorted(prediction.component.objects.ids[update.kept], object_ids)]
     )
 
 

@@ -26,7 +26,7 @@ from semantic_slam.inference.open_world.joint.linear_evidence import LinearisedE
 from semantic_slam.inference.open_world.joint.ranking import JointRanking
 from semantic_slam.inference.open_world.keyframe.open_keyframe import OpenKeyframe
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
-from semantic_slam.inference.open_world.prediction.predictor import Predictor
+from semantic_slam.inference.open_world.prediction.predictor import FrameInput, Predictor
 from semantic_slam.inference.open_world.spatial.pair_ranges import log_ranges_of, relative_covariances
 from semantic_slam.inference.open_world.spatial.pairs_at_modes import ParentPairs, pairs_at_modes
 from semantic_slam.inference.semantics.interface import RanksPairs
@@ -36,12 +36,13 @@ from semantic_slam.inference.states.lineage import MOVES, LineageStep
 from semantic_slam.inference.world.departures import Departures
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
 from semantic_slam.inference.world.problem import Problem
+from semantic_slam.inference.world.roots import tracking_root
 
 
 class OpenAssociation:
     """The k best joint assignments of every parent's detections to objects that it knows, or to new ones."""
 
-    carries_views = tracks_objects = True
+    defers_view_factors = tracks_objects = True
     needs_map, wants_identities, counts_misses, merges_copies = False, False, True, True
 
     def __init__(self, problem: Problem, registry: ObjectRegistry) -> None:
@@ -79,21 +80,17 @@ class OpenAssociation:
         """The objects that are alive in some hypothesis."""
         return registry.alive(alive)
 
-    def root(self, number: int) -> Component:
+    def root(self, root_number: int) -> Component:
         """The prior of Eq. 4.3 with the map's existence probabilities, under one odometry noise and start pose."""
-        root = self.problem.tracking_root(number)
+        root = tracking_root(self.problem, root_number)
         return replace(root, objects=root.objects.scored()) if self.counts_misses else root
 
     def predict(self, step: Step, parents: Parents, path: LineageStep | None) -> OpenKeyframe:
         """The prediction and ranked joint assignments of each parent, or of the one continuation ``path``."""
-        sensed = [component.sensed(step.detections) for component in parents.components]
-        looks = step.camera or step.sensed
         wanted = () if path is None else path.association
         predictions = [
-            self.predictor.predict(
-                component, step.motion, detections, looks, wanted=wanted, stamp_ns=step.stamp_ns, labels=step.labels
-            )
-            for component, detections in zip(parents.components, sensed, strict=True)
+            self.predictor.predict(component, _frame_input(step, component), wanted=wanted)
+            for component in parents.components
         ]
         if path is not None:
             columns = self._columns(step, predictions[0], path)
@@ -167,51 +164,57 @@ class OpenAssociation:
         detections would leave them. Columns are the near objects, then the D objects that the detections may start,
         then the moving objects.
         """
-        near = prediction.near
-        log_missed = log_miss(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])
-        r, detected = prediction.existence[near] * prediction.stands[near], prediction.detected[near]
-        with np.errstate(divide="ignore"):
-            log_ratio = np.log(r * np.maximum(detected, prediction.least_detected)) - log_missed[near]
-        unseen = log_missed.sum(axis=0) - prediction.expected_births
-        _, log_weights = prediction.rates.explained(unseen)
-        log_detected = np.logaddexp.reduce(log_weights + log_ratio, axis=1)
-        admitted = pairs.distance < self.settings.gate_sigma
-        log_new = np.logaddexp.reduce(log_weights + prediction.log_intensity, axis=1)
-        log_new += np.array([birth.log_area for birth in prediction.births])
+        log_weights, log_detected, log_missed, log_new = self._log_options(prediction)
         if pairs.log_words is not None:
             log_detected, log_new = log_detected + pairs.log_words[:, :-1], log_new + pairs.log_words[:, -1]
         log_known = pairs.log_density + log_detected
+        admitted = pairs.distance < self.settings.gate_sigma
         admitted |= self._outliers(pairs, log_known, log_new)
         moving, may_move, objects = self._moving(prediction, log_known, admitted, log_new, log_missed, log_weights)
-        log_pairs = np.concatenate([log_known, moving], axis=1)
         options = np.concatenate([admitted, may_move], axis=1)
-        weights = self.problem.weights
-        most = candidate_limit(weights, len(log_new))
+        most = candidate_limit(self.problem.weights, len(log_new))
         ranked = partial(
             best_assignments,
             admitted=options,
             log_new=log_new,
             limit=most,
-            gate=weights.gate,
+            gate=self.problem.weights.gate,
             log_beyond=prediction.log_beyond,
             objects=objects,
         )
+        log_pairs = np.concatenate([log_known, moving], axis=1)
         if self.settings.joint_ranking and admitted.any() and may_be_more(options, most):
             alone = np.concatenate([moving, log_new[:, None]], axis=1)
             linear = LinearisedEvidence.of(self.problem.spaces, prediction, pairs)
-            costs = JointCosts.of(linear, admitted, log_detected, alone)
             found = JointRanking(
-                costs=costs,
+                costs=JointCosts.of(linear, admitted, log_detected, alone),
                 log_pairs=log_pairs,
                 admitted=options,
                 ranked=ranked,
                 reach=float(np.log(self.problem.pruning.ratio)),
-            ).best(most, weights.gate)
+            ).best(most, self.problem.weights.gate)
         else:
             found = ranked(log_pairs)
-        known, moves = found.columns < len(near), found.columns < len(near) + moving.shape[1]
-        columns = found.columns + np.where(known, 0, np.where(moves, len(log_new), -moving.shape[1]))
-        return replace(found, columns=columns)
+        return replace(found, columns=_movers_last(found.columns, len(prediction.near), moving.shape[1]))
+
+    @staticmethod
+    def _log_options(prediction: Prediction) -> tuple[Array, Array, Array, Array]:
+        """Log weights of the options of a detection apart from where it is, averaged over the G sensor settings.
+
+        (G,) of the settings after a keyframe without detections; (M,) of a near object's detection relative to its
+        miss; (O, G) of misses; (D,) of births and false alarms.
+        """
+        near = prediction.near
+        log_missed = log_miss(prediction.existence, prediction.detected_at_all(prediction.detected[None])[0])
+        stands = prediction.existence[near] * prediction.stands[near]
+        with np.errstate(divide="ignore"):
+            log_ratio = np.log(stands * np.maximum(prediction.detected[near], prediction.least_detected))
+            log_ratio = log_ratio - log_missed[near]
+        _, log_weights = prediction.rates.explained(log_missed.sum(axis=0) - prediction.expected_births)
+        log_detected = np.logaddexp.reduce(log_weights + log_ratio, axis=1)
+        log_new = np.logaddexp.reduce(log_weights + prediction.log_intensity, axis=1)
+        log_new += np.array([birth.log_area for birth in prediction.births])
+        return log_weights, log_detected, log_missed, log_new
 
     def _outliers(self, pairs: PairDensities, log_known: Array, log_new: Array) -> Flags:
         """(D, M) outlier pairs whose weight is not negligible beside the alternatives of their detections."""
@@ -257,6 +260,24 @@ class OpenAssociation:
         if unknown:
             raise UnknownObjectsError(unknown)
         return np.array([place[own] for own in named], dtype=int).reshape(1, -1)
+
+
+def _movers_last(columns: Index, num_near: int, num_moving: int) -> Index:
+    """(B, D) columns in the order near, new, moving objects, from those in the order near, moving, new."""
+    num_new = columns.shape[1]
+    is_near, is_old = columns < num_near, columns < num_near + num_moving
+    return columns + np.where(is_near, 0, np.where(is_old, num_new, -num_moving))
+
+
+def _frame_input(step: Step, component: Component) -> FrameInput:
+    """The prediction's input at a step, with the covariances that the component assumes."""
+    return FrameInput(
+        motion=step.motion,
+        detections=component.sensed(step.detections),
+        sensed=step.camera or step.sensed,
+        stamp_ns=step.stamp_ns,
+        labels=step.labels,
+    )
 
 
 def _named(columns: Index, known: int) -> Flags:

@@ -123,8 +123,9 @@ class OpenKeyframe:
         weighed = self._with_classes(candidates) if has_classes else self._by_linearisation(candidates)
         if self.step.index > 0:
             return weighed
-        begun = [self.problem.with_start(component.noise, component.start) for component in self.parents.components]
-        return weighed.gaining(numbers=np.array(begun)[weighed.assignments.parents])  # noise and start pose
+        components = self.parents.components
+        root_numbers = [self.problem.with_start(component.noise_index, component.start) for component in components]
+        return weighed.gaining(numbers=np.array(root_numbers)[weighed.assignments.parents])
 
     def semantic_input(self, candidates: WeighedAssociations) -> SemanticInput:
         """Input of the semantic models; an object that no map knows may be of any class."""
@@ -207,7 +208,7 @@ class OpenKeyframe:
             existence=self._agreeing(parent, taken, existence),
             local=local,
             errors=None if prediction.errors is None else prediction.errors.transition,
-            carried_errors=prediction.carried_errors,
+            propagated_errors=prediction.propagated_errors,
             outliers=None if tail is None else self._outliers(own, row, known),
         )
 
@@ -263,7 +264,7 @@ class OpenKeyframe:
     @property
     def _suits_searches(self) -> bool:
         """Whether mode searches apply: noise as configured, independent detection errors and no outlier model."""
-        settings = [component.settings for component in self.parents.components]
+        settings = [component.noise_settings for component in self.parents.components]
         are_told = all(own is None or own.as_told for own in settings)
         are_plain = all(own.tail is None for own in self.pairs)
         return are_told and are_plain and all(own.errors is None for own in self.predictions)

@@ -66,36 +66,55 @@ def mover_proposals(
     every = _sightings(lineage, steps, trail, np.zeros(0) if sensor is None else moving.sensor_sigmas * sensor)
     seen = {n: own for n, own in every.items() if n >= first_new and own.keyframes[-1] >= since}
     groups: dict[Group, Sightings] = {(n,): own for n, own in seen.items() if len(own.stamps_ns) <= MOST_DETECTIONS}
-    share = moving.largest_share
-    log_birth = float(np.log(birth_density))  # detections have the same probability either way
-    allowance = -float(np.log(share / np.sum(~moving.stands)))  # two sightings give no velocity: a third may
-    scores = {group: _scores(own, moving, share) for group, own in groups.items()}
-    apart = {group: max(own) for group, own in scores.items()}
-
-    def gain(pair: tuple[Group, Group]) -> float:
-        one, other = pair
-        if np.intersect1d(groups[one].keyframes, groups[other].keyframes).size:
-            return -np.inf
-        known = any(scores[group][1] > scores[group][0] for group in pair)
-        together = _scores(groups[one].with_others(groups[other]), moving, share)[1]
-        return together - max(scores[one]) - max(scores[other]) - log_birth + (0.0 if known else allowance)
-
-    gains = {pair: gain(pair) for pair in combinations(sorted(groups), 2)}
-    while gains and max(gains.values()) > 0.0:
-        pair = max(gains, key=lambda own: gains[own])
-        joined = tuple(sorted(pair[0] + pair[1]))
-        groups[joined] = groups.pop(pair[0]).with_others(groups.pop(pair[1]))
-        scores[joined] = _scores(groups[joined], moving, share)
-        apart[joined] = apart[pair[0]] + apart[pair[1]] + log_birth
-        gains = {own: value for own, value in gains.items() if not set(own) & set(pair)}
-        gains |= {own: gain(own) for own in ((joined, other) for other in groups if other != joined)}
+    merging = _Merging(moving, float(np.log(birth_density)), groups)
+    merging.run()
     known = movers_of(lineage)
     found = {
-        group: scores[group][1] - apart[group]
+        group: merging.scores[group][1] - merging.apart[group]
         for group, own in groups.items()
         if len(own.stamps_ns) >= LEAST_DETECTIONS and not (len(group) == 1 and group[0] in known)
     }
     return sorted((group for group, value in found.items() if value > 0.0), key=lambda group: -found[group])
+
+
+class _Merging:
+    """Greedy merging of groups of objects, each taken as one object; ``groups`` change in place."""
+
+    def __init__(self, moving: Moving, log_birth: float, groups: dict[Group, Sightings]) -> None:
+        """``log_birth``: log density of births; detections have the same probability either way."""
+        self.groups = groups
+        self.scores = {group: _scores(own, moving, moving.largest_share) for group, own in groups.items()}
+        self.apart = {group: max(own) for group, own in self.scores.items()}  # log evidence as separate objects
+        self._moving, self._log_birth = moving, log_birth
+        # Two sightings give no velocity: a third may.
+        self._allowance = -float(np.log(moving.largest_share / np.sum(~moving.stands)))
+
+    def run(self) -> None:
+        """Merge the pair with the largest gain, until there is none."""
+        gains = {pair: self._gain(*pair) for pair in combinations(sorted(self.groups), 2)}
+        while gains and max(gains.values()) > 0.0:
+            pair = max(gains, key=lambda each: gains[each])
+            joined = self._merge(*pair)
+            gains = {each: value for each, value in gains.items() if not set(each) & set(pair)}
+            gains |= {(joined, other): self._gain(joined, other) for other in self.groups if other != joined}
+
+    def _gain(self, one: Group, other: Group) -> float:
+        """Log evidence ratio of one moving object to two objects; -inf where both are detected in a keyframe."""
+        mine, theirs = self.groups[one], self.groups[other]
+        if np.intersect1d(mine.keyframes, theirs.keyframes).size:
+            return -np.inf
+        known = any(self.scores[group][1] > self.scores[group][0] for group in (one, other))
+        together = _scores(mine.with_others(theirs), self._moving, self._moving.largest_share)[1]
+        gain = together - max(self.scores[one]) - max(self.scores[other]) - self._log_birth
+        return gain + (0.0 if known else self._allowance)
+
+    def _merge(self, one: Group, other: Group) -> Group:
+        """Replace two groups by their union."""
+        joined = tuple(sorted(one + other))
+        self.groups[joined] = self.groups.pop(one).with_others(self.groups.pop(other))
+        self.scores[joined] = _scores(self.groups[joined], self._moving, self._moving.largest_share)
+        self.apart[joined] = self.apart[one] + self.apart[other] + self._log_birth
+        return joined
 
 
 def standing_proposals(lineage: Lineage, movers: Movers, since: int = 0) -> list[Group]:

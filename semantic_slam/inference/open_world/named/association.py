@@ -22,6 +22,7 @@ from semantic_slam.inference.open_world.named.keyframe import NamedKeyframe
 from semantic_slam.inference.open_world.named.wrong_names import right_names
 from semantic_slam.inference.open_world.planar.region import SensorRegion
 from semantic_slam.inference.open_world.prediction.prediction import Prediction
+from semantic_slam.inference.open_world.prediction.predictor import FrameInput
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import LineageStep
 
@@ -52,7 +53,9 @@ class NamedAssociation(OpenAssociation):
         named, first = np.unique(identities[known]), _first_of(identities, np.flatnonzero(~known))
         predictions = [
             self.predictor.predict(
-                component, step.motion, component.sensed(detections), step.sensed, component.objects.rows(named)
+                component,
+                FrameInput(motion=step.motion, detections=component.sensed(detections), sensed=step.sensed),
+                named=component.objects.rows(named),
             )
             for component in parents.components
         ]

@@ -13,8 +13,8 @@ from semantic_slam.inference.open_world.planar.region import NO_SCAN, SensorRegi
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.in_view import InViewProbabilities, PredictedDetections
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
-from semantic_slam.inference.states.views import Looks, Overlap
 
 MOST_LOOKS = 50
 """Number of newest looks at one place that count: by then next to nothing is left to be found there."""
@@ -70,8 +70,8 @@ def detection_probabilities(
     covariance: Array,
     shown: Occluders,
     seen: SeenAgain,
-) -> tuple[Looks, Array]:
-    """Looks at existing objects from modes ``robot`` (K, 3) with (K, 3, 3), and (n, G) how probably those ``seen`` are.
+) -> tuple[PredictedDetections, Array]:
+    """Predicted detections of existing objects from modes ``robot`` (K, 3), and (n, G) how probably those ``seen`` are.
 
     Objects may be occluded by what is ``shown``.
     """
@@ -80,17 +80,17 @@ def detection_probabilities(
     objects = se2.compose(prediction.objects, se2.exp(moved))  # (K, N, 3)
     places = _places(se2.between(robot[:, None], objects), prediction, covariance)
     in_view, chance = partial(_overlap, region, shown), partial(_chance, region, rates)
-    return seen.looks(places, prediction.views, rates.runs, in_view, chance)
+    return seen.predicted(places, prediction.in_view, rates.runs, in_view, chance)
 
 
 def predicted_detection_probabilities(
     region: SensorRegion, rates: DetectionRates, prediction: PredictedObjects
-) -> Looks:
-    """Looks at existing objects from the predicted robot (K = 1), without occlusion."""
+) -> PredictedDetections:
+    """Predicted detections of existing objects from the predicted robot (K = 1), without occlusion."""
     relative = se2.between(prediction.robot, prediction.objects)[None]
     places = _places(relative, prediction, prediction.robot_covariance[None])
-    overlap, unoccluded = _overlap(region, NOTHING_SHOWN, places, prediction.views.unoccluded, NOT_DETECTED)
-    return prediction.views.predicted(overlap, unoccluded, _chance(region, rates, places.points), rates.runs)
+    overlap, unoccluded = _overlap(region, NOTHING_SHOWN, places, prediction.in_view.unoccluded, NOT_DETECTED)
+    return prediction.in_view.predicted(overlap, unoccluded, _chance(region, rates, places.points), rates.runs)
 
 
 def _chance(region: SensorRegion, rates: DetectionRates, points: Array) -> Array:
@@ -101,7 +101,7 @@ def _chance(region: SensorRegion, rates: DetectionRates, points: Array) -> Array
 
 def _overlap(
     region: SensorRegion, shown: Occluders, places: Places, before: Array, detected_as: Index
-) -> tuple[Overlap, Array]:
+) -> tuple[InViewProbabilities, Array]:
     """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now.
 
     ``detected_as`` (...,): numbers of their own detections, which do not hide them; -1 for none.

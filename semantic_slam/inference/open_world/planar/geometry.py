@@ -26,9 +26,9 @@ from semantic_slam.inference.open_world.predicted_objects import PredictedObject
 from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.in_view import PredictedDetections
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M
 from semantic_slam.inference.states.tracked_objects import TrackedStates
-from semantic_slam.inference.states.views import Looks
 
 MOST_AHEAD = 80
 """Most objects ahead of the sensor in a local map: any of them may be detected before it is read again."""
@@ -59,7 +59,9 @@ class PlanarGeometry:
     ) -> tuple[Array, Array, Array]:
         return expected_births(settings, component, region, robot, births, detections, second)
 
-    def predicted_detections(self, region: SensorRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
+    def predicted_detections(
+        self, region: SensorRegion, rates: DetectionRates, objects: PredictedObjects
+    ) -> PredictedDetections:
         return predicted_detection_probabilities(region, rates, objects)
 
     def detections_at(
@@ -71,7 +73,7 @@ class PlanarGeometry:
         covariance: Array,
         step: Step,
         seen: SeenAgain,
-    ) -> tuple[Looks, Array]:
+    ) -> tuple[PredictedDetections, Array]:
         shown = Occluders.of(step.detections, step.free_range_scan)
         return detection_probabilities(region, rates, objects, robot, covariance, shown, seen)
 

@@ -15,10 +15,10 @@ from semantic_slam.inference.open_world.prediction.open_geometry import geometry
 from semantic_slam.inference.open_world.prediction.predicted_robot import PredictedRobot
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LARGEST_AGE, LocalMap
-from semantic_slam.inference.smoothing.tracking import carried_keys
+from semantic_slam.inference.smoothing.tracking import motion_keys
+from semantic_slam.inference.states.in_view import InViewRecord
 from semantic_slam.inference.states.keys import object_key
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
-from semantic_slam.inference.states.views import Views
 
 LOCAL_OBJECTS = 40
 """Objects around robot and detections that a new local map holds besides those near the detections."""
@@ -75,7 +75,7 @@ def local_around(component: Component, robot: Array, near: Index, ahead: Index) 
             :LOCAL_OBJECTS
         ]
         ids = component.objects.ids[np.union1d(np.union1d(near, ahead), around)]
-    keys = carried_keys(component.keyframe, len(tracked.bias), tracked.errors)
+    keys = motion_keys(component.keyframe, len(tracked.bias), tracked.errors)
     together = tracked.motion_covariance.copy()
     if len(ids):
         together = component.joint_covariance([*keys, *(object_key(int(n)) for n in ids)])
@@ -112,14 +112,14 @@ def objects_in_reach(
         objects=states,
         gain=gain,
         remainder=remainder,
-        views=views_of(component.objects).take(reach).with_rates(component.objects.rates.sensor_rows),
+        in_view=in_view_of(component.objects).take(reach).with_rates(component.objects.rates.sensor_rows),
         robot_before=component.spaces.robot.between(robot.state, tracked_states(component).robot),
         motion_noise=robot.noise.covariance,
     )
 
 
-def views_of(objects: HypothesisObjects) -> Views:
+def in_view_of(objects: HypothesisObjects) -> InViewRecord:
     """What is known of being in view, of all O objects; nothing where no keyframe has accounted for it."""
-    if objects.views is None:
-        return Views.unknown(None, *objects.existence_given.shape)
-    return objects.views
+    if objects.in_view is None:
+        return InViewRecord.unknown(None, *objects.existence_given.shape)
+    return objects.in_view

@@ -14,9 +14,9 @@ from semantic_slam.inference.open_world.seen_again import SeenAgain
 from semantic_slam.inference.open_world.spatial.geometry import SpatialGeometry
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.in_view import PredictedDetections
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
-from semantic_slam.inference.states.views import Looks
 
 
 class OpenGeometry(Protocol):
@@ -43,8 +43,10 @@ class OpenGeometry(Protocol):
         ``second`` (D, G): intensities of duplicate boxes of known objects.
         """
 
-    def predicted_detections(self, region: Any, rates: DetectionRates, objects: PredictedObjects) -> Looks:
-        """Looks at the N objects from the predicted robot (K = 1), without occlusion."""
+    def predicted_detections(
+        self, region: Any, rates: DetectionRates, objects: PredictedObjects
+    ) -> PredictedDetections:
+        """Predicted detections of the N objects from the predicted robot (K = 1), without occlusion."""
 
     def detections_at(
         self,
@@ -55,8 +57,8 @@ class OpenGeometry(Protocol):
         covariance: Array,
         step: Step,
         seen: SeenAgain,
-    ) -> tuple[Looks, Array]:
-        """Looks at the N objects from modes ``robot`` (K, s) with covariances (K, r, r), with occlusion.
+    ) -> tuple[PredictedDetections, Array]:
+        """Predicted detections of the N objects from modes ``robot`` (K, s) with covariances (K, r, r), with occlusion.
 
         With the (n, G) detection probabilities of the objects ``seen``, given their detections.
         """

@@ -18,9 +18,9 @@ from semantic_slam.inference.open_world.moving.moving_objects import PredictedMo
 from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalDetection, LocalMap, LocalStart
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.detection_rates import DetectionRates
 from semantic_slam.inference.states.observers import Observers
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 
 
@@ -34,7 +34,7 @@ class Prediction:
     predicted: PredictedBelief  # robot and near objects
     local: LocalMap  # predicted; holds all near objects
     errors: PredictedErrors | None  # of the detections, where they are correlated
-    carried_errors: CarriedErrors | None  # of earlier detections, after the motion
+    propagated_errors: PropagatedErrors | None  # of earlier detections, after the motion
     births: list[Birth]  # D
     rates: DetectionRates  # G settings, on which all below is conditioned
     log_intensity: Array  # (D, G) [1/m^2] or, for a bearing alone, in the region
@@ -79,28 +79,28 @@ class Prediction:
     def undecided(self) -> Index:
         """(u,) rows of the objects that may move (undecided), in the order of their ids."""
         assert self.movers is not None
-        own = self.movers.movers
-        return self.component.objects.rows(own.ids[~own.decided])
+        movers = self.movers.movers
+        return self.component.objects.rows(movers.ids[~movers.decided])
 
     def detected_at_all(self, detected: Array) -> Array:
         """(K, O, G) detection probabilities averaged over standing still or moving, from those if standing still."""
         if self.movers is None:
             return detected
         mixed = detected * self.stands
-        own = self.movers.movers
-        mixed[:, self.undecided] += (own.moving * self.movers.detected)[~own.decided]
+        movers = self.movers.movers
+        mixed[:, self.undecided] += (movers.moving * self.movers.detected)[~movers.decided]
         return mixed
 
     @property
     def sensor(self) -> tuple[Array, Array]:
         """(d,) expected constant sensor errors, and (d, r + d) covariance with the robot and among each other."""
-        own = self.carried_errors if self.errors is None else self.errors.transition
-        count = 0 if own is None else own.by_sensor.shape[1]
-        if own is None or not count:
+        errors = self.propagated_errors if self.errors is None else self.errors.transition
+        count = 0 if errors is None else errors.by_sensor.shape[1]
+        if errors is None or not count:
             return np.zeros(0), np.zeros((0, self.local.layout.robot))
         rows = np.arange(self.local.errors.stop - count, self.local.errors.stop)
         columns = np.concatenate([np.arange(self.local.layout.robot), rows])
-        return own.mean[-count:], self.local.covariance[rows[:, None], columns]
+        return errors.mean[-count:], self.local.covariance[rows[:, None], columns]
 
     @property
     def observer(self) -> Observers:
@@ -142,8 +142,8 @@ class Prediction:
                 slopes = part.jacobian_robot[at], part.jacobian_object[at], by_errors
                 seen.append(LocalDetection(item.object_id, *(slope / item.width for slope in slopes)))
         started = [
-            LocalStart(item.object_id, own.prior.mean, own.gain, *self._place_by_errors(item.number, own))
-            for item, own in ((each, self.births[each.number]) for each in observed if each.object_id in births)
+            LocalStart(item.object_id, birth.prior.mean, birth.gain, *self._place_by_errors(item.number, birth))
+            for item, birth in ((each, self.births[each.number]) for each in observed if each.object_id in births)
         ]
         return self.local.updated(seen).with_new(started)
 

@@ -1,7 +1,7 @@
 """Prediction of a keyframe by one hypothesis."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,10 @@ from semantic_slam.inference.models.observation import ObservationModel
 from semantic_slam.inference.models.sensed_region import SensedRegion
 from semantic_slam.inference.models.spatial.camera import Camera
 from semantic_slam.inference.models.step import Motion
+from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.moving.moving_objects import PredictedMovers, predicted_movers
 from semantic_slam.inference.open_world.planar.region import SensorRegion
+from semantic_slam.inference.open_world.predicted_objects import PredictedObjects
 from semantic_slam.inference.open_world.prediction.nearby import local_around, near_objects, objects_in_reach
 from semantic_slam.inference.open_world.prediction.open_geometry import geometry_of
 from semantic_slam.inference.open_world.prediction.predicted_robot import PredictedRobot
@@ -25,10 +27,21 @@ from semantic_slam.inference.open_world.prediction.prediction import Prediction
 from semantic_slam.inference.open_world.second_boxes import second_boxes
 from semantic_slam.inference.smoothing.component import Component, tracked_states
 from semantic_slam.inference.smoothing.local_map import LocalMap
-from semantic_slam.inference.states.carried_errors import CarriedErrors
 from semantic_slam.inference.states.movers import Movers
+from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 from semantic_slam.inference.states.tracked_objects import HypothesisObjects
 from semantic_slam.inference.world.departures import Departures
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameInput:
+    """What a keyframe gives to the prediction; D detections, with the covariances that the component assumes."""
+
+    motion: Motion  # since the previous keyframe
+    detections: Sequence[Any]  # D
+    sensed: SensedRegion | Camera | None = None  # the sensor's region where it is learned, or in space its camera
+    stamp_ns: int = 0  # used where objects depart or move
+    labels: Sequence[str] = ()  # (D,) used where objects move
 
 
 class Predictor:
@@ -49,55 +62,45 @@ class Predictor:
     def predict(
         self,
         component: Component,
-        motion: Motion,
-        detections: Sequence[Any],
-        sensed: SensedRegion | Camera | None = None,
-        named: Index | None = None,
+        frame: FrameInput,
         *,
+        named: Index | None = None,
         wanted: Collection[int] = (),
-        stamp_ns: int = 0,
-        labels: Sequence[str] = (),
     ) -> Prediction:
         """The prediction, with the noise that the component assumes. Raises LostComponentError.
 
-        ``sensed``: the sensor's region where it is learned, or in space its camera. ``named``: (M,) rows of the objects
-        that the detections may be of; None: of those near them, and of those with ``wanted`` ids. ``stamp_ns`` and the
-        detections' ``labels`` matter where objects move.
+        ``named``: (M,) rows of the objects that the detections may be of; None: of those near them, and of those with
+        ``wanted`` ids.
         """
-        predicted, tracked = PredictedRobot.of(component, motion), tracked_states(component)
-        settings = errors_under(component.settings, self.errors)
-        robot, geometry = predicted.state, geometry_of(component.spaces)
-        region = geometry.region(self.settings).reaching(sensed).read_by(component.settings)
+        detections = frame.detections
+        predicted = PredictedRobot.of(component, frame.motion)
+        robot = predicted.state
+        geometry = geometry_of(component.spaces)
+        region = geometry.region(self.settings).reaching(frame.sensed).read_by(component.noise_settings)
         births = geometry.births(self.model, detections, robot, region)
         reach = self._in_reach(component, region, robot, predicted.covariance)
-        if named is None:
-            near, beyond = near_objects(
-                self.settings, component, robot, predicted.covariance, births, detections, reach, wanted
-            )
-        else:
-            near, beyond = named, np.full(len(births), -np.inf)
-        local = local_around(component, robot, near, geometry.ahead(region, tracked.states, robot, reach))
-        local, shift = predicted.moved(local)
-        carried = None if tracked.errors is None else tracked.errors.moved(predicted.noise.control, settings)
-        local, errors = _with_errors(settings, local, carried, component.objects.ids[near], detections)
+        near, beyond = self._near(predicted, births, detections, reach, named, wanted)
+        ahead = geometry.ahead(region, tracked_states(component).states, robot, reach)
+        local, shift = predicted.moved(local_around(component, robot, near, ahead))
+        propagated = self._earlier_errors(predicted)
+        local, errors = self._with_errors(component, local, propagated, near, detections)
         belief = predicted.with_objects(near, local, shift)
         objects = objects_in_reach(component, predicted, reach, near, belief)
-        detected, (sensors, which) = np.zeros(component.objects.existence_given.shape), component.objects.rates.sensors
-        detected[reach] = geometry.predicted_detections(region, sensors, objects).detected[0][:, which]
-        population, movers = self._left(component, stamp_ns)
+        detected = _detected_in_reach(component, region, reach, objects)
+        population, movers = self._left(component, frame.stamp_ns)
         num_second, second = second_boxes(self.settings, component, population.existence_given, births, detected)
         expected, intensity, existence = geometry.expected_births(
             self.settings, component, region, robot, births, detections, second
         )
         return Prediction(
-            movers=self._movers(component, movers, predicted, region, stamp_ns, detections, labels),
+            movers=self._movers(component, movers, predicted, region, frame),
             component=component,
             population=population,
             near=near,
             predicted=belief,
             local=local,
             errors=errors,
-            carried_errors=carried,
+            propagated_errors=propagated,
             births=births,
             rates=component.objects.rates,
             log_intensity=intensity,
@@ -110,6 +113,60 @@ class Predictor:
             detected=detected,
             detections=detections,
             region=region,
+        )
+
+    def _near(
+        self,
+        predicted: PredictedRobot,
+        births: list[Birth],
+        detections: Sequence[Any],
+        reach: Index,
+        named: Index | None,
+        wanted: Collection[int],
+    ) -> tuple[Index, Array]:
+        """(M,) rows of objects that a detection may belong to, and (D,) bounds on the evidence of those left out."""
+        if named is not None:
+            return named, np.full(len(births), -np.inf)
+        return near_objects(
+            self.settings,
+            predicted.component,
+            predicted.state,
+            predicted.covariance,
+            births,
+            detections,
+            reach,
+            wanted,
+        )
+
+    def _earlier_errors(self, predicted: PredictedRobot) -> PropagatedErrors | None:
+        """The correlated errors of earlier detections after the motion; None: errors are independent."""
+        component = predicted.component
+        errors = tracked_states(component).errors
+        if errors is None:
+            return None
+        return errors.moved(predicted.noise.control, errors_under(component.noise_settings, self.errors))
+
+    def _with_errors(
+        self,
+        component: Component,
+        local: LocalMap,
+        earlier: PropagatedErrors | None,
+        near: Index,
+        detections: Sequence[Any],
+    ) -> tuple[LocalMap, PredictedErrors | None]:
+        """The local map with these detections' correlated errors replacing earlier ones; unchanged without any."""
+        settings = errors_under(component.noise_settings, self.errors)
+        if settings.correlated_share <= 0.0 or not detections:
+            return local, None
+        ranged = np.array([detection.has_range for detection in detections], dtype=bool)
+        transition = ErrorTransition.of(settings, earlier, detections)
+        local = local.with_errors(transition.matrix, transition.noise)
+        near_rows = local.rows(component.objects.ids[near])
+        return local, PredictedErrors(
+            transition=transition,
+            slopes=transition.white.slopes(ranged),
+            covariance=local.covariance[local.errors, local.errors],
+            cross=local.covariance[near_rows, local.errors],
         )
 
     def _left(self, component: Component, stamp_ns: int) -> tuple[HypothesisObjects, Movers | None]:
@@ -142,22 +199,20 @@ class Predictor:
         movers: Movers | None,
         predicted: PredictedRobot,
         region: SensorRegion,
-        stamp_ns: int,
-        detections: Sequence[Any],
-        labels: Sequence[str],
+        frame: FrameInput,
     ) -> PredictedMovers | None:
         """Predicted moving objects; None without any, if no detection may start one."""
-        if movers is None or not (len(movers) or self._moving.shares(labels).any()):
+        if movers is None or not (len(movers) or self._moving.shares(frame.labels).any()):
             return None
         return predicted_movers(
-            self._moving_with(errors_under(component.settings, self._moving.errors)),
+            self._moving_with(errors_under(component.noise_settings, self._moving.errors)),
             movers,
-            predicted.motion(len(self._moving.sensor_sigmas), drifts=bool(detections)),
-            stamp_ns,
+            predicted.motion(len(self._moving.sensor_sigmas), drifts=bool(frame.detections)),
+            frame.stamp_ns,
             region=region,
             rates=component.objects.rates,
-            detections=detections,
-            labels=labels,
+            detections=frame.detections,
+            labels=frame.labels,
         )
 
     def _moving_with(self, errors: DetectionErrorsConfiguration) -> Moving:
@@ -167,22 +222,11 @@ class Predictor:
         return self._moving_under[errors]
 
 
-def _with_errors(
-    settings: DetectionErrorsConfiguration,
-    local: LocalMap,
-    carried: CarriedErrors | None,
-    near_ids: Index,
-    detections: Sequence[Any],
-) -> tuple[LocalMap, PredictedErrors | None]:
-    """The local map with these detections' correlated errors replacing earlier ones; unchanged without any."""
-    if settings.correlated_share <= 0.0 or not detections:
-        return local, None
-    ranged = np.array([detection.has_range for detection in detections], dtype=bool)
-    transition = ErrorTransition.of(settings, carried, detections)
-    local = local.with_errors(transition.matrix, transition.noise)
-    return local, PredictedErrors(
-        transition=transition,
-        slopes=transition.white.slopes(ranged),
-        covariance=local.covariance[local.errors, local.errors],
-        cross=local.covariance[local.rows(near_ids), local.errors],
-    )
+def _detected_in_reach(component: Component, region: Any, reach: Index, objects: PredictedObjects) -> Array:
+    """(O, G) detection probabilities at the prediction, without occlusion; 0 for objects out of reach."""
+    rates = component.objects.rates
+    sensors, which = rates.sensors
+    predicted = geometry_of(component.spaces).predicted_detections(region, sensors, objects)
+    detected = np.zeros(component.objects.existence_given.shape)
+    detected[reach] = predicted.detected[0][:, which]
+    return detected

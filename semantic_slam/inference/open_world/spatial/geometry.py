@@ -28,9 +28,9 @@ from semantic_slam.inference.open_world.spatial.births import (
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.detection_rates import DetectionRates
+from semantic_slam.inference.states.in_view import InViewProbabilities, PredictedDetections
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces
 from semantic_slam.inference.states.tracked_objects import TrackedStates
-from semantic_slam.inference.states.views import Looks, Overlap
 
 
 @dataclass(frozen=True)
@@ -60,10 +60,12 @@ class SpatialGeometry:
     ) -> tuple[Array, Array, Array]:
         return expected_births_in_space(settings, component, region, robot, births, detections, second)
 
-    def predicted_detections(self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects) -> Looks:
+    def predicted_detections(
+        self, region: SpatialRegion, rates: DetectionRates, objects: PredictedObjects
+    ) -> PredictedDetections:
         places = self._places(region, objects, objects.robot[None], objects.robot_covariance[None])
-        overlap, unoccluded = _overlap(region, None, places, objects.views.unoccluded, NOT_DETECTED)
-        return objects.views.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
+        overlap, unoccluded = _overlap(region, None, places, objects.in_view.unoccluded, NOT_DETECTED)
+        return objects.in_view.predicted(overlap, unoccluded, _chance(rates, places.points), rates.runs)
 
     def detections_at(
         self,
@@ -74,7 +76,7 @@ class SpatialGeometry:
         covariance: Array,
         step: Step,
         seen: SeenAgain,
-    ) -> tuple[Looks, Array]:
+    ) -> tuple[PredictedDetections, Array]:
         in_optical_frame = seen._replace(
             points=region.camera.seen(seen.points),
             slopes=seen.slopes @ region.camera.axes,
@@ -82,7 +84,7 @@ class SpatialGeometry:
         )
         places = self._places(region, objects, robot, covariance)
         in_view, chance = partial(_overlap, region, shown_by(region, step.detections)), partial(_chance, rates)
-        return in_optical_frame.looks(places, objects.views, rates.runs, in_view, chance)
+        return in_optical_frame.predicted(places, objects.in_view, rates.runs, in_view, chance)
 
     def distances(self, states: Array, robot: Array) -> Array:
         return np.asarray(np.sqrt(squared_norms(self.spaces.landmark.position(states) - robot[:3])))
@@ -157,7 +159,7 @@ def _squared_distances(points: Array) -> Array:
 
 def _overlap(
     region: SpatialRegion, shown: tuple[Array, Array] | None, places: Places, before: Array, detected_as: Index
-) -> tuple[Overlap, Array]:
+) -> tuple[InViewProbabilities, Array]:
     """Probabilities (...,) to be in view for objects that nothing occluded ``before``, and that nothing does now.
 
     ``shown``: the detections of the keyframe, see :func:`shown_by`; None: nothing is known to occlude. ``detected_as``

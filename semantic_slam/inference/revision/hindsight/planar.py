@@ -48,5 +48,5 @@ class PlanarHindsight(Hindsight):
 
     @cached_property
     def _region(self) -> SensorRegion:
-        region = sensor_region(self.problem.open_world).read_by(self.component.settings)
+        region = sensor_region(self.problem.open_world).read_by(self.component.noise_settings)
         return region.reaching(self.steps[-1].sensed)

@@ -38,7 +38,7 @@ class FirstAndMissed:
         num_mapped: int,
     ) -> Self:
         """``expected_births`` are those of the history of ``component``, averaged over its settings."""
-        rates, region = DetectionRates.of(settings), sensor_region(settings).read_by(component.settings)
+        rates, region = DetectionRates.of(settings), sensor_region(settings).read_by(component.noise_settings)
         density = rates.birth_density / max(component.objects.rates.moments("birth_density")[0], 1e-9)
         return cls(
             rates=rates,

@@ -71,7 +71,7 @@ class WholeDrive:
             polar_whiten=np.array([own.whiten for _, _, own in rows]).reshape(-1, 2, 2),
             covariance=partial(
                 _errors,
-                errors_under(component.settings, problem.detection_errors),
+                errors_under(component.noise_settings, problem.detection_errors),
                 motions,
                 frames,
                 [row[:2] for row in rows],
@@ -150,10 +150,10 @@ def _transitions(
     settings: DetectionErrorsConfiguration, motions: Sequence[Motion], frames: Sequence[Sequence[Any]]
 ) -> dict[int, ErrorTransition]:
     """Keyframe -> transition of the correlated errors to its detections from the last frame with any."""
-    carried, found = None, {}
+    propagated, found = None, {}
     for k, (motion, frame) in enumerate(zip(motions, frames, strict=True)):
-        carried = None if carried is None else carried.moved(motion.control, settings)
+        propagated = None if propagated is None else propagated.moved(motion.control, settings)
         if frame:
-            found[k] = ErrorTransition.of(settings, carried, frame)
-            carried = found[k].after(k, np.zeros(len(found[k].mean)))
+            found[k] = ErrorTransition.of(settings, propagated, frame)
+            propagated = found[k].after(k, np.zeros(len(found[k].mean)))
     return found

@@ -176,7 +176,7 @@ def test_numbers_given_find_the_bias_of_a_robot_whose_ranges_repeat_their_errors
         beliefs, engine = driven(room)
         tracked = next(iter(engine.pool._backends[0].held.values())).component.tracked
         sigmas = np.array([0.05, 0.05])
-        found, spread = tracked.bias[:2] * sigmas, np.sqrt(np.diag(tracked.carried_covariance)[3:5]) * sigmas
+        found, spread = tracked.bias[:2] * sigmas, np.sqrt(np.diag(tracked.propagated_covariance)[3:5]) * sigmas
         assert (np.abs(found - [0.04, 0.06]) < 3.5 * spread).all()
         assert errors_of(room, beliefs)[-1] < 0.3
         off = planar_from_pose_vector(beliefs[-1].poses[0]) - room.truth[-1]

@@ -20,20 +20,20 @@ LARGEST_RATIO = 1e12
 """Largest likelihood ratio against being in view."""
 
 
-class Overlap(NamedTuple):
+class InViewProbabilities(NamedTuple):
     """Probabilities of N objects to be in view, (..., N), by their places alone."""
 
     before: Array  # in the keyframe before
     now: Array
     both: Array
 
-    def at(self, rows: Index, columns: Index) -> "Overlap":
+    def at(self, rows: Index, columns: Index) -> "InViewProbabilities":
         """Probabilities of some of (K, N) objects."""
-        return Overlap(*(own[rows, columns] for own in self))
+        return InViewProbabilities(*(own[rows, columns] for own in self))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Views:
+class InViewRecord:
     """What detections and misses so far say of O objects, if they exist, after a keyframe; G sensor settings."""
 
     hidden: Array  # (O, G) likelihood ratio of having been out of view in that keyframe to having been in view
@@ -42,8 +42,8 @@ class Views:
     detectable_hidden: Array | None  # (O, G) the same, if out of view
 
     @classmethod
-    def unknown(cls, detectable: Array | None, num_objects: int, num_rates: int) -> "Views":
-        """Views of objects that no keyframe has concerned; ``detectable`` (O, G) a priori."""
+    def unknown(cls, detectable: Array | None, num_objects: int, num_rates: int) -> "InViewRecord":
+        """The record of objects that no keyframe has concerned; ``detectable`` (O, G) a priori."""
         return cls(
             hidden=np.ones((num_objects, num_rates)),
             unoccluded=np.ones(num_objects),
@@ -51,17 +51,17 @@ class Views:
             detectable_hidden=detectable,
         )
 
-    def take(self, rows: Index | Flags) -> "Views":
-        """Views of some of the objects."""
-        return Views(
+    def take(self, rows: Index | Flags) -> "InViewRecord":
+        """The record of some of the objects."""
+        return InViewRecord(
             hidden=self.hidden[rows],
             unoccluded=self.unoccluded[rows],
             detectable=_some(self.detectable, rows),
             detectable_hidden=_some(self.detectable_hidden, rows),
         )
 
-    def with_rates(self, rates: Index | Flags) -> "Views":
-        """Views under some of the sensor settings: flags (G,), or numbers any number of times."""
+    def with_rates(self, rates: Index | Flags) -> "InViewRecord":
+        """The record under some of the sensor settings: flags (G,), or numbers any number of times."""
         columns = np.s_[:, rates]
         return replace(
             self,
@@ -70,22 +70,24 @@ class Views:
             detectable_hidden=_some(self.detectable_hidden, columns),
         )
 
-    def unreached(self, runs: MissRuns) -> "Views":
-        """Views after a keyframe whose sensor reached none of the objects."""
+    def unreached(self, runs: MissRuns) -> "InViewRecord":
+        """The record after a keyframe whose sensor reached none of the objects."""
         out = None if self.detectable_hidden is None else runs.next(self.detectable_hidden)
-        return Views.unknown(out, *self.hidden.shape)
+        return InViewRecord.unknown(out, *self.hidden.shape)
 
-    def started(self, count: int, runs: MissRuns) -> "Views":
-        """Views of ``count`` objects that the keyframe has detected first."""
+    def started(self, count: int, runs: MissRuns) -> "InViewRecord":
+        """The record of ``count`` objects that the keyframe has detected first."""
         shape = count, self.hidden.shape[1]
         inside = outside = None
         if self.detectable is not None:
             inside, outside = runs.next(np.ones(shape)), np.broadcast_to(runs.share, shape)
-        return Views(hidden=np.zeros(shape), unoccluded=np.ones(count), detectable=inside, detectable_hidden=outside)
+        return InViewRecord(
+            hidden=np.zeros(shape), unoccluded=np.ones(count), detectable=inside, detectable_hidden=outside
+        )
 
-    def updated(self, rows: Index, others: "Views") -> "Views":
+    def updated(self, rows: Index, others: "InViewRecord") -> "InViewRecord":
         """The table with ``others`` in some of its rows."""
-        return Views(
+        return InViewRecord(
             hidden=_with_rows(self.hidden, rows, others.hidden),
             unoccluded=_with_rows(self.unoccluded, rows, others.unoccluded),
             detectable=None if self.detectable is None else _with_rows(self.detectable, rows, others.detectable),
@@ -94,17 +96,19 @@ class Views:
             else _with_rows(self.detectable_hidden, rows, others.detectable_hidden),
         )
 
-    def joined(self, others: "Views") -> "Views":
+    def joined(self, others: "InViewRecord") -> "InViewRecord":
         """The table, then ``others``."""
-        return Views(
+        return InViewRecord(
             hidden=np.concatenate([self.hidden, others.hidden]),
             unoccluded=np.concatenate([self.unoccluded, others.unoccluded]),
             detectable=_joined(self.detectable, others.detectable),
             detectable_hidden=_joined(self.detectable_hidden, others.detectable_hidden),
         )
 
-    def predicted(self, overlap: Overlap, unoccluded: Array, chance: Array, runs: MissRuns) -> "Looks":
-        """The looks of a keyframe, before its detections, at N = O objects from each of K poses.
+    def predicted(
+        self, overlap: InViewProbabilities, unoccluded: Array, chance: Array, runs: MissRuns
+    ) -> "PredictedDetections":
+        """What a keyframe will detect, before its detections, of N = O objects from each of K poses.
 
         ``unoccluded`` (K, N): probability that nothing occludes them. ``chance`` (K, N, G): mean detection probability
         of objects in view.
@@ -116,9 +120,9 @@ class Views:
         in_view = np.clip(in_view, 0.0, 1.0)
         inside, outside = self._detectable_next(before, now, both)
         found = chance if inside is None else chance * (inside / runs.share)
-        return Looks(in_view, found, overlap.now, unoccluded, inside, outside)
+        return PredictedDetections(in_view, found, overlap.now, unoccluded, inside, outside)
 
-    def seen(self, expected: Overlap, found: Overlap, chance: Array, runs: MissRuns) -> Array:
+    def seen(self, expected: InViewProbabilities, found: InViewProbabilities, chance: Array, runs: MissRuns) -> Array:
         """(O, G) ratio of the probability of what was missed and is detected now to that of what was missed.
 
         ``expected`` (O,) by the places before the detections, ``found`` (O,) by those given them; ``chance`` (O, G) as
@@ -144,8 +148,8 @@ class Views:
         )
 
 
-class Looks(NamedTuple):
-    """How robots at K poses look at N objects, given the keyframes before; G sensor settings."""
+class PredictedDetections(NamedTuple):
+    """How probably robots at K poses detect N objects, given the keyframes before; G sensor settings."""
 
     in_view: Array  # (K, N, G) probability to be in view
     chance: Array  # (K, N, G) detection probability of an object in view
@@ -159,10 +163,10 @@ class Looks(NamedTuple):
         """(K, N, G) detection probabilities of objects that exist."""
         return np.asarray(self.in_view * self.chance)
 
-    def of(self, number: int) -> "Looks":
-        """Looks from one of the poses, K = 1."""
+    def of(self, number: int) -> "PredictedDetections":
+        """The predictions from one of the poses, K = 1."""
         own = slice(number, number + 1)
-        return Looks(
+        return PredictedDetections(
             in_view=self.in_view[own],
             chance=self.chance[own],
             by_place=self.by_place[own],
@@ -171,8 +175,8 @@ class Looks(NamedTuple):
             detectable_hidden=_some(self.detectable_hidden, own),
         )
 
-    def after(self, seen: Flags, runs: MissRuns) -> Views:
-        """Views after the keyframe, from the only pose: (N,) objects were ``seen``, the others missed."""
+    def after(self, seen: Flags, runs: MissRuns) -> InViewRecord:
+        """The record after the keyframe, from the only pose: (N,) objects were ``seen``, the others missed."""
         found, in_view, by_place = self.chance[0], self.in_view[0], self.by_place[0][:, None]
         decided = (by_place < LEAST) | (by_place > 1.0 - LEAST)
         odds = (1.0 - in_view) * by_place / np.maximum((1.0 - by_place) * in_view, LEAST / LARGEST_RATIO)
@@ -182,7 +186,7 @@ class Looks(NamedTuple):
         if self.detectable is not None and self.detectable_hidden is not None:
             inside = runs.next(runs.after(self.detectable[0], found, seen))
             outside = runs.next(self.detectable_hidden[0])
-        return Views(
+        return InViewRecord(
             hidden=np.minimum(hidden, LARGEST_RATIO),
             unoccluded=self.unoccluded[0],
             detectable=inside,

@@ -61,7 +61,7 @@ class Room:
         for k in range(keyframes):
             seen = self._frame(robot, objects, random)
             engine.process(Keyframe.planar(k, detections=seen, motion_sigmas=(1e-3, 1e-3, 1e-3)))
-        return list(engine.explanation.lately)
+        return list(engine.model_fit.lately)
 
     def _frame(self, robot: Array, objects: Array, random: np.random.Generator) -> list[Detection]:
         """The detections of a first keyframe, whose assignment is drawn by the weights that a belief gives to all."""

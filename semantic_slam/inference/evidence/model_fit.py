@@ -38,7 +38,7 @@ def probability_unexplained(log_ratios: Array) -> float:
 
 
 @dataclass
-class Explanation:
+class ModelFit:
     """Keeps the log ratios of a run's newest keyframes, and the probability that follows from them."""
 
     lately: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW_KEYFRAMES))

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from semantic_slam.inference.semantics.retold_looks import retold_looks
-from semantic_slam.inference.semantics.told_looks import Look, views_of
+from semantic_slam.inference.semantics.appearance_views import AppearanceView, record_of_views
+from semantic_slam.inference.semantics.reassigned_vectors import reassigned_vectors
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces
@@ -34,9 +34,9 @@ def views(own: EmbeddingModel) -> dict[int, ObjectViews]:
         record = own.start() if before is None or before.appearance is None else before.appearance
         ratios = record.log_ratios(vector, BACKGROUND, place)[:, 0]
         usual = own.usual(np.zeros(len(own.within)))
-        look = Look(detection=(keyframe, 0), vector=vector, background=BACKGROUND, place=place)
-        looks = (look,) if before is None else (*before.looks, look)
-        found[number] = views_of(record.after(vector, ratios, usual, BACKGROUND, place), looks)
+        view = AppearanceView(detection=(keyframe, 0), vector=vector, background=BACKGROUND, place=place)
+        seen = (view,) if before is None else (*before.appearance_views, view)
+        found[number] = record_of_views(record.after(vector, ratios, usual, BACKGROUND, place), seen)
     return found
 
 
@@ -61,11 +61,13 @@ def moved(to: Mapping[int, int]) -> list[tuple[int, int, int, int]]:
 @pytest.mark.parametrize("to", [{2: 3, 3: 3, 5: 3, 6: 3}, {1: 7, 6: 3}, {7: 3}], ids=["merged", "exchanged", "lost"])
 def test_a_reassignment_gains_the_ratio_of_two_gaussians(to: dict[int, int]) -> None:
     after = tuple(to.get(keyframe, number) for keyframe, number in enumerate(OWNERS))
-    gain, records = retold_looks(model(), views(model()), moved(to))
+    gain, records = reassigned_vectors(model(), views(model()), moved(to))
     assert gain == pytest.approx(exact(after) - exact(OWNERS), abs=1e-9)
     assert set(records) == set(after)
     for number, own in records.items():
-        assert [look.detection[0] for look in own.looks] == np.flatnonzero(np.array(after) == number).tolist()
+        assert [view.detection[0] for view in own.appearance_views] == np.flatnonzero(
+            np.array(after) == number
+        ).tolist()
 
 
 def test_a_reassignment_taken_back_leads_to_what_was() -> None:
@@ -73,12 +75,12 @@ def test_a_reassignment_taken_back_leads_to_what_was() -> None:
     there = moved({2: 3, 3: 3, 5: 3, 6: 3})
     back = [(keyframe, number, was, now) for keyframe, number, now, was in there]
     before = views(own)
-    gain, after = retold_looks(own, before, there)
-    loss, again = retold_looks(own, after, back)
+    gain, after = reassigned_vectors(own, before, there)
+    loss, again = reassigned_vectors(own, after, back)
     assert loss == pytest.approx(-gain, abs=1e-9)
     assert again.keys() == before.keys() and again[5] is before[5]
     for number, told in again.items():
         assert told.appearance is not None and before[number].appearance is not None
-        looks = [one.appearance for one in (told, before[number])]
-        ours, theirs = (one.mean_direction(np.zeros(len(one.log_settings)))[0] for one in looks)
+        appearances = [one.appearance for one in (told, before[number])]
+        ours, theirs = (one.mean_direction(np.zeros(len(one.log_settings)))[0] for one in appearances)
         np.testing.assert_allclose(ours, theirs, atol=1e-9)

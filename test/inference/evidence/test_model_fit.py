@@ -18,10 +18,10 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building import reference_of
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.evidence.explanation import (
+from semantic_slam.inference.evidence.model_fit import (
     PRIOR,
     WINDOW_KEYFRAMES,
-    Explanation,
+    ModelFit,
     mean_of_known,
     probability_unexplained,
 )
@@ -62,7 +62,7 @@ def rightly(kind: str, seed: int) -> list[HybridBelief]:
 
 def test_the_posterior_is_that_of_all_beginnings_written_out() -> None:
     own, reference = np.random.default_rng(0).normal([[-4.0], [-6.0]], 3.0, size=(2, 25))
-    stream = Explanation()
+    stream = ModelFit()
     for k in range(len(own)):
         window = slice(max(k + 1 - WINDOW_KEYFRAMES, 0), k + 1)
         p, q = np.exp(own[window]), np.exp(reference[window])

@@ -1,4 +1,4 @@
-"""Label records of one object: of the boxes so far, and tentatively with one more."""
+"""Label evidence of one object: of the boxes so far, and tentatively with one more."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ from semantic_slam.viewpoint.size_model import SizeRecord
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToldBox:
+class LabelledBox:
     """One box: its label, viewpoint and apparent size."""
 
     detection: tuple[int, int]  # keyframe, and index among its detections
@@ -24,7 +24,7 @@ class ToldBox:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToldWords:
+class LabelEvidence:
     """Label evidence of one object; R settings of the detector, C classes."""
 
     record: LabelRecord
@@ -35,15 +35,15 @@ class ToldWords:
     log_greatest: Array  # (C,)
     log_prior: Array  # (C,) of its class: the default, or the map's
     log_ratios: Array  # (C,) its change at the first detection, see :class:`NewClasses`
-    boxes: tuple[ToldBox, ...] = ()  # all of them, where they may be reassigned later
+    boxes: tuple[LabelledBox, ...] = ()  # all of them, where they may be reassigned later
 
 
-def told_so_far(parent: Component) -> dict[int, ToldWords]:
-    """The label records of the objects of a hypothesis that have any."""
+def label_evidence_of(parent: Component) -> dict[int, LabelEvidence]:
+    """The label evidence of the objects of a hypothesis that have any."""
     return {number: views.recent[0] for number, views in parent.views.items()}
 
 
-class NewWords:
+class NewLabelEvidence:
     """Label evidence of one object with one more box; its record is made only if it is kept."""
 
     def __init__(
@@ -51,27 +51,27 @@ class NewWords:
         weighed: WeighedView,
         sizes: SizeRecord | None,
         log_evidence: Array,
-        before: ToldWords | None,
-        earlier: ToldWords | None,
+        before: LabelEvidence | None,
+        earlier: LabelEvidence | None,
         priors: tuple[Array, Array],
-        box: ToldBox,
+        box: LabelledBox,
         *,
         keeps_boxes: bool,
     ) -> None:
-        """``priors``: ``log_prior`` and ``log_ratios`` of :class:`ToldWords`."""
+        """``priors``: ``log_prior`` and ``log_ratios`` of :class:`LabelEvidence`."""
         self._weighed, self._sizes, self._earlier, self._box = weighed, sizes, earlier, box
         self._log_evidence, self._priors, self._keeps_boxes = log_evidence, priors, keeps_boxes
         self.gain = log_evidence if before is None else log_evidence - before.log_evidence
         """(R,) log evidence of the boxes of this keyframe."""
 
     @cached_property
-    def told(self) -> ToldWords:
-        """The label record of the object with this box."""
+    def evidence(self) -> LabelEvidence:
+        """The label evidence of the object with this box."""
         logs = self._weighed.by_setting
         if self._sizes is not None:
             logs = logs + self._sizes.log_likelihood
         greatest = logs.max(axis=0)
-        return ToldWords(
+        return LabelEvidence(
             record=self._weighed.record,
             sizes=self._sizes,
             track=self._box.track,
@@ -84,7 +84,7 @@ class NewWords:
         )
 
     @property
-    def _boxes(self) -> tuple[ToldBox, ...]:
+    def _boxes(self) -> tuple[LabelledBox, ...]:
         if not self._keeps_boxes:
             return ()
         return (self._box,) if self._earlier is None else (*self._earlier.boxes, self._box)

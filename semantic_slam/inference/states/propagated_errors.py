@@ -11,10 +11,10 @@ from semantic_slam.geometry.pose import wrap_angle
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarriedErrors:
+class PropagatedErrors:
     """Mean of the correlated errors f at n places, those of the newest detections first; ``models/correlated_errors``.
 
-    The covariance is in ``TrackedStates.carried_covariance``.
+    The covariance is in ``TrackedStates.propagated_covariance``.
     """
 
     keyframe: int  # of the newest detections

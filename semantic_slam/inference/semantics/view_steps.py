@@ -1,5 +1,7 @@
 """Viewpoints of candidates on their objects, in discrete steps, so that hypotheses that agree share computation."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
@@ -15,13 +17,17 @@ WIDEST = 2.0
 """Standard deviation of the log range above which the range counts as unknown."""
 
 
-def view_places(given: SemanticInput) -> Index:
-    """(K, n, 4) viewpoints of K candidates on each of n objects, in steps; 0 where there is none.
+class ViewSteps(NamedTuple):
+    """A viewpoint on an object in steps of ``STEP_RAD``, of angles and of the logarithm of the range alike."""
 
-    The azimuth cell of the direction from object to camera in map, of which there are DIRECTIONS around an object; the
-    logarithm of their distance [m]; its standard deviation, 0 in the plane, where ranges are well known; and the
-    elevation cell of the direction, 0 in the plane. Directions and log distances have the same step.
-    """
+    direction: int  # azimuth of the direction from object to camera in map, one of DIRECTIONS cells
+    log_range: int  # logarithm of their distance [m]
+    range_sigma: int  # its standard deviation; 0 in the plane, where ranges are well known
+    elevation: int  # of the direction; 0 in the plane
+
+
+def view_steps(given: SemanticInput) -> Index:
+    """(K, n, 4) viewpoints of K candidates on each of n objects as :class:`ViewSteps`; 0 where there is none."""
     robot, objects = _states(given)
     told = [given.step.detections[index].sensor for index in given.used.tolist()]
     rows, numbers = np.nonzero(given.candidates.assignments.objects >= 0)

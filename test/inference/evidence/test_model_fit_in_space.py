@@ -10,7 +10,7 @@ from worlds.scenes.flights import DRIFT, HALF_VIEW_RAD, Flight
 from semantic_slam import Engine, Keyframe, MapPrior, ObjectPrior
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.evidence.explanation import WINDOW_KEYFRAMES
+from semantic_slam.inference.evidence.model_fit import WINDOW_KEYFRAMES
 
 SEEDS, KEYFRAMES, FAULT = range(3), 12, 6
 START = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
@@ -88,7 +88,7 @@ def levelled(*, measures: bool) -> Array:
         covariance = np.diag(DRIFT**2)[se3.TO_MESSAGE][:, se3.TO_MESSAGE]
         keyframe = Keyframe.spatial(k, motion=motion, motion_covariance=covariance, up=up if measures else None)
         engine.process(keyframe)
-    return np.array(engine.explanation.lately)
+    return np.array(engine.model_fit.lately)
 
 
 def test_gravity_says_nothing_of_whether_detections_are_explained() -> None:

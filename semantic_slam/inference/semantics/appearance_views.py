@@ -1,4 +1,4 @@
-"""Appearance records of one object: of its vectors so far, and the looks that they came from."""
+"""Appearance records of one object: of its vectors so far, and the views that they came from."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from semantic_slam.viewpoint.embeddings.model import EmbeddingRecord
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
+class AppearanceView:
     """One vector of an object: from where, and what vectors of arbitrary objects were like then."""
 
     detection: tuple[int, int]  # keyframe, and index among its detections
@@ -21,6 +21,8 @@ class Look:
     place: CameraPlaces  # of one camera
 
 
-def views_of(record: EmbeddingRecord, looks: tuple[Look, ...]) -> ObjectViews:
-    """The record of an object's views; vectors carry no class. ``looks`` are empty where they are not kept."""
-    return ObjectViews(log_likelihood=np.zeros(0), mutual_information=float("nan"), appearance=record, looks=looks)
+def record_of_views(record: EmbeddingRecord, views: tuple[AppearanceView, ...]) -> ObjectViews:
+    """The record of an object's views; vectors carry no class. ``views`` are empty where they are not kept."""
+    return ObjectViews(
+        log_likelihood=np.zeros(0), mutual_information=float("nan"), appearance=record, appearance_views=views
+    )
