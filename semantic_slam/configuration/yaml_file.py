@@ -13,6 +13,11 @@ REMEDY = "see config/default.yaml"
 OUR_NODE = re.compile(r"(^|/)(hypothesis_manager|classifier|bag_player|bag_recorder|backend_\d+)$")
 
 
+OTHERS_ELSEWHERE = "and those of a node alone (backends, use_sim_time, ...) into another file"
+DEEPEST = 8
+"""Levels of namespaces and names of nodes that are looked through for ``ros__parameters``."""
+
+
 def load_configuration(path: str | Path) -> Configuration:
     """Configuration from a YAML file, plain or in the form of a ROS 2 parameter file. Raises InputError."""
     path = Path(path)
@@ -28,7 +33,7 @@ def load_configuration(path: str | Path) -> Configuration:
     elif addressed := [str(key) for key, value in values.items() if _is_of_nodes(key, value)]:
         raise InputError(
             f"{path}: its parameters stand below '{addressed[0][:80]}', for nodes of that name alone; commands have no"
-            " such name: put them below '/**:' and 'ros__parameters:'"
+            f" such name: put the configuration's below '/**:' and 'ros__parameters:', {OTHERS_ELSEWHERE}"
         )
     return from_dict(_nested(values, path), str(path))
 
@@ -46,9 +51,11 @@ def _nested(values: dict[Any, Any], path: Path) -> dict[Any, Any]:
     return nested
 
 
-def _is_of_nodes(key: Any, value: Any) -> bool:
+def _is_of_nodes(key: Any, value: Any, levels: int = DEEPEST) -> bool:
     """Whether what stands below a key has the form of a ROS 2 parameter file, addressed to nodes by name."""
-    return key == "ros__parameters" or (isinstance(value, dict) and any(_is_of_nodes(*item) for item in value.items()))
+    if key == "ros__parameters":
+        return True
+    return levels > 0 and isinstance(value, dict) and any(_is_of_nodes(*item, levels - 1) for item in value.items())
 
 
 def _check_alone(values: dict[Any, Any], key: str, path: Path) -> None:
@@ -66,5 +73,6 @@ def _check_alone(values: dict[Any, Any], key: str, path: Path) -> None:
     beside = list(others)
     if beside:
         raise InputError(
-            f"{path}: '{beside[0][:80]}' stands beside '{key}', where it has no effect; move it below that"
+            f"{path}: '{beside[0][:80]}' stands beside '{key}', where it has no effect; move the configuration's"
+            f" parameters below that, {OTHERS_ELSEWHERE}"
         )

@@ -81,7 +81,7 @@ def _labels(bag: Path, prior: MapPrior | None) -> _Labels:
         told=told - OF_ANYTHING,
         mapped=classes_in(prior) if prior is not None else None,
         known=known,
-        have_evidence=scored == known,
+        have_evidence=scored is None or scored == known,
     )
 
 

@@ -33,9 +33,12 @@ def labels_in(reader: BagReader, topic: str) -> frozenset[str]:
     return frozenset[str]().union(*map(labels_of, _told(reader, topic)))
 
 
-def scored_classes_in(reader: BagReader, topic: str) -> frozenset[str]:
-    """Classes for which the first detections of a bag have scores; messages that do not decode are skipped."""
-    return next((frozenset(told.class_names) for told in _told(reader, topic) if len(told)), frozenset())
+def scored_classes_in(reader: BagReader, topic: str) -> frozenset[str] | None:
+    """Classes for which the first detections of a bag have scores; messages that do not decode are skipped.
+
+    None where nothing was detected.
+    """
+    return next((frozenset(told.class_names) for told in _told(reader, topic) if len(told)), None)
 
 
 def _told(reader: BagReader, topic: str) -> Iterator[Detections | SemanticMeasurements]:

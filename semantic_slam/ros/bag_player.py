@@ -208,14 +208,16 @@ class BagPlayer(PipelineNode):
         """
         latched = [topic for topic, item in self._playlist.items.items() if item.is_latched]
         deadline_ns = start_deadline_ns(bag, self._playlist.named(ODOMETRY), self._playlist.frames)
-        for message in bag.messages(latched) if latched else ():
-            is_pose = self._playlist.items[message.topic].name == INITIAL_POSE
-            if is_pose and deadline_ns is not None and message.stamp_ns > deadline_ns:
-                self.get_logger().info(f"{self._bag}: {left_out_as_late(message.stamp_ns, deadline_ns)}")
-            else:
-                self._outlets[message.topic].send(message.cdr)
-        for topic in latched:
-            self._outlets[topic].wait_for_acknowledgement()
+        try:
+            for message in bag.messages(latched) if latched else ():
+                is_pose = self._playlist.items[message.topic].name == INITIAL_POSE
+                if is_pose and deadline_ns is not None and message.stamp_ns > deadline_ns:
+                    self.get_logger().info(f"{self._bag}: {left_out_as_late(message.stamp_ns, deadline_ns)}")
+                else:
+                    self._outlets[message.topic].send(message.cdr)
+        finally:  # what comes before damage, too, must be there before the first frame
+            for topic in latched:
+                self._outlets[topic].wait_for_acknowledgement()
 
     def _send_rest(self, bag: BagReader, bar: tqdm, start: Resumption) -> None:
         frame, cameras = -1, set[str]()

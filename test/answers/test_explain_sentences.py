@@ -95,5 +95,11 @@ def test_views_that_are_outliers_or_strange_to_the_class_models_are_counted(
 
 
 def test_an_object_without_views_is_what_the_map_says(explanation: Explanation) -> None:
-    own = replace(explanation.histories[0], views=())
-    assert sentences(explanation, own)[1] == "It was never seen: the belief about it is what the map says."
+    own = replace(explanation.histories[0], views=(), rivals=())
+    assert sentences(explanation, own)[1:] == ["It was never seen: the belief about it is what the map says.", ""]
+
+
+def test_a_run_without_class_models_says_nothing_of_what_they_know(explanation: Explanation) -> None:
+    own = replace(explanation.histories[0], pair=None)
+    said = " ".join(sentences(replace(explanation, classes=None), own))
+    assert "The run has no class models." in said and "class models know" not in said

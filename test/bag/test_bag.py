@@ -205,6 +205,17 @@ def test_several_recordings_in_a_folder_without_metadata_are_not_merged(tmp_path
         assert reader.num_messages == 1
 
 
+def test_parts_that_are_missing_are_told_and_a_part_that_is_there_twice_is_refused(tmp_path, capsys):
+    folder = write_parts(tmp_path / "split", ["split_0.mcap", "split_2.mcap"])
+    (folder / "._split_0.mcap").write_bytes(b"left by another system's copy")
+    with BagReader(folder) as reader:
+        assert reader.num_messages == 2
+    assert "one recording, of which others are missing" in capsys.readouterr().err
+    (folder / "split_0.mcap.zstd").touch()  # by a recorder that was stopped while it compressed
+    with pytest.raises(InputError, match=r"split_0 is there twice .*; remove one of the two"):
+        BagReader(folder).__enter__()
+
+
 @pytest.mark.parametrize("form", ["folder", "file", "folder without metadata"])
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.95])
 def test_a_truncated_mcap_gives_everything_before_the_damage(tmp_path, form, share):

@@ -142,6 +142,16 @@ def test_scores_of_the_shipped_classes_are_evidence_for_the_default(
     assert "using config" not in capsys.readouterr().out
 
 
+def test_where_nothing_is_detected_the_default_says_so(tmp_path: Path) -> None:
+    entries = place_entries("ranges")
+    for entry in of_topic(entries, topics.DETECTIONS):
+        for name, value in vars(entry.message).items():
+            if isinstance(value, list | np.ndarray):
+                setattr(entry.message, name, value[:0])
+    bag = write_bag(tmp_path / "bag", entries)
+    assert configuration_for(bag) == DEFAULT_CONFIGURATION
+
+
 def test_the_shipped_bag_is_run_with_the_default(capsys: pytest.CaptureFixture[str]) -> None:
     assert configuration_for(ROOT / "bags" / "aliased_room") == DEFAULT_CONFIGURATION
     assert capsys.readouterr().out == ""

@@ -139,6 +139,7 @@ def test_a_hostile_yaml_file_is_one_line(tmp_path: Path, read: object, content: 
     [
         ("/**:\n  ros__parameters: {seed: 1}\n  pruning: {ratio: 9}\n", "'pruning' stands beside 'ros__parameters'"),
         ("/**:\n  ros__parameters: {seed: 1}\npruning: {ratio: 9}\n", r"'pruning' stands beside '/\*\*'"),
+        ("hypothesis_manager:\n  ros__parameters: {backends: 2}\n", "of a node alone .* into another file"),
         ("/**:\n  ros__parameters: {seed: 1}\nclassifier:\n  ros__parameters: {seed: 2}\n", "'classifier' stands"),
     ],
 )

@@ -328,6 +328,12 @@ def test_a_value_beyond_the_scale_is_marked_at_its_edge() -> None:
     assert drawn.count("below the scale") == 2 and drawn.count("above the scale") == 1
 
 
+def test_a_probability_that_rounding_takes_beyond_one_is_not_beyond_the_scale() -> None:
+    plot = Plot((0, 2), (0.0, 1.0))
+    plot.line([0, 1, 2], [np.nextafter(1.0, 2.0), 0.5, -1e-17], "line")
+    assert "the scale" not in str(plot.svg())
+
+
 def test_wording_never_rounds_doubt_away() -> None:
     assert [percent(value) for value in (1.0, 0.9999, 0.998, 0.5, 0.0)] == [
         "100 %",

@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from worlds.belief_factory import CLASSES, small_belief
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.transform import compose
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode
 from semantic_slam.messages.sensor import TransformTree
@@ -42,14 +44,20 @@ def test_credit_goes_on_when_nothing_moves() -> None:
 
 
 @pytest.mark.ros
-def test_a_manager_that_needs_a_map_and_has_none_says_so_at_its_start(capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("empty", ["", "empty.json"])
+def test_a_manager_that_needs_a_map_and_has_none_says_so_at_its_start(
+    empty: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     """The map may still come by a service, so it is no fault yet."""
+    path = empty and str(tmp_path / empty)
+    if path:
+        Path(path).write_text(MapPrior(()).to_json())
     rclpy.init()
     node = rclpy.create_node("manager")
     try:
         assert map_prior_of(node, Configuration.of(association="open"), "") is None
         assert capfd.readouterr().err == ""
-        assert map_prior_of(node, Configuration(), "") is None
+        assert not (prior := map_prior_of(node, Configuration(), path)) or not prior.objects
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

@@ -47,7 +47,7 @@ def _views(explanation: Explanation, own: HistoryExplained) -> str:
     spread = f"{_count(len(own.views), 'view')}, {_directions(own.views)}."
     alone = explanation.alone(own)
     parts = [spread, _separation(explanation, own.views, alone)] if np.isfinite(alone).any() else [spread]
-    return " ".join([*parts, _reliability(own.views)])
+    return " ".join([*parts, _reliability(explanation, own.views)]).strip()
 
 
 def _separation(explanation: Explanation, views: Sequence[Sighting], alone: Array) -> str:
@@ -63,8 +63,10 @@ def _separation(explanation: Explanation, views: Sequence[Sighting], alone: Arra
     )
 
 
-def _reliability(views: Sequence[Sighting]) -> str:
-    """Sentences on the reliability of the views."""
+def _reliability(explanation: Explanation, views: Sequence[Sighting]) -> str:
+    """Sentences on the reliability of the views; "" for a run without class models."""
+    if explanation.classes is None:
+        return ""
     strange, last = sum(not view.in_coverage for view in views), views[-1].mutual_information
     outliers = sum(view.outlier > OUTLIER for view in views)
     outside = f"{'are' if strange > 1 else 'is'} outside what the class models know"
@@ -82,7 +84,8 @@ def _reliability(views: Sequence[Sighting]) -> str:
 def _association(explanation: Explanation, own: HistoryExplained) -> str:
     of_it = [rival for rival in own.rivals if rival.taken_id == explanation.object_id]
     of_others = [rival for rival in own.rivals if rival.taken_id != explanation.object_id]
-    parts = _of_it(explanation, of_it) if of_it else ["All its views are unambiguous."]
+    unambiguous = ["All its views are unambiguous."] if own.views else []
+    parts = _of_it(explanation, of_it) if of_it else unambiguous
     return " ".join([*parts, _of_others(explanation, of_others)] if of_others else parts)
 
 

@@ -92,16 +92,14 @@ class OnnxDetector:
         num_classes, least = len(self.class_names), self.settings.least_score
         try:
             boxes, scores = self._layout.boxes(outputs)
-            _check_scores(scores)
             if (scores[:, num_classes:] >= least).any():
                 raise ValueError(f"it reports a class whose number is none of the {num_classes} named ones")
-            counting = boxes[(scores >= least).any(axis=1)]
-            if len(counting) and are_in_shares(counting).all():
-                raise ValueError("the boxes are in shares of the input, not in its pixels")
         except ValueError as fault:
             raise InputError(
                 f"{self._path}: {fault}; give its own class names, or export it in a layout of docs/own_bag.md"
             ) from None
+        _check_scores(scores, self._path)
+        _check_unit(boxes[(scores >= least).any(axis=1)], self._path)
         return boxes, np.clip(scores[:, :num_classes], 0.0, 1.0)
 
 
@@ -122,11 +120,22 @@ def _check_names(given: Sequence[str], stated: Sequence[str], path: Path) -> Non
         raise InputError(f"{path}: states the same classes in another order; give the class names in its order")
 
 
-def _check_scores(scores: Array) -> None:
-    """Raise ValueError for logits, as an export without its last activation has them; NaN: not reported."""
+def _check_scores(scores: Array, path: Path) -> None:
+    """Raise InputError for logits, as an export without its last activation has them; NaN: not reported."""
     low, high = np.nanmin(scores, initial=0.0), np.nanmax(scores, initial=1.0)
     if low < -SCORE_TOLERANCE or high > 1.0 + SCORE_TOLERANCE:
-        raise ValueError(f"scores from {low:.3g} to {high:.3g} are not between 0 and 1; apply a sigmoid in the export")
+        raise InputError(
+            f"{path}: scores from {low:.3g} to {high:.3g} are not between 0 and 1; apply a sigmoid in the export"
+        )
+
+
+def _check_unit(boxes: Array, path: Path) -> None:
+    """Raise InputError for (N, 4) boxes in shares of the input; rows without an area only fill a table up."""
+    areas = boxes[(boxes[:, 2:] > boxes[:, :2]).all(axis=1)]
+    if len(areas) and are_in_shares(areas).all():
+        raise InputError(
+            f"{path}: the boxes are in shares of the input, not in its pixels; export it with boxes in pixels"
+        )
 
 
 def _network(path: Path) -> cv2.dnn.Net:

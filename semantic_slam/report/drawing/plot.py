@@ -7,6 +7,8 @@ import numpy as np
 from markupsafe import Markup
 
 Values = Sequence[float] | np.ndarray
+ROUNDING = 1e-9
+"""Share of the ends of a range by which a value may lie outside, as probabilities of 1 do after a sum."""
 
 
 def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:
@@ -101,7 +103,8 @@ class Plot:
     def _mark_beyond(self, x: float, y: float, kind: str) -> None:
         """A small triangle at the edge of the range that points to where a value lies beyond it."""
         low, high = self.y_range
-        if not math.isfinite(y) or low <= y <= high:
+        rounding = ROUNDING * (abs(low) + abs(high))
+        if not math.isfinite(y) or low - rounding <= y <= high + rounding:
             return
         where, side = ("below", 1) if y < low else ("above", -1)
         shape = '<path class="dot {}" d="M{} {}h8l-4 {}z"><title>{} the scale</title></path>'

@@ -26,16 +26,15 @@ def imu_source(node: Node, configuration: Configuration, transforms: TransformTr
 
 
 def map_prior_of(node: Node, configuration: Configuration, path: str) -> MapPrior | None:
-    """The map in a file; "" names none, with a warning where a run needs one. Raises InputError."""
-    if path:
-        return read_map_prior(Path(path))
-    if strategy_of(configuration).needs_map:
+    """The map in a file; "" names none. Warns where a run needs a map with objects. Raises InputError."""
+    prior = read_map_prior(Path(path)) if path else None
+    if strategy_of(configuration).needs_map and not (prior and prior.objects):
         node.get_logger().warning(
-            f"association is '{configuration.association}' and parameter map_prior names no map: unless"
+            f"association is '{configuration.association}' and parameter map_prior names no map with objects: unless"
             " ~/load_map gives one before, the first keyframe ends this node; set map_prior, or set association: open"
             " to map as you go"
         )
-    return None
+    return prior
 
 
 def source_of(bag: str) -> str:

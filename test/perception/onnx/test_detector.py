@@ -184,8 +184,14 @@ def test_outputs_that_fit_no_layout_are_one_line_at_the_start(
 def test_an_end_to_end_table_of_shares_is_refused_with_its_first_box(tmp_path: Path) -> None:
     detector = OnnxDetector(write_network(tmp_path / "net.onnx", "end_to_end_shares"), COLOURS, SURE)
     assert not len(detect(detector, np.zeros((64, 64, 3), dtype=np.uint8)))
-    with pytest.raises(InputError, match=r"in shares of the input, not in its pixels; .* export it in a layout"):
+    with pytest.raises(InputError, match=r"in shares of the input, not in its pixels; export it"):
         detect(detector, black_with_block((64, 64), (16, 24, 24, 32), "green"))
+
+
+def test_rows_that_only_fill_an_end_to_end_table_up_are_not_boxes_in_shares(tmp_path: Path) -> None:
+    every = DetectorSettings(least_score=0.0)
+    detector = OnnxDetector(write_network(tmp_path / "net.onnx", "end_to_end"), COLOURS, every)
+    assert "green" in detect(detector, black_with_block((64, 64), (16, 24, 24, 32), "green")).labels
 
 
 def test_a_table_of_fractions_is_not_taken_for_an_end_to_end_networks(tmp_path: Path) -> None:
