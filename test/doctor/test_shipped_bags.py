@@ -108,6 +108,8 @@ def test_a_file_with_keys_outside_ros_parameters_is_one_line_and_exit_code_2(
     output = capsys.readouterr()
     (line,) = output.out.splitlines()
     assert (
-        line.startswith("error: configuration: ") and "'association' stands beside" in line and "parameters below that" in line
+        line.startswith("error: configuration: ")
+        and "'association' stands beside" in line
+        and "parameters below that" in line
     )
     assert output.err.endswith("1 error and 0 warnings; see the remedies\n")
