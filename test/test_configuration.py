@@ -149,7 +149,7 @@ def test_parameters_of_nodes_by_name_are_refused_with_the_name_that_all_read(
 ) -> None:
     path = tmp_path / "configuration.yaml"
     path.write_text(text)
-    with pytest.raises(InputError, match=rf"below {named}.*put them below '/\*\*:'"):
+    with pytest.raises(InputError, match=rf"below {named}.*put the configuration's below '/\*\*:'"):
         load_configuration(path)
 
 

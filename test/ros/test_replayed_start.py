@@ -45,7 +45,7 @@ def test_what_comes_before_the_damage_of_a_bag_is_played(tmp_path: Path) -> None
             parameters = {"bag": str(bag), "rate": 20.0, "wait_for_listeners_s": 1.0}
             nodes.start(NodeSpec("bag_player", "bag_player", parameters))
             give_up = time.monotonic() + TIMEOUT_S
-            while not ends and time.monotonic() < give_up:
+            while not (ends and poses) and time.monotonic() < give_up:
                 rclpy.spin_once(node, timeout_sec=0.05)
         assert len(poses) == 1
         assert len(frames) > 10
@@ -72,7 +72,7 @@ def test_a_pose_set_during_the_recorded_run_is_not_sent_before_its_frames(tmp_pa
             parameters = {"bag": str(bag), "rate": 20.0, "wait_for_listeners_s": 1.0}
             nodes.start(NodeSpec("bag_player", "bag_player", parameters))
             give_up = time.monotonic() + TIMEOUT_S
-            while not ends and time.monotonic() < give_up:
+            while not (ends and received) and time.monotonic() < give_up:
                 rclpy.spin_once(node, timeout_sec=0.05)
         assert [decode(cdr, topics.TYPES[topics.INITIAL_POSE]).pose[0] for cdr in received] == [1.0]
         said = (tmp_path / "log" / "bag_player.log").read_text()

@@ -275,7 +275,7 @@ def test_noises_of_odometry_are_decided_by_evidence_where_numbers_are_given() ->
     factors = {"noise_factors": [1.0, 25.0]}
     beliefs, engine = driven(named_room(30, 2, odometry=factors))
     best = engine.pool._backends[0].held[next(iter(engine.live))].component
-    assert best.settings.odometry_factor == 1.0  # the room's odometry is as stated
+    assert best.noise_settings.odometry_factor == 1.0  # the room's odometry is as stated
     assert len(beliefs[0].hypotheses) == 2
 
 
