@@ -42,7 +42,7 @@ def test_what_comes_before_the_damage_of_a_bag_is_played(tmp_path: Path) -> None
         for topic in (topics.DETECTIONS, topics.ODOMETRY):
             receive(node, topic, frames.append, qos.sensor_input(topic, lossless=False))
         with processes(tmp_path) as nodes:
-            parameters = {"bag": str(bag), "rate": 20.0, "wait_for_listeners_s": 1.0}
+            parameters = {"bag": str(bag), "rate": 20.0, "wait_for_listeners_s": 10.0}
             nodes.start(NodeSpec("bag_player", "bag_player", parameters))
             give_up = time.monotonic() + TIMEOUT_S
             while not (ends and poses) and time.monotonic() < give_up:
@@ -69,7 +69,7 @@ def test_a_pose_set_during_the_recorded_run_is_not_sent_before_its_frames(tmp_pa
         receive(node, topics.INITIAL_POSE, received.append, qos.latched())
         receive(node, topics.PLAYER_PROGRESS, ends.append, qos.latched_by_any())
         with processes(tmp_path) as nodes:
-            parameters = {"bag": str(bag), "rate": 20.0, "wait_for_listeners_s": 1.0}
+            parameters = {"bag": str(bag), "rate": 20.0, "wait_for_listeners_s": 10.0}
             nodes.start(NodeSpec("bag_player", "bag_player", parameters))
             give_up = time.monotonic() + TIMEOUT_S
             while not (ends and received) and time.monotonic() < give_up:
