@@ -155,16 +155,8 @@ class Recovery:
 
     def _entered(self, best: Hypothesis, history: Revised) -> Hypothesis:
         """A history as a hypothesis that revises the ``best`` live one, with a weight in the unit of that one's."""
-        return Hypothesis(
-            owner=best.owner,
-            log_weight=best.log_weight + (history.log_joint - self._log_best),
-            parent_id=history.parent_id,
-            lineage=history.lineage,
-            grounds=new_grounds(history.lineage),
-            revises=best,
-            replayed=history.component,
-            replicates=history.replicates + self._log_surplus,
-        )
+        log_weight = best.log_weight + (history.log_joint - self._log_best)
+        return history.entering(best.owner, best, log_weight, self._log_surplus)
 
     def frame(self, grounds: Sequence[int]) -> Starts:
         """Start poses of the frame of a robot that was carried to new ground before the keyframes ``grounds``."""

@@ -17,7 +17,6 @@ from semantic_slam.inference.relocation.stretches import parted, stretches
 from semantic_slam.inference.revision.catching_up import CatchingUp
 from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.states.lineage import Lineage
-from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 AGAIN = 30
@@ -75,16 +74,8 @@ class Relocation:
             log_weight = -np.inf if own is None else own.log_joint + self._lost.log_surplus
             if own is not None and own.number not in live and log_weight >= log_least:
                 lost = self._likeliest_lost(live)
-                found[own.number] = Hypothesis(
-                    owner=best.owner,
-                    log_weight=log_weight - log_evidence,
-                    parent_id=own.parent_id,
-                    lineage=own.lineage,
-                    grounds=new_grounds(own.lineage),
-                    revises=lost or best,
-                    replayed=own.component,
-                    replicates=own.replicates + self._lost.log_surplus,
-                )
+                revises, log_surplus = lost or best, self._lost.log_surplus
+                found[own.number] = own.entering(best.owner, revises, log_weight - log_evidence, log_surplus)
         return found
 
     def _is_due(self, live: Mapping[int, Hypothesis]) -> bool:

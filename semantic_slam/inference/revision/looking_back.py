@@ -28,7 +28,6 @@ from semantic_slam.inference.revision.returns.returns import Returns
 from semantic_slam.inference.revision.tried import Group, Tried
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.lineage import Lineage
-from semantic_slam.inference.world.carried import new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
 
 HOPELESS_DISTANCE = 8.0
@@ -107,16 +106,7 @@ class LookingBack:
             heir = self._heir(live)
             log_weight = -np.inf if own is None else own.log_joint + self._log_surplus - present.log_evidence
             if self._is_likely(asked, log_weight - heir.log_weight) and own is not None:
-                found[own.number] = Hypothesis(
-                    owner=heir.owner,
-                    log_weight=log_weight,
-                    parent_id=own.parent_id,
-                    lineage=own.lineage,
-                    grounds=new_grounds(own.lineage),
-                    revises=heir,
-                    replayed=own.component,
-                    replicates=own.replicates + self._log_surplus,
-                )
+                found[own.number] = own.entering(heir.owner, heir, log_weight, self._log_surplus)
         return {number: own for number, own in found.items() if number not in live}
 
     def _heir(self, live: Mapping[int, Hypothesis]) -> Hypothesis:

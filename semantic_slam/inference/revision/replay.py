@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.expander import Expander, Expansion
+from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.models.step import Step
 from semantic_slam.inference.smoothing.component import Component, WeightedComponent
@@ -15,7 +16,7 @@ from semantic_slam.inference.smoothing.errors import LostComponentError, Unknown
 from semantic_slam.inference.smoothing.growth import certain
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import Lineage, LineageStep, next_id
-from semantic_slam.inference.world.carried import NOWHERE
+from semantic_slam.inference.world.carried import NOWHERE, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
 from semantic_slam.inference.world.problem import Problem
 
@@ -61,6 +62,22 @@ class Revised:
     def log_joint(self) -> float:
         """log P(history, Z_1:k)."""
         return self.log_joints[-1]
+
+    def entering(self, owner: int, revises: Hypothesis, log_weight: float, log_surplus: float) -> Hypothesis:
+        """The history as a hypothesis that enters with ``log_weight`` and ``revises`` a live one.
+
+        ``log_surplus``: log ratio of the revised one's weight with merged near copies to its own.
+        """
+        return Hypothesis(
+            owner=owner,
+            log_weight=log_weight,
+            parent_id=self.parent_id,
+            lineage=self.lineage,
+            grounds=new_grounds(self.lineage),
+            revises=revises,
+            replayed=self.component,
+            replicates=self.replicates + log_surplus,
+        )
 
 
 @dataclass
