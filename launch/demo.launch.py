@@ -13,7 +13,7 @@ from launch.substitutions import LaunchConfiguration
 
 from semantic_slam.pipeline.default_configuration import configuration_for
 from semantic_slam.ros.launching.launch_actions import Nodes
-from semantic_slam.ros.launching.node_set import node_set
+from semantic_slam.ros.launching.node_set import RunOptions, node_set
 from semantic_slam.ros.wire.transport import is_installed
 
 
@@ -26,15 +26,17 @@ def start_nodes(context):
     specs = node_set(
         Path(bag),
         Path(config) if config else configuration_for(Path(bag)),
-        int(backends),
         float(rate),
-        record,
+        RunOptions(
+            backends=int(backends),
+            record=record,
+            overwrite=overwrite.lower() == "true",
+            journal=journal or (f"{record}.journal" if record else ""),
+            resume=resume.lower() == "true",
+            autostart=autostart.lower() == "true",
+        ),
         has_tf2=is_installed("tf2_msgs/msg/TFMessage"),
         has_stereo=is_installed("stereo_msgs/msg/DisparityImage"),
-        overwrite=overwrite.lower() == "true",
-        journal=journal or (f"{record}.journal" if record else ""),
-        resume=resume.lower() == "true",
-        autostart=autostart.lower() == "true",
     )
     # The node that finishes last ends the launch.
     return Nodes(specs, namespace, last="bag_recorder" if record else "bag_player").actions()

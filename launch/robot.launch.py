@@ -10,7 +10,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 
 from semantic_slam.ros.launching.launch_actions import Nodes, remappings_of
-from semantic_slam.ros.launching.node_set import Sensors, robot_set
+from semantic_slam.ros.launching.node_set import RunOptions, Sensors, robot_set
 from semantic_slam.shipped import configuration_file
 
 
@@ -23,23 +23,22 @@ def start_nodes(context):
     def is_true(name):
         return text(name).lower() == "true"
 
-    specs = robot_set(
-        configuration_file(text("config")),
-        int(text("backends")),
-        text("journal"),
-        sensors=Sensors(
-            has_images=is_true("has_images"),
-            has_depth=is_true("has_depth"),
-            has_imu=is_true("has_imu"),
-            detections_type=text("detections_type"),
-            odom_frame=text("odom_frame"),
-        ),
-        map_prior=text("map_prior"),
+    options = RunOptions(
+        backends=int(text("backends")),
         record=text("record"),
         overwrite=is_true("overwrite"),
+        journal=text("journal"),
         resume=is_true("resume"),
         autostart=is_true("autostart"),
     )
+    sensors = Sensors(
+        has_images=is_true("has_images"),
+        has_depth=is_true("has_depth"),
+        has_imu=is_true("has_imu"),
+        detections_type=text("detections_type"),
+        odom_frame=text("odom_frame"),
+    )
+    specs = robot_set(configuration_file(text("config")), options, sensors=sensors, map_prior=text("map_prior"))
     return Nodes(specs, text("namespace"), remappings=remappings_of(text("remap"))).actions()
 
 

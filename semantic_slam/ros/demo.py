@@ -79,7 +79,7 @@ def output_of(arguments: argparse.Namespace) -> AbstractContextManager[Path]:
 
 def replay(arguments: argparse.Namespace, belief: Path) -> None:
     """Run the nodes until the recorder and the player have ended."""
-    from semantic_slam.ros.launching.node_set import node_set
+    from semantic_slam.ros.launching.node_set import RunOptions, node_set
     from semantic_slam.ros.launching.processes import NodeProcesses, loopback_environment
     from semantic_slam.ros.launching.supervisor import Supervisor
     from semantic_slam.ros.wire.transport import is_installed
@@ -87,13 +87,15 @@ def replay(arguments: argparse.Namespace, belief: Path) -> None:
     specs = node_set(
         arguments.bag,
         arguments.config,
-        arguments.backends,
         arguments.rate,
-        str(belief),
+        RunOptions(
+            backends=arguments.backends,
+            record=str(belief),
+            journal=str(arguments.out / JOURNAL),
+            resume=arguments.resume,
+        ),
         has_tf2=is_installed("tf2_msgs/msg/TFMessage"),
         has_stereo=is_installed("stereo_msgs/msg/DisparityImage"),
-        journal=str(arguments.out / JOURNAL),
-        resume=arguments.resume,
     )
     domain_id = domain()
     print(f"{arguments.bag}: {len(specs)} nodes in ROS domain {domain_id}, on this machine only", file=sys.stderr)

@@ -17,7 +17,7 @@ from worlds.processes.node_runs import beliefs, processes
 from worlds.processes.services import answered
 
 from semantic_slam.ros.bag_player import Pace
-from semantic_slam.ros.launching.node_set import node_set
+from semantic_slam.ros.launching.node_set import RunOptions, node_set
 from semantic_slam.ros.launching.processes import NodeProcesses
 
 NUM_FRAMES = 8
@@ -72,7 +72,8 @@ def test_what_may_change_in_a_run_does_and_survives_a_restart_and_all_else_is_re
     configuration = write_configuration(tmp_path / "configuration", perception={"network": "nowhere.safetensors"})
     bag, belief = write_bag(tmp_path / "bag", place_entries("ranges", NUM_FRAMES)), tmp_path / "belief"
     journal = str(tmp_path / "journal")
-    *others, player = node_set(bag, configuration, 1, 0.0, str(belief), has_tf2=False, has_stereo=True, journal=journal)
+    options = RunOptions(record=str(belief), journal=journal)
+    *others, player = node_set(bag, configuration, 0.0, options, has_tf2=False, has_stereo=True)
     with processes(tmp_path) as nodes:
         for spec in others:
             nodes.start(spec)
@@ -101,7 +102,7 @@ def test_a_bag_that_is_played_slowly_is_played_faster_when_told_so(tmp_path: Pat
     configuration = write_configuration(tmp_path / "configuration", perception={"network": "nowhere.safetensors"})
     bag = write_bag(tmp_path / "bag", place_entries("ranges", NUM_FRAMES))
     with processes(tmp_path) as nodes:
-        for spec in node_set(bag, configuration, 1, 1e-3, "", has_tf2=False, has_stereo=True):
+        for spec in node_set(bag, configuration, 1e-3, RunOptions(), has_tf2=False, has_stereo=True):
             nodes.start(spec)
         assert "lock-step" in operator.set(PLAYER, "rate", 0.0)
         assert "give a number" in operator.set(PLAYER, "rate", "fast")

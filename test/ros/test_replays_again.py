@@ -24,7 +24,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode, from_message, to_message
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, time_message
 from semantic_slam.pipeline.offline import RunSummary, run_bag
-from semantic_slam.ros.launching.node_set import NodeSpec, node_set
+from semantic_slam.ros.launching.node_set import NodeSpec, RunOptions, node_set
 from semantic_slam.ros.launching.processes import NodeProcesses
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import receive
@@ -92,7 +92,7 @@ def replays(tmp_path_factory: pytest.TempPathFactory) -> Replays:
     configuration = write_configuration(folder, **settings, perception={"network": "nowhere.safetensors"})
     bag = drive(folder / "bag")
     summary = run_bag(bag, folder / "offline", load_configuration(configuration))
-    specs = node_set(bag, configuration, 1, 0.0, "", has_tf2=False, has_stereo=True)
+    specs = node_set(bag, configuration, 0.0, RunOptions(), has_tf2=False, has_stereo=True)
     rclpy.init()
     try:
         node = rclpy.create_node("listener")

@@ -1,5 +1,6 @@
 """The nodes of a replay, or of a live robot, and their parameters, as started by the launch files and by the demo."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -45,52 +46,65 @@ class NodeSpec:
         return replace(self, parameters=self.parameters | (self.again or {}))
 
 
-def node_set(
-    bag: Path,
-    configuration_file: Path,
-    backends: int,
-    rate: float,
-    record: str,
-    *,
-    has_tf2: bool,
-    has_stereo: bool,
-    overwrite: bool = False,
-    journal: str = "",
-    resume: bool = False,
-    autostart: bool = True,
-) -> list[NodeSpec]:
-    """Nodes that replay ``bag``, the player last, so that it starts after its listeners. Raises InputError.
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """How a run is divided, recorded and restarted.
 
     ``record``: belief bag to write, "" for none; an existing one is replaced only with ``overwrite``. ``journal``: the
     manager's journal folder, "" for none: then the manager's death ends the run. ``resume``: continue journal and
-    belief bag of an interrupted run. ``autostart`` False: the nodes wait for lifecycle transitions. ``has_tf2`` False:
-    without tf2_msgs /tf_static cannot be published here, so the classifier gets the extrinsics from the bag's
-    transforms as a parameter. ``has_stereo`` False: without stereo_msgs disparities cannot be published here, so a bag
-    without other depth is one without depth.
+    belief bag of an interrupted run. ``autostart`` False: the nodes wait for lifecycle transitions.
+    """
+
+    backends: int = 1
+    record: str = ""
+    overwrite: bool = False
+    journal: str = ""
+    resume: bool = False
+    autostart: bool = True
+
+    def checked(self, configuration: Configuration, inputs: Sequence[Path | None]) -> "RunOptions":
+        """Options that can be followed: ``record`` does not overwrite the run's ``inputs``. Raises InputError.
+
+        Without journal and ``resume`` if results depend on timing: such a run cannot be repeated.
+        """
+        if self.backends < 1:
+            raise InputError(f"backends {self.backends}: give at least one backend")
+        if self.record and not self.resume:
+            check_bag_output(Path(self.record), inputs, self.overwrite, LEAVE_OF_NODES)
+        is_timed = configuration.open_world.time_budget_ms > 0
+        return replace(self, journal="", resume=False) if is_timed else self
+
+    @property
+    def common(self) -> dict[str, Any]:
+        """Parameters of every node."""
+        return {} if self.autostart else {"autostart": False}
+
+
+def node_set(
+    bag: Path, configuration_file: Path, rate: float, options: RunOptions, *, has_tf2: bool, has_stereo: bool
+) -> list[NodeSpec]:
+    """Nodes that replay ``bag``, the player last, so that it starts after its listeners. Raises InputError.
+
+    ``rate``: of real time; ``LOSSLESS``: lock-step. ``has_tf2`` False: without tf2_msgs /tf_static cannot be published
+    here, so the classifier gets the extrinsics from the bag's transforms as a parameter. ``has_stereo`` False: without
+    stereo_msgs disparities cannot be published here, so a bag without other depth is one without depth.
     """
     if rate < LOSSLESS:
         raise InputError(f"rate {rate:g}: give a rate of 0 or more")
-    if record and not resume:
-        check_bag_output(Path(record), [bag, configuration_file, map_prior_path(bag)], overwrite, LEAVE_OF_NODES)
     configuration = load_configuration(configuration_file)
-    if configuration.open_world.time_budget_ms > 0:  # results depend on timing, so a run cannot be repeated
-        journal, resume = "", False
+    options = options.checked(configuration, [bag, configuration_file, map_prior_path(bag)])
     source = _Source.of(bag, configuration, has_tf2=has_tf2, has_stereo=has_stereo)
-    waiting: dict[str, Any] = {} if autostart else {"autostart": False}
-    common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | waiting
+    common = {"lossless": rate == LOSSLESS, "use_sim_time": True} | options.common
     configured = common | changed_parameters(configuration)
     prior = {"map_prior": str(map_prior_path(bag) or ""), "source_bag": str(bag)}
-    manager = configured | prior | {"journal": journal, "resume": resume} | source.manager
-    nodes = _manager_and_backends(manager, backends, common)
+    nodes = _manager_and_backends(configured | prior | source.manager, common, options)
     if not source.has_measurements:
         parameters = configured | source.classifier
         # Messages in flight to a dead classifier are lost; a restarted player sends them again to the new one.
         followers = ("bag_player",) if rate == LOSSLESS else ()
         nodes.append(NodeSpec("classifier_node", "classifier", parameters, followers=followers))
-    if record:
-        recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
-        nodes.append(_recorder(recorder, has_imu=source.has_imu))
-    player = {"bag": str(bag), "rate": rate, "resume": resume} | waiting
+    nodes += _recorders(common, options, has_imu=source.has_imu)
+    player = {"bag": str(bag), "rate": rate, "resume": options.resume} | options.common
     return [*nodes, NodeSpec("bag_player", "bag_player", player, again={"resume": True})]
 
 
@@ -110,61 +124,47 @@ class Sensors:
 
 
 def robot_set(
-    configuration_file: Path,
-    backends: int,
-    journal: str,
-    *,
-    sensors: Sensors = Sensors(),
-    map_prior: str = "",
-    record: str = "",
-    overwrite: bool = False,
-    resume: bool = False,
-    autostart: bool = True,
+    configuration_file: Path, options: RunOptions, *, sensors: Sensors = Sensors(), map_prior: str = ""
 ) -> list[NodeSpec]:
     """Nodes of a live robot: those of :func:`node_set` without the player. Raises InputError.
 
-    ``journal``: the manager's journal folder, unused with ``open_world.time_budget_ms``: then the manager's death ends
-    the run. ``map_prior``: a saved map or objects.json, "" for none. ``record``, ``overwrite``, ``resume`` and
-    ``autostart`` are those of :func:`node_set`.
+    ``options`` name a journal, which is unused with ``open_world.time_budget_ms``: then the manager's death ends the
+    run. ``map_prior``: a saved map or objects.json, "" for none.
     """
     configuration = load_configuration(configuration_file)
-    if not journal:
+    if not options.journal:
         raise InputError("journal is empty; name a folder, from which a manager that dies goes on")
-    if record and not resume:
-        inputs = [configuration_file, Path(map_prior) if map_prior else None, Path(journal)]
-        check_bag_output(Path(record), inputs, overwrite, LEAVE_OF_NODES)
-    if configuration.open_world.time_budget_ms > 0:  # as for node_set
-        journal, resume = "", False
-    common: dict[str, Any] = {} if autostart else {"autostart": False}
+    inputs = [configuration_file, Path(map_prior) if map_prior else None, Path(options.journal)]
+    options = options.checked(configuration, inputs)
+    common = options.common
     configured = common | changed_parameters(configuration)
-    manager = configured | {"map_prior": map_prior, "has_imu": sensors.has_imu, "journal": journal, "resume": resume}
+    nodes = _manager_and_backends(configured | {"map_prior": map_prior, "has_imu": sensors.has_imu}, common, options)
     classifier = configured | {"has_images": sensors.has_images, "has_depth": sensors.has_depth}
     classifier |= {"detections_type": sensors.detections_type} if sensors.detections_type else {}
-    nodes = [*_manager_and_backends(manager, backends, common), NodeSpec("classifier_node", "classifier", classifier)]
+    nodes.append(NodeSpec("classifier_node", "classifier", classifier))
     if sensors.odom_frame:
         frames = {"odom_frame": sensors.odom_frame, "base_frame": configuration.perception.base_frame}
         nodes.append(NodeSpec("tf_odometry_node", "tf_odometry", common | frames))
-    if record:
-        recorder = common | {"bag": record, "overwrite": overwrite, "resume": resume}
-        nodes.append(_recorder(recorder, has_imu=sensors.has_imu))
-    return nodes
+    return [*nodes, *_recorders(common, options, has_imu=sensors.has_imu)]
 
 
-def _manager_and_backends(manager: dict[str, Any], backends: int, common: dict[str, Any]) -> list[NodeSpec]:
-    """The manager first; without a journal its death ends the run. Raises InputError."""
-    if backends < 1:
-        raise InputError(f"backends {backends}: give at least one backend")
-    restarts = {"resume": True} if manager["journal"] else None
-    parameters = manager | {"backends": backends}
+def _manager_and_backends(manager: dict[str, Any], common: dict[str, Any], options: RunOptions) -> list[NodeSpec]:
+    """The manager first; without a journal its death ends the run."""
+    restarts = {"resume": True} if options.journal else None
+    manager = manager | {"backends": options.backends, "journal": options.journal, "resume": options.resume}
     return [
-        NodeSpec("hypothesis_manager_node", "hypothesis_manager", parameters, again=restarts),
-        *(NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(backends)),
+        NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager, again=restarts),
+        *(NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(options.backends)),
     ]
 
 
-def _recorder(parameters: dict[str, Any], *, has_imu: bool) -> NodeSpec:
-    parameters |= {"has_imu": True} if has_imu else {}
-    return NodeSpec("bag_recorder", "bag_recorder", parameters, again={"resume": True})
+def _recorders(common: dict[str, Any], options: RunOptions, *, has_imu: bool) -> list[NodeSpec]:
+    """One, or none where nothing is to be recorded."""
+    if not options.record:
+        return []
+    parameters = {"bag": options.record, "overwrite": options.overwrite, "resume": options.resume}
+    imu = {"has_imu": True} if has_imu else {}
+    return [NodeSpec("bag_recorder", "bag_recorder", common | parameters | imu, again={"resume": True})]
 
 
 @dataclass(frozen=True)

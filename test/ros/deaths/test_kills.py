@@ -20,7 +20,7 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.configuration import load_configuration
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.launching.node_set import NodeSpec, node_set
+from semantic_slam.ros.launching.node_set import NodeSpec, RunOptions, node_set
 from semantic_slam.ros.launching.processes import NodeProcesses
 from semantic_slam.ros.launching.supervisor import Supervisor
 
@@ -39,17 +39,8 @@ ALL_AT = 16
 
 
 def specs_of(bag: Path, configuration: Path, out: Path, *, resume: bool) -> list[NodeSpec]:
-    specs = node_set(
-        bag,
-        configuration,
-        2,
-        0.0,
-        str(out / "belief"),
-        has_tf2=False,
-        has_stereo=True,
-        journal=str(out / "journal"),
-        resume=resume,
-    )
+    options = RunOptions(backends=2, record=str(out / "belief"), journal=str(out / "journal"), resume=resume)
+    specs = node_set(bag, configuration, 0.0, options, has_tf2=False, has_stereo=True)
     return [NodeSpec("print_belief", "print_belief"), *specs]
 
 

@@ -20,7 +20,7 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.perception.frame import Detections
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.launching.node_set import Sensors, robot_set
+from semantic_slam.ros.launching.node_set import RunOptions, Sensors, robot_set
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -75,11 +75,9 @@ def robot(tmp_path: Path, configuration: Path) -> Iterator[Robot]:
     prior.write_text(map_prior().to_json())
     specs = robot_set(
         configuration,
-        2,
-        str(tmp_path / "journal"),
+        RunOptions(backends=2, journal=str(tmp_path / "journal"), record=str(tmp_path / "belief")),
         sensors=Sensors(has_images=False),
         map_prior=str(prior),
-        record=str(tmp_path / "belief"),
     )
     with robot_among(tmp_path, specs) as robot:
         yield robot

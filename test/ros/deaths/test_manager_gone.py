@@ -12,7 +12,7 @@ from worlds.bags.places import place_entries
 from worlds.processes.node_runs import TIMEOUT_S, processes
 
 from semantic_slam.errors import SemanticSlamError
-from semantic_slam.ros.launching.node_set import node_set
+from semantic_slam.ros.launching.node_set import RunOptions, node_set
 
 PLAYER = "from semantic_slam.ros import bag_player; bag_player.GONE_S = 2.0; bag_player.main()"
 """As it is, but for half a minute that it waits for another manager."""
@@ -24,7 +24,9 @@ PLAYER = "from semantic_slam.ros import bag_player; bag_player.GONE_S = 2.0; bag
 def test_the_player_ends_with_one_line_when_the_manager_is_gone(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", place_entries("ranges", num_frames=12))
     configuration = write_configuration(tmp_path / "configuration")
-    specs = {spec.name: spec for spec in node_set(bag, configuration, 1, 0.0, "", has_tf2=False, has_stereo=True)}
+    specs = {
+        spec.name: spec for spec in node_set(bag, configuration, 0.0, RunOptions(), has_tf2=False, has_stereo=True)
+    }
     del specs["backend_0"]  # so that the manager never comes to an end
     with processes(tmp_path) as nodes:
         for spec in specs.values():

@@ -1,6 +1,7 @@
 """The demo's launch file, as far as it can be checked where ``launch`` is not installed, and the node set behind it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,7 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.detector_labels import labels_in
-from semantic_slam.ros.launching.node_set import NodeSpec, node_set
+from semantic_slam.ros.launching.node_set import NodeSpec, RunOptions, node_set
 
 ROOT = Path(__file__).parents[3]
 ARGUMENTS = {"bag", "config", "backends", "rate", "record", "overwrite", "journal", "resume", "autostart", "namespace"}
@@ -30,9 +31,18 @@ def configuration(tmp_path: Path) -> Path:
     return write_configuration(tmp_path / "configuration", seed=7)
 
 
-def specs_of(bag: Path, configuration: Path, **changes: Any) -> dict[str, NodeSpec]:
-    values = {"backends": 2, "rate": 0.0, "record": "out/belief", "has_tf2": False, "has_stereo": True} | changes
-    return {spec.name: spec for spec in node_set(bag, configuration, **values)}
+def specs_of(
+    bag: Path,
+    configuration: Path,
+    *,
+    rate: float = 0.0,
+    has_tf2: bool = False,
+    has_stereo: bool = True,
+    **changes: Any,
+) -> dict[str, NodeSpec]:
+    options = replace(RunOptions(backends=2, record="out/belief"), **changes)
+    specs = node_set(bag, configuration, rate, options, has_tf2=has_tf2, has_stereo=has_stereo)
+    return {spec.name: spec for spec in specs}
 
 
 def test_node_set_has_the_names_of_the_interface(bag: Path, configuration: Path) -> None:

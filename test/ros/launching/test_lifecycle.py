@@ -18,7 +18,7 @@ from worlds.processes.services import answered
 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.launching.node_set import node_set
+from semantic_slam.ros.launching.node_set import RunOptions, node_set
 from semantic_slam.ros.launching.processes import NodeProcesses
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -47,9 +47,8 @@ def test_nodes_wait_for_their_transitions_replay_as_offline_and_end_well_when_sh
     run_bag(bag, tmp_path / "offline", load_configuration(configuration))
     reference = beliefs(tmp_path / "offline")
     assert len(reference) == NUM_FRAMES
-    specs = node_set(
-        bag, configuration, 1, 0.0, str(tmp_path / "belief"), has_tf2=False, has_stereo=True, autostart=False
-    )
+    options = RunOptions(record=str(tmp_path / "belief"), autostart=False)
+    specs = node_set(bag, configuration, 0.0, options, has_tf2=False, has_stereo=True)
     rclpy.init()
     try:
         with processes(tmp_path) as nodes:

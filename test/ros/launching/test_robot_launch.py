@@ -9,7 +9,7 @@ import pytest
 from worlds.bags.bag_factory import input_entries, write_bag, write_configuration
 
 from semantic_slam.errors import InputError
-from semantic_slam.ros.launching.node_set import NodeSpec, Sensors, node_set, robot_set
+from semantic_slam.ros.launching.node_set import NodeSpec, RunOptions, Sensors, node_set, robot_set
 
 REQUIRED = {"config", "journal"}
 OPTIONAL = {"map_prior": "", "backends": "2", "record": "", "overwrite": "false", "resume": "false", "remap": ""}
@@ -50,10 +50,9 @@ def test_the_launch_file_declares_its_arguments_and_only_two_must_be_given(launc
 
 def test_a_robot_has_the_nodes_of_a_replay_without_the_player(tmp_path: Path, configuration: Path) -> None:
     bag = write_bag(tmp_path / "bag", input_entries(2))
-    replay = by_name(
-        node_set(bag, configuration, 2, 1.0, "out/belief", has_tf2=True, has_stereo=True, journal="out/journal")
-    )
-    robot = by_name(robot_set(configuration, 2, "out/journal", record="out/belief"))
+    options = RunOptions(backends=2, record="out/belief", journal="out/journal")
+    replay = by_name(node_set(bag, configuration, 1.0, options, has_tf2=True, has_stereo=True))
+    robot = by_name(robot_set(configuration, options))
     assert set(robot) == set(replay) - {"bag_player"}
     for name, spec in robot.items():
         assert (spec.executable, spec.again) == (replay[name].executable, replay[name].again)
@@ -64,9 +63,8 @@ def test_a_robot_has_the_nodes_of_a_replay_without_the_player(tmp_path: Path, co
 def test_what_the_robot_has_reaches_the_nodes_that_use_it(configuration: Path) -> None:
     detections = "vision_msgs/msg/Detection2DArray"
     sensors = Sensors(has_images=False, has_depth=False, has_imu=True, detections_type=detections)
-    specs = by_name(
-        robot_set(configuration, 3, "journal", sensors=sensors, map_prior="room.map", record="out/b", autostart=False)
-    )
+    options = RunOptions(backends=3, journal="journal", record="out/b", autostart=False)
+    specs = by_name(robot_set(configuration, options, sensors=sensors, map_prior="room.map"))
     manager, classifier = specs["hypothesis_manager"].parameters, specs["classifier"].parameters
     assert (manager["backends"], manager["map_prior"], manager["has_imu"]) == (3, "room.map", True)
     assert (classifier["has_images"], classifier["has_depth"]) == (False, False)
@@ -77,27 +75,28 @@ def test_what_the_robot_has_reaches_the_nodes_that_use_it(configuration: Path) -
     }
     assert all(spec.parameters["autostart"] is False for spec in specs.values())
     assert "tf_odometry" not in specs
-    plain = by_name(robot_set(configuration, 1, "journal"))
+    plain = by_name(robot_set(configuration, RunOptions(journal="journal")))
     assert "detections_type" not in plain["classifier"].parameters and "bag_recorder" not in plain
 
 
 def test_odometry_that_comes_by_tf_has_a_node_that_passes_it_on(tmp_path: Path) -> None:
     configuration = write_configuration(tmp_path, perception={"base_frame": "trunk"})
-    specs = by_name(robot_set(configuration, 1, "journal", sensors=Sensors(odom_frame="vio"), autostart=False))
+    options = RunOptions(journal="journal", autostart=False)
+    specs = by_name(robot_set(configuration, options, sensors=Sensors(odom_frame="vio")))
     expected = {"odom_frame": "vio", "base_frame": "trunk", "autostart": False}
     assert (specs["tf_odometry"].executable, specs["tf_odometry"].parameters) == ("tf_odometry_node", expected)
 
 
 def test_a_robot_needs_a_journal_and_a_backend(configuration: Path) -> None:
     with pytest.raises(InputError, match="journal is empty; name a folder"):
-        robot_set(configuration, 1, "")
+        robot_set(configuration, RunOptions())
     with pytest.raises(InputError, match="at least one backend"):
-        robot_set(configuration, 0, "journal")
+        robot_set(configuration, RunOptions(backends=0, journal="journal"))
 
 
 def test_a_run_that_cannot_be_repeated_has_no_journal(tmp_path: Path) -> None:
     hurried = write_configuration(tmp_path, association="open", open_world={"time_budget_ms": 50.0})
-    manager = by_name(robot_set(hurried, 1, "journal"))["hypothesis_manager"]
+    manager = by_name(robot_set(hurried, RunOptions(journal="journal")))["hypothesis_manager"]
     assert manager.parameters["journal"] == "" and manager.again is None
 
 

@@ -11,7 +11,7 @@ from worlds.processes.node_runs import TIMEOUT_S, Replay, assert_same, beliefs, 
 from semantic_slam.configuration import load_configuration
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.offline import run_bag
-from semantic_slam.ros.launching.node_set import node_set
+from semantic_slam.ros.launching.node_set import RunOptions, node_set
 
 pytestmark = [pytest.mark.ros_full, pytest.mark.ros, pytest.mark.slow]
 
@@ -44,7 +44,10 @@ def ros2(*words: str) -> str:
 
 
 def test_executables_and_messages_are_found(bag: Path, configuration: Path) -> None:
-    needed = {spec.executable for spec in node_set(bag, configuration, 1, 0.0, "out", has_tf2=True, has_stereo=True)}
+    needed = {
+        spec.executable
+        for spec in node_set(bag, configuration, 0.0, RunOptions(record="out"), has_tf2=True, has_stereo=True)
+    }
     assert needed <= set(ros2("pkg", "executables", "semantic_slam").replace("semantic_slam ", "").splitlines())
     assert "float64[] log_weights" in ros2("interface", "show", topics.TYPES[topics.BELIEF])
 

@@ -13,7 +13,7 @@ from semantic_slam.bag.reader import BagReader
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
-from semantic_slam.ros.launching.node_set import NodeSpec, node_set
+from semantic_slam.ros.launching.node_set import NodeSpec, RunOptions, node_set
 from semantic_slam.ros.launching.processes import NodeProcesses, loopback_environment
 from semantic_slam.ros.launching.supervisor import Supervisor
 
@@ -40,9 +40,8 @@ class Replay:
         return self.out / "belief"
 
     def specs(self) -> list[NodeSpec]:
-        usual = node_set(
-            self.bag, self.configuration, self.backends, 0.0, str(self.belief_bag), has_tf2=False, has_stereo=True
-        )
+        options = RunOptions(backends=self.backends, record=str(self.belief_bag))
+        usual = node_set(self.bag, self.configuration, 0.0, options, has_tf2=False, has_stereo=True)
         specs = [replace(spec, parameters={**spec.parameters, **self.parameters.get(spec.name, {})}) for spec in usual]
         return [*(NodeSpec(name, name) for name in self.companions), *specs]
 
