@@ -65,6 +65,8 @@ def report_document(analysis: Analysis) -> dict[str, Any]:
         "noise": noise_row(record.beliefs[-1]),
         "dropped": record.dropped,
     }
+    if record.carried:
+        document["carried"] = [list(span) for span in record.carried]
     if record.fault:
         document["fault"] = record.fault
     if analysis.evaluation:

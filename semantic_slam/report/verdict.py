@@ -8,6 +8,7 @@ import numpy as np
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.model_fit import UNEXPLAINED
 from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
+from semantic_slam.inference.relocation.carried_spans import carried_line
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.shown.objects import CERTAIN, ObjectView
 from semantic_slam.report.wording import known, listed, number, percent
@@ -37,6 +38,9 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     used = {reason: count for reason, count in analysis.record.dropped.items() if count}
     if used:
         found.append("Dropped: " + ", ".join(f"{count} × {reason}" for reason, count in used.items()) + ".")
+    if carried := analysis.record.carried:
+        line = carried_line(carried)
+        found.append(f"{line[0].upper()}{line[1:]}.")
     outside = [view.label for view in objects if not view.in_coverage]
     if outside:
         found.append(
