@@ -64,7 +64,7 @@ def saved_map_of_run(record: Record, keyframes: Iterable[Keyframe]) -> SavedMap:
 
 def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelief) -> SavedMap:
     """Map of an engine with in-process backends, at its newest belief. Raises InputError."""
-    rows = mapped_rows(belief)
+    rows = mapped_rows(belief, engine.run)
     if len(rows) > MOST_OBJECTS:
         raise InputError(
             f"{len(rows)} objects were mapped, a map file has {MOST_OBJECTS} at most; use the objects.json"

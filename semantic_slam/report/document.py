@@ -155,7 +155,7 @@ def map_prior(record: Record) -> MapPrior:
     Those that no hypothesis has placed are left out, and those that move: they are elsewhere by then.
     """
     last = record.beliefs[-1]
-    rows, settings = mapped_rows(last), json_object(record.run.configuration).get("semantic_model", {})
+    rows, settings = mapped_rows(last, record.run), json_object(record.run.configuration).get("semantic_model", {})
     return MapPrior(
         tuple(
             ObjectPrior(
