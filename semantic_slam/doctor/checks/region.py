@@ -10,7 +10,7 @@ from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.spatial_reader import camera_of, points_of
-from semantic_slam.inference.open_world.planar.region import sensor_region
+from semantic_slam.inference.open_world.planar.region import is_left_out, sensor_region
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.assembly.points_input import are_outside, seen_from_camera
@@ -26,11 +26,26 @@ WIDEST_RAD = 3.0
 
 def check(summary: InputSummary) -> Iterator[Finding]:
     configuration, world = summary.configuration, summary.configuration.open_world
-    if not strategy_of(configuration).counts_misses or world.learn_region or summary.evidence.turn:
+    if not strategy_of(configuration).counts_misses or summary.evidence.turn:
         return
     told = [each.measurements for each in summary.keyframes if len(each.measurements)]
-    if told:
+    if told and world.learn_region:
+        yield from _learned(told, world)
+    elif told:
         yield from (_in_space if configuration.is_spatial else _in_plane)(told, world)
+
+def _learned(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
+    """Detections beyond the range up to which a region is learned."""
+    ranges_m = np.concatenate([each.ranges_m for each in told])
+    beyond = is_left_out(ranges_m, np.zeros(len(ranges_m)), world)
+    reach_m = float(np.quantile(ranges_m[beyond], REACH)) if beyond.any() else 0.0
+    yield from _finding(
+        beyond,
+        f"learned up to {world.learn_region_within_m:g} m",
+        f"reach to {reach_m:.3g} m",
+        f"set open_world.learn_region_within_m near {reach_m:.2g} where they are of things, and not of a far wall",
+    )
+
 
 
 def _in_plane(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:

@@ -25,7 +25,7 @@ from semantic_slam.geometry.transform import between
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.noise.clock_offset import OFFSETS
-from semantic_slam.inference.open_world.planar.region import sensor_region
+from semantic_slam.inference.open_world.planar.region import is_left_out
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample, plain_frame
@@ -89,7 +89,7 @@ class KeyframeAssembler:
         self._has_identities, self._passes_over = has_identities, passes_over
         self._tracks = BoxTracks() if tracks_tell(configuration) else None
         self._in_space = PointsInput(configuration, self.dropped) if configuration.is_spatial else None
-        self._region = sensor_region(configuration.open_world)
+        self._world = configuration.open_world
         self._odometry = OdometryBuffer(self.dropped, with_slopes=configuration.odometry.estimate_bias)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
         self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
@@ -308,17 +308,16 @@ class KeyframeAssembler:
         return last is None or driven[0] - last[0] >= policy.distance_m or driven[1] - last[1] >= policy.angle_rad
 
     def _inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """Without detections outside the open world's region, unless that region is learnt.
+        """Without detections outside the open world's region, or beyond the range up to which it is learned.
 
         Outside it new objects could not be distinguished from known ones.
         """
         if not self._association.counts_misses:
             return measurements
-        if self._configuration.open_world.learn_region:
-            return measurements
-        if self._in_space is not None:
-            return self._in_space.inside(measurements)
-        outside = ~self._region.holds(measurements.ranges_m, measurements.bearings_rad)
+        if self._in_space is not None and not self._world.learn_region:
+            outside = self._in_space.outside(measurements)
+        else:
+            outside = is_left_out(measurements.ranges_m, measurements.bearings_rad, self._world)
         if not outside.any():
             return measurements
         self.dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
