@@ -141,6 +141,10 @@ class OfflineRun:
         self._inference.process(keyframe, self._writer)
         self.num_keyframes += 1
 
+    def say(self, line: str) -> None:
+        """Print a line above the bar of progress."""
+        tqdm.write(line)
+
     def conclude(self, reading: Reading | None) -> None:
         """Write the views of the last belief and, if it is known, what was dropped, as a diagnostics message."""
         self._inference.finish(self._writer)

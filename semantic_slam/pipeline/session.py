@@ -110,8 +110,8 @@ class Session:
         return self.assembler.dropped + self._unmeant.dropped + lost
 
     def news(self) -> list[str]:
-        """A line for each label that is left out of the run, once."""
-        return self._unmeant.news()
+        """Lines for the console, each once: labels that are left out of the run, and a region that does not fit."""
+        return [*self.assembler.news(), *self._unmeant.news()]
 
     @property
     def run(self) -> RunConfiguration:

@@ -14,10 +14,9 @@ from semantic_slam.inference.open_world.planar.region import is_left_out, sensor
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.assembly.points_input import are_outside, seen_from_camera
+from semantic_slam.pipeline.assembly.region_watch import MANY
 
 NAME = "region"
-SOME, MOST = 0.2, 0.8
-"""Share of all detections."""
 REACH = 0.99
 """Share of them that the remedy's numbers hold."""
 WIDEST_RAD = 3.0
@@ -34,6 +33,7 @@ def check(summary: InputSummary) -> Iterator[Finding]:
     elif told:
         yield from (_in_space if configuration.is_spatial else _in_plane)(told, world)
 
+
 def _learned(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
     """Detections beyond the range up to which a region is learned."""
     ranges_m = np.concatenate([each.ranges_m for each in told])
@@ -45,7 +45,6 @@ def _learned(told: list[SemanticMeasurements], world: OpenWorldConfiguration) ->
         f"reach to {reach_m:.3g} m",
         f"set open_world.learn_region_within_m near {reach_m:.2g} where they are of things, and not of a far wall",
     )
-
 
 
 def _in_plane(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
@@ -101,10 +100,10 @@ def _remedy_in_space(region: SpatialRegion, width_rad: float, height_rad: float,
 
 def _finding(outside: Flags, region: str, reach: str, remedy: str) -> Iterator[Finding]:
     """A finding where many of the detections are ``outside`` (N,)."""
-    if outside.mean() <= SOME:
+    if outside.mean() < MANY:
         return
     yield Finding(
-        Severity.ERROR if outside.mean() > MOST else Severity.WARNING,
+        Severity.ERROR,
         NAME,
         f"{int(outside.sum())} of the first {len(outside)} detections lie outside of open_world's region ({region}) and"
         f" are not used, they {reach}",

@@ -36,6 +36,7 @@ from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.usable_measurements import usable, with_scores
 from semantic_slam.pipeline.assembly.points_input import PointsInput
+from semantic_slam.pipeline.assembly.region_watch import RegionWatch
 from semantic_slam.pipeline.gravity.gravity_by_imu import GravityByImu, ImuSource
 from semantic_slam.pipeline.gravity.imu_use import unused_because
 from semantic_slam.pipeline.gravity.level import level_at
@@ -58,6 +59,7 @@ class KeyframeAssembler:
         "dropped",
         "policy",
         "_tracks",
+        "_watch",
         "_odometry",
         "_measurements",
         "_identities",
@@ -90,6 +92,7 @@ class KeyframeAssembler:
         self._tracks = BoxTracks() if tracks_tell(configuration) else None
         self._in_space = PointsInput(configuration, self.dropped) if configuration.is_spatial else None
         self._world = configuration.open_world
+        self._watch = RegionWatch(configuration)
         self._odometry = OdometryBuffer(self.dropped, with_slopes=configuration.odometry.estimate_bias)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
         self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
@@ -151,6 +154,10 @@ class KeyframeAssembler:
     def add_identities(self, identities: GroundTruthAssociations) -> None:
         """Take the object ids of the detections of one frame, used with ``association: given``."""
         self._identities.add(identities.stamp_ns, identities.object_ids)
+
+    def news(self) -> list[str]:
+        """Lines for the console, each once."""
+        return self._watch.news()
 
     @property
     def num_waiting(self) -> int:
@@ -318,6 +325,7 @@ class KeyframeAssembler:
             outside = self._in_space.outside(measurements)
         else:
             outside = is_left_out(measurements.ranges_m, measurements.bearings_rad, self._world)
+        self._watch.count(len(outside), int(outside.sum()))
         if not outside.any():
             return measurements
         self.dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
