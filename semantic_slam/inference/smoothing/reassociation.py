@@ -115,7 +115,8 @@ def _renamed(
         if not gone & set(held.at(slot).keys()):
             graph.add(held.at(slot))
     for number, prior in started.items():
-        graph.add(spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
+        for factor in prior.factors(spaces.landmark, object_key(number)):
+            graph.add(factor)
         spaces.landmark.insert(values, object_key(number), prior.mean)
     others = graph.size()
     renamed = replace(before, parts=tuple(tuple(_with_ids(own, objects) for own in kind) for kind in before.parts))
