@@ -1,6 +1,7 @@
 """Fitting to objects seen from few directions: those from too few are left out and counted, the others are judged."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,9 @@ import pytest
 from worlds.views.synthetic_views import FEATURES, synthetic_samples
 
 from semantic_slam.cli import fit_viewpoint_models
+from semantic_slam.contracts.viewpoint_model import looking_from
 from semantic_slam.errors import InputError
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.viewpoint.calibration import left_out_residuals, residuals
 from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.viewpoint.spherical_process import fitted_classes
@@ -58,3 +61,33 @@ def test_every_view_left_out_counts_the_same() -> None:
         model = fitted_classes(("class",), FEATURES, fits)
         nll += [residuals(model, 0, data.select(left_out)).nll] * len(left_out)
     assert left_out_residuals(data, FEATURES).nll == pytest.approx(np.mean(nll), rel=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [(0, 3, 6), (0, 30, 60), (0, 5, 10, 15), (0, 20, 40, 60), (0, 15, 30, 45, 60)])
+def test_the_back_of_an_object_that_was_seen_from_one_side_is_outside_the_coverage(degrees: tuple[int, ...]) -> None:
+    step, last = degrees[1], degrees[-1]
+    for turned in (0, 150, 330):  # wherever the side is
+        own = covered((np.array(degrees) + turned) % 360)
+        seen = {(angle + turned) % 360 for angle in range(-step, last + step + 1)}
+        assert seen <= own <= {(angle + turned) % 360 for angle in range(-2 * step, last + 2 * step + 1)}
+
+
+@pytest.mark.parametrize("degrees", [(0, 120, 240), (0, 90, 180, 270), (0, 80, 170, 270)])
+def test_few_views_all_around_cover_the_circle(degrees: tuple[int, ...]) -> None:
+    assert covered(np.array(degrees)) == set(range(360))
+
+
+def test_two_sides_leave_what_is_between_them_outside_the_coverage() -> None:
+    assert covered(np.array([0, 3, 120, 123])) < set(range(-5, 9)) | set(range(115, 129)) | {355, 356, 357, 358, 359}
+
+
+def test_one_side_covers_its_surroundings_alone() -> None:
+    assert covered(np.array([90, 90, 90])) == set(range(72, 109))
+
+
+def covered(degrees: Array) -> set[int]:
+    """Whole degrees from which a class that was fitted from these directions is in its coverage."""
+    views = synthetic_samples(0.0, seed=0, views=len(degrees))
+    model = fitted_classes(("class",), FEATURES, [fit_class(replace(views, azimuth_rad=np.deg2rad(degrees)))])
+    around = looking_from(np.deg2rad(np.arange(360.0)))
+    return set(np.flatnonzero(model.in_coverage(np.zeros(360, dtype=int), around)).tolist())

@@ -150,11 +150,19 @@ def _coverage(directions: Directions) -> float:
     if directions.elevation_rad is None:
         return around
     heights = np.unique(np.round(directions.elevation_rad, 6))
-    return max(around, 0.75 * float(np.percentile(np.diff(heights), 75.0))) if len(heights) > 1 else around
+    return max(around, 0.75 * _regular(np.diff(heights))) if len(heights) > 1 else around
 
 
 def _widest_regular_gap(azimuth_rad: Array) -> float:
-    """Typical angle between neighbouring views: the 75th percentile, so that a hole does not count as covered."""
+    """Typical angle between neighbouring views; of one azimuth alone the width over which its noise is taken to hold.
+
+    The widest gap is left out: where there are few views, it is the hole that no view has seen.
+    """
     ordered = np.sort(np.unique(np.round(azimuth_rad % (2.0 * np.pi), 6)))
     gaps = np.diff(np.append(ordered, ordered[0] + 2.0 * np.pi))
-    return float(np.percentile(gaps, 75.0))
+    return _regular(np.sort(gaps)[:-1]) if len(gaps) > 1 else SMOOTHING_RAD
+
+
+def _regular(gaps: Array) -> float:
+    """The gap that three quarters of (G,) gaps do not exceed: one of them, never a mean of a regular one and a hole."""
+    return float(np.percentile(gaps, 75.0, method="lower"))
