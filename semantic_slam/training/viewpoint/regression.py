@@ -157,8 +157,11 @@ def _variance(fit: ClassFit, component: int) -> Array:
 
 
 def _coverage(directions: Directions) -> float:
-    """Largest angle to a view that counts as covered: 1.5 gaps around, or three quarters of that between heights."""
-    around = 1.5 * _widest_regular_gap(directions.azimuth_rad)
+    """Largest angle to a view that counts as covered: 1.5 gaps around, or three quarters of that between heights.
+
+    At least the width over which noise is taken to hold, for views of a robot that stands.
+    """
+    around = max(1.5 * _widest_regular_gap(directions.azimuth_rad), float(SMOOTHING_RAD))
     if directions.elevation_rad is None:
         return around
     heights = np.unique(np.round(directions.elevation_rad, 6))
@@ -166,13 +169,13 @@ def _coverage(directions: Directions) -> float:
 
 
 def _widest_regular_gap(azimuth_rad: Array) -> float:
-    """Typical angle between neighbouring views; of one azimuth alone the width over which its noise is taken to hold.
+    """Typical angle between neighbouring views; none between views of one azimuth.
 
     The widest gap is left out: where there are few views, it is the hole that no view has seen.
     """
     ordered = np.sort(np.unique(np.round(azimuth_rad % (2.0 * np.pi), 6)))
     gaps = np.diff(np.append(ordered, ordered[0] + 2.0 * np.pi))
-    return _regular(np.sort(gaps)[:-1]) if len(gaps) > 1 else SMOOTHING_RAD
+    return _regular(np.sort(gaps)[:-1]) if len(gaps) > 1 else 0.0
 
 
 def _regular(gaps: Array) -> float:
