@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from semantic_slam.contracts.viewpoint_model import looking_from
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.viewpoint.calibration import left_out_residuals, residuals
+from semantic_slam.training.viewpoint.fit import fit_samples
 from semantic_slam.training.viewpoint.regression import fit_class
 from semantic_slam.viewpoint.spherical_process import fitted_classes
 
@@ -87,6 +89,34 @@ def test_two_sides_leave_what_is_between_them_outside_the_coverage() -> None:
 def test_a_robot_that_stands_covers_its_surroundings_alone(jitter: float) -> None:
     own = covered(90.0 + jitter * np.arange(3))
     assert set(range(79, 102)) <= own <= set(range(77, 104))
+
+
+@pytest.mark.parametrize(
+    ("fault", "remedy"),
+    [
+        ({"views": 2}, "samples of class 'one': fewer than 3 views; give more, or leave the class out"),
+        ({"azimuth_rad": np.nan}, "samples of class 'one': angles, features or covariances that are not finite"),
+        ({"features": np.nan}, "samples of class 'one': angles, features or covariances that are not finite"),
+        ({"feature_covariances": np.inf}, "samples of class 'one': angles, features or covariances that are not"),
+        ({"features": 1e200}, r"samples of class 'one': features beyond 1e\+06; give scores"),
+        ({"draws": 0}, "samples of class 'one': 0 draws of 3 features; give one draw at least, of 3"),
+    ],
+)
+def test_a_class_to_which_no_model_can_be_fitted_is_named(fault: dict[str, Any], remedy: str) -> None:
+    sizes = {name: fault[name] for name in ("views", "draws") if name in fault}
+    wrong = synthetic_samples(0.0, seed=0, **({"views": 12} | sizes))
+    arrays = {name: np.full_like(getattr(wrong, name), fault[name]) for name in fault if name not in sizes}
+    whole = synthetic_samples(0.0, seed=1, views=12)
+    with pytest.raises(InputError, match=remedy) as error:
+        fit_samples({"whole": whole, "one": replace(wrong, **arrays)}, FEATURES)
+    assert "\n" not in str(error.value)
+
+
+def test_samples_of_other_features_or_of_no_class_are_refused() -> None:
+    with pytest.raises(InputError, match="class 'one': 6 draws of 3 features; give one draw at least, of 2"):
+        fit_samples({"one": synthetic_samples(0.0, seed=1)}, FEATURES[:2])
+    with pytest.raises(InputError, match="no class; give views of one at least"):
+        fit_samples({}, FEATURES)
 
 
 def covered(degrees: Array) -> set[int]:
