@@ -26,6 +26,11 @@ class FeatureReader:
         num_given = measurements.features.shape[1]
         if not self.num_features or not len(measurements):
             return measurements
+        if measurements.feature_covariances.shape[1:] != (num_given, num_given):
+            raise InputError(
+                f"measurements: feature_covariances are not those of their {num_given} features;"
+                " give one for each pair of features, and features beside them"
+            )
         if num_given == self.num_features:
             self._check_names(measurements)
             return measurements
