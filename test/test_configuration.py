@@ -1,8 +1,10 @@
 """One definition of every parameter: dataclass, ROS parameters and YAML agree; wrong values are refused in one line."""
 
 import dataclasses
+import math
 import re
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -168,6 +170,52 @@ def test_impossible_values_are_refused(values: dict, text: str) -> None:
     with pytest.raises(InputError) as caught:
         from_dict(values)
     assert text in str(caught.value)
+
+
+def values_refused(value: float) -> Iterator[tuple[str, str]]:
+    """Each parameter, and what is said of ``value`` as its number or as each of its numbers; empty: it is taken."""
+    for name, item, default in leaves():
+        several = [value] * max(item.metadata.get("lengths", (1,)))
+        group, _, own = name.rpartition(".")
+        given = {own: several if isinstance(default, tuple) else value}
+        try:
+            from_dict({group: given} if group else given)
+            yield name, ""
+        except InputError as fault:
+            yield name, str(fault)
+
+
+INFINITE = {
+    "weights.gate",
+    "weights.importance_gate",
+    "open_world.detection_half_ranges_m",
+    "open_world.rates_ratio",
+    "open_world.merge_position_m",
+    "open_world.merge_heading_rad",
+    "open_world.merge_object_m",
+    "detection_errors.neighbour_m",
+    "detection_errors.motion_m",
+    "detection_errors.motion_rad",
+    "keyframes.distance_m",
+    "keyframes.angle_rad",
+}
+"""Parameters of which infinity is a sensible limit."""
+
+
+def test_infinity_is_refused_in_one_line_but_where_a_parameter_says_what_it_means() -> None:
+    refusals = dict(values_refused(math.inf))
+    assert {name for name, text in refusals.items() if not text} == INFINITE
+    for name, text in refusals.items():
+        assert not text or (f"parameter '{name}'" in text and "\n" not in text)
+    texts = {name: item.metadata["description"] for name, item, _ in leaves()}
+    assert {name for name, text in texts.items() if ".inf" in text} == INFINITE
+    assert all(text and "\n" not in text for _, text in values_refused(-math.inf))
+
+
+def test_the_remedy_for_too_large_a_number_offers_infinity_only_where_it_is_taken() -> None:
+    refusals = dict(values_refused(1e200))
+    assert refusals["weights.gate"].endswith("give numbers of at most 1e+15, or .inf")
+    assert refusals["odometry.sigma_slip_m"].endswith("give numbers of at most 1e+15")
 
 
 def test_older_names_of_parameters_are_understood() -> None:

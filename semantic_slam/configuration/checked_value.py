@@ -1,6 +1,7 @@
 """A value in the type of its field and inside its limits."""
 
 import math
+from collections.abc import Mapping
 from typing import Any, get_args
 
 from semantic_slam.errors import InputError
@@ -39,11 +40,18 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
             f"{origin}: parameter '{name}' is {result}; it must lie in"
             f" [{limits.get('minimum', '-inf')}, {limits.get('maximum', 'inf')}]"
         )
-    numbers = result if isinstance(result, tuple) else (result,)
-    largest = limits.get("maximum", LARGEST)
-    if any(isinstance(number, float) and math.isfinite(number) and abs(number) > largest for number in numbers):
-        raise InputError(f"{origin}: parameter '{name}' is {result}; give numbers of at most {largest:g}, or .inf")
+    _check_size(limits, result, f"{origin}: parameter '{name}'")
     return result
+
+
+def _check_size(limits: Mapping[str, Any], value: Any, named: str) -> None:
+    """Raises InputError for a number of ``value`` that is too large, or infinite where that means nothing."""
+    largest, infinite = limits.get("maximum", LARGEST), limits.get("infinite", False)
+    for number in value if isinstance(value, tuple) else (value,):
+        if isinstance(number, float) and abs(number) > largest and not (infinite and number == math.inf):
+            raise InputError(
+                f"{named} is {value}; give numbers of at most {largest:g}{', or .inf' if infinite else ''}"
+            )
 
 
 def _convert(default: Any, value: Any, kind: Any) -> Any:

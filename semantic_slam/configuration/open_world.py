@@ -16,7 +16,8 @@ class OpenWorldConfiguration:
     detection_half_ranges_m: tuple[float, ...] = parameter(
         (),
         "ranges at which an object is detected half as often as right at the sensor (half-normal); the weight of"
-        " each value is inferred; empty: as often everywhere in the region",
+        " each value is inferred; empty, or .inf: as often everywhere in the region",
+        infinite=True,
     )
     detection_by_direction: tuple[float, ...] = parameter(
         (),
@@ -63,8 +64,10 @@ class OpenWorldConfiguration:
     rates_ratio: float = parameter(
         1e6,
         "candidate values of the detection, clutter and birth rates are dropped once their weight falls below 1 / this"
-        " ratio of the best; keep it large: the density at the start may not be that of the rest of the drive",
+        " ratio of the best; keep it large: the density at the start may not be that of the rest of the drive; .inf:"
+        " none is dropped",
         minimum=1e6,
+        infinite=True,
     )
     departures_per_hour: float = parameter(
         0.0, "rate at which an object that stands leaves for good: what was there is then `missing`", minimum=0.0
@@ -145,13 +148,22 @@ class OpenWorldConfiguration:
         formerly="settle",
     )
     merge_position_m: float = parameter(
-        0.1, "hypotheses whose robots are so close are merged if all below agrees too; 0: never", minimum=0.0
+        0.1,
+        "hypotheses whose robots are so close are merged if all below agrees too; 0: never, .inf: at any distance",
+        minimum=0.0,
+        infinite=True,
     )
     merge_heading_rad: float = parameter(
-        0.05, "merging: largest difference of heading, in space of attitude", minimum=0.0
+        0.05,
+        "merging: largest difference of heading, in space of attitude; .inf: any",
+        minimum=0.0,
+        infinite=True,
     )
     merge_object_m: float = parameter(
-        0.15, "merging: largest distance between the objects that a recent detection was associated with", minimum=0.0
+        0.15,
+        "merging: largest distance between the objects that a recent detection was associated with; .inf: any",
+        minimum=0.0,
+        infinite=True,
     )
     merge_keyframes: int = parameter(10, "merging: keyframes whose detections count as recent", minimum=1)
     merge_ghosts: bool = parameter(

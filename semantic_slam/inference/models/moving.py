@@ -94,8 +94,7 @@ class Moving:
         """
         settings, square = self.errors, self.errors.neighbour_m**2
         motion = np.hypot(*control[:2]) / settings.motion_m + abs(control[2]) / settings.motion_rad
-        spread = square + variance
-        near = square / spread * np.exp(-0.5 * (driven**2).sum(axis=-1) / spread)
+        near = np.exp(-0.5 * (driven**2).sum(axis=-1) / (square + variance)) / (1.0 + variance / square)
         common = np.array([settings.common_range_share, settings.common_bearing_share])
         return np.asarray(np.exp(-motion) * (common + (1.0 - common) * near[..., None]))
 
