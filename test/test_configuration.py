@@ -12,6 +12,7 @@ import rclpy
 import yaml
 from rclpy.parameter import Parameter
 
+from semantic_slam import Engine
 from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.ros.node.parameters import (
@@ -216,6 +217,51 @@ def test_the_remedy_for_too_large_a_number_offers_infinity_only_where_it_is_take
     refusals = dict(values_refused(1e200))
     assert refusals["weights.gate"].endswith("give numbers of at most 1e+15, or .inf")
     assert refusals["odometry.sigma_slip_m"].endswith("give numbers of at most 1e+15")
+
+
+@pytest.mark.parametrize(
+    ("name", "twice"),
+    [
+        ("odometry.noise_factors", [4, 1.0, 4.0]),
+        ("perception.noise_factors", [1.0, 1.0]),
+        ("perception.ranges_are", ["depth", "depth"]),
+        ("detection_errors.correlated_shares", [0.5, 0.5]),
+        ("open_world.detection_probabilities", [0.8, 0.9, 0.9]),
+        ("open_world.detection_half_ranges_m", [math.inf, math.inf]),
+        ("open_world.miss_persistences", [0.5, 0.5]),
+        ("open_world.clutters_per_frame", [0.1, 0.1]),
+        ("open_world.birth_densities", [0.1, 0.1]),
+        ("moving.speeds_m_s", [0.0, 1, 1.0]),
+        ("semantic_model.class_names", ["cup", "cup"]),
+        ("semantic_model.count_factors", [1.0, 1.0]),
+        ("semantic_model.repeat_shares", [0.5, 0.5]),
+        ("semantic_model.score_powers", [1.0, 1.0]),
+        ("semantic_model.spread_shares", [0.1, 0.1]),
+        ("semantic_model.noise_shares", [0.1, 0.1]),
+    ],
+)
+def test_an_alternative_that_is_listed_twice_is_refused_as_it_would_count_twice(name: str, twice: list) -> None:
+    group, _, own = name.partition(".")
+    with pytest.raises(InputError) as caught:
+        from_dict({group: {own: twice}})
+    assert re.fullmatch(
+        rf"configuration: parameter '{name}' has {twice[-1]!r} twice, .*; leave one out", caught.value.args[0]
+    )
+    assert getattr(getattr(from_dict({group: {own: twice[:-1]}}), group), own) == tuple(twice[:-1])
+
+
+@pytest.mark.parametrize(
+    ("values", "name"),
+    [
+        ({"moving": {"share_by_label": ["person=0.1", "PERSON=0.5"]}}, "moving.share_by_label"),
+        ({"open_world": {"departures_by_label": ["Person=1", "person=5"]}}, "open_world.departures_by_label"),
+    ],
+)
+def test_a_label_that_has_two_numbers_is_refused_whatever_its_case(values: dict, name: str) -> None:
+    world = {"iterate_updates": False, **values.pop("open_world", {})}
+    settings = Configuration.of(association="open", semantic_model={"kind": "none"}, open_world=world, **values)
+    with pytest.raises(InputError, match=f"^{name}: label 'person' is there twice, whatever the case; leave one out$"):
+        Engine(settings)
 
 
 def test_older_names_of_parameters_are_understood() -> None:

@@ -63,7 +63,8 @@ def _clutter(noise: Noise) -> dict[str, Any]:
     """Three values around the mean, a factor of three apart."""
     if CLUTTER not in noise:
         return {}
-    return {"open_world.clutters_per_frame": [rounded(noise[CLUTTER][0] * factor) for factor in (1.0 / 3.0, 1.0, 3.0)]}
+    values = [rounded(noise[CLUTTER][0] * factor) for factor in (1.0 / 3.0, 1.0, 3.0)]
+    return {"open_world.clutters_per_frame": list(dict.fromkeys(values))}  # of zero there is one
 
 
 def _region(noise: Noise) -> dict[str, Any]:

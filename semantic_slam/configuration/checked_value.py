@@ -1,12 +1,13 @@
 """A value in the type of its field and inside its limits."""
 
 import math
-from collections.abc import Mapping
-from typing import Any, get_args
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar, get_args
 
 from semantic_slam.errors import InputError
 from semantic_slam.registry import Registry
 
+T = TypeVar("T")
 LARGEST = 1e15
 """Largest number that is not infinite: squares of larger ones leave no digit of others."""
 
@@ -41,7 +42,14 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
             f" [{limits.get('minimum', '-inf')}, {limits.get('maximum', 'inf')}]"
         )
     _check_size(limits, result, f"{origin}: parameter '{name}'")
+    if limits.get("distinct", False) and (again := first_repeated(result)) is not None:
+        raise InputError(f"{origin}: parameter '{name}' has {again!r} twice, which would count twice; leave one out")
     return result
+
+
+def first_repeated(values: Sequence[T]) -> T | None:
+    """The first value that is equal to an earlier one; None where there is none."""
+    return next((value for place, value in enumerate(values) if value in values[:place]), None)
 
 
 def _check_size(limits: Mapping[str, Any], value: Any, named: str) -> None:

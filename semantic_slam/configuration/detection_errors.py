@@ -18,6 +18,7 @@ class DetectionErrorsConfiguration:
         (),
         "in place of correlated_share; which is right is decided by evidence, hypothesis by hypothesis; empty: that"
         " alone",
+        distinct=True,
     )
     common_range_share: float = parameter(
         0.3, "share of what repeats in ranges that all detections of a frame have in common", minimum=0.0, maximum=1.0

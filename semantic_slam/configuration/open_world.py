@@ -11,13 +11,14 @@ class OpenWorldConfiguration:
         0.9, "an object inside the sensor's region and not hidden is detected", minimum=1e-6, maximum=1.0 - 1e-6
     )
     detection_probabilities: tuple[float, ...] = parameter(
-        (), "in place of detection_probability; the weight of each value is inferred; empty: that alone"
+        (), "in place of detection_probability; the weight of each value is inferred; empty: that alone", distinct=True
     )
     detection_half_ranges_m: tuple[float, ...] = parameter(
         (),
         "ranges at which an object is detected half as often as right at the sensor (half-normal); the weight of"
         " each value is inferred; empty, or .inf: as often everywhere in the region",
         infinite=True,
+        distinct=True,
     )
     detection_by_direction: tuple[float, ...] = parameter(
         (),
@@ -31,11 +32,11 @@ class OpenWorldConfiguration:
         maximum=0.999,
     )
     miss_persistences: tuple[float, ...] = parameter(
-        (), "in place of miss_persistence; the weight of each value is inferred; empty: that alone"
+        (), "in place of miss_persistence; the weight of each value is inferred; empty: that alone", distinct=True
     )
     clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
     clutters_per_frame: tuple[float, ...] = parameter(
-        (), "in place of clutter_per_frame; the weight of each value is inferred; empty: that alone"
+        (), "in place of clutter_per_frame; the weight of each value is inferred; empty: that alone", distinct=True
     )
     second_box_share: float = parameter(
         0.0,
@@ -59,7 +60,7 @@ class OpenWorldConfiguration:
         0.1, "objects per square metre expected where nothing was seen yet, in space per cubic metre", minimum=1e-9
     )
     birth_densities: tuple[float, ...] = parameter(
-        (), "in place of birth_density; the weight of each value is inferred; empty: that alone"
+        (), "in place of birth_density; the weight of each value is inferred; empty: that alone", distinct=True
     )
     rates_ratio: float = parameter(
         1e6,
