@@ -10,11 +10,13 @@ import pytest
 from worlds.bags.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, without, write_bag
 from worlds.bags.mistakes import (
     Entries,
+    beside_positions,
     doubled,
     each,
     emptied,
     jumped,
     of_another_model,
+    of_lidar,
     on_tf,
     one_ahead,
     other_labels,
@@ -31,7 +33,7 @@ from worlds.bags.mistakes import (
     swapped,
     varied,
 )
-from worlds.bags.places import place_entries
+from worlds.bags.places import place_entries, told_by_sensor
 from worlds.bags.stereo import by_stereo
 
 from semantic_slam.configuration import from_dict
@@ -132,7 +134,25 @@ MISTAKES = [
         "detections of another frame",
         "frames",
         ("of 'lidar' and the camera is", "copy the image's header"),
-        each(topics.DETECTIONS, lambda m: setattr(m.header, "frame_id", "lidar")),
+        each(topics.DETECTIONS, of_lidar),
+    ),
+    Mistake(
+        "positions of a sensor that nobody has placed",
+        "frames",
+        ("of frame 'camera_optical_frame'", "(24 of the first 24 messages", "publish /tf_static"),
+        lambda _: told_by_sensor(place_entries("positions", FRAMES), is_mounted=False),
+    ),
+    Mistake(
+        "ranges of another frame",
+        "frames",
+        ("of frame 'lidar' by range and bearing", "state these from the body"),
+        lambda _: each(topics.DETECTIONS, of_lidar)(place_entries("ranges", FRAMES)),
+    ),
+    Mistake(
+        "boxes of another frame beside positions",
+        "frames",
+        ("24 of 24 messages of /detections are of 'lidar' and the camera is", "copy the image's header"),
+        lambda entries: each(topics.DETECTIONS, of_lidar)(beside_positions(entries)),
     ),
     Mistake(
         "a detector that finds nothing",

@@ -10,7 +10,7 @@ from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.user_bag.camera_joints import read_camera_joints
-from semantic_slam.datasets.user_bag.detection_formats import READERS, in_body
+from semantic_slam.datasets.user_bag.detection_formats import IN_THE_SENSOR, READERS, in_body
 from semantic_slam.datasets.user_bag.detector_classes import class_names_of, with_class_names
 from semantic_slam.datasets.user_bag.hints import Hints
 from semantic_slam.datasets.user_bag.image_formats import compress_colour, compress_depth
@@ -99,7 +99,10 @@ class Converter:
 
     def hints(self) -> list[str]:
         """What a run of the new bag would stumble over, a line each."""
-        return self._hints.lines(has_images=self._selection.image is not None)
+        return self._hints.lines(
+            has_images=self._selection.image is not None,
+            moves_positions=self._selection.detections.type_name in IN_THE_SENSOR,
+        )
 
     def _remedy(self, topic: Topic) -> str:
         if topic.type_name != topics.TYPES[topics.TF]:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from worlds.bags.imported import import_bag, read_bag, run_import
-from worlds.bags.user_bag_factory import SECOND, UserBag
+from worlds.bags.user_bag_factory import SECOND, UserBag, write_drive
 
+from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 
 
@@ -69,7 +70,27 @@ def test_positions_are_moved_to_the_body_that_is_named_and_a_run_is_to_know_it(t
     run_import(monkeypatch, "bag", tmp_path / "source", "--out", tmp_path / "bag", "--base-frame", "base_footprint")
     (found,) = read_bag(tmp_path / "bag")["/detections"]
     np.testing.assert_allclose(found.positions, [[1.0, 2.0, 4.0]])
-    assert "set perception.base_frame: base_footprint" in capsys.readouterr().out
+    assert "of 'base_footprint': set perception.base_frame: base_footprint" in capsys.readouterr().out
+
+
+def test_positions_of_another_body_than_the_odometry_are_to_be_imported_again(tmp_path, monkeypatch, capsys):
+    write_boxes_over_a_footprint(tmp_path / "source", "base_link")
+    run_import(monkeypatch, "bag", tmp_path / "source", "--out", tmp_path / "bag")
+    again = "import again with --base-frame base_footprint and set perception.base_frame: base_footprint"
+    assert again in capsys.readouterr().out
+
+
+def test_boxes_need_no_second_import_where_the_odometry_is_of_another_body(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", frames=1)
+    with BagReader(source) as reader, UserBag(tmp_path / "footprint") as bag:
+        for message in reader.messages():
+            value = reader.decode(message.cdr, message.type_name)
+            if message.topic == "/odometry/filtered":
+                value.child_frame_id = "base_footprint"
+            bag.write(message.topic, value, message.stamp_ns)
+    run_import(monkeypatch, "bag", tmp_path / "footprint", "--out", tmp_path / "bag")
+    told = capsys.readouterr().out
+    assert "set perception.base_frame: base_footprint" in told and "--base-frame" not in told
 
 
 @pytest.mark.parametrize("flag", ["--image", "--depth", "--camera-info"])
