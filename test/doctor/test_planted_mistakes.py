@@ -71,6 +71,13 @@ MISTAKES = [
     Mistake("a topic that is missing", "topics", ("no topic odom", "record it"), lambda e: without(e, topics.ODOMETRY)),
     Mistake("a topic under another name", "topics", ("no topic odom", "/wheel_odometry", "import bag"), renamed),
     Mistake("odometry on /tf alone", "topics", ("no topic odom", "with --odom /tf"), on_tf),
+    Mistake(
+        "depth without pictures",
+        "topics",
+        ("/depth/compressed is not used", "bearings alone", "record colour pictures, too"),
+        lambda e: without(e, topics.IMAGE_COMPRESSED),
+        severity=Severity.WARNING,
+    ),
     Mistake("a topic of another type", "topics", ("/odom is geometry_msgs", "import bag converts"), retyped),
     Mistake(
         "odometry that stops",

@@ -14,6 +14,8 @@ CAMERA_INFO_TYPES = ("sensor_msgs/msg/CameraInfo",)
 OURS = topics.TYPES[topics.DETECTIONS]
 NONE = "none"
 """Given as a topic's name: do without it."""
+NEEDS_COLOUR = "as it needs colour images, which --image names"
+"""Why depth is not used where there are no pictures."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class Selection:
     camera_info: Topic | None  # None: detections are no boxes
     odometry: Topic  # nav_msgs/Odometry, or /tf
     imu: Topic | None = None  # None: none, or none of several is named
+    idle_depths: tuple[Topic, ...] = ()  # depth that would be used if there were an image
 
 
 def select_topics(
@@ -59,16 +62,17 @@ def select_topics(
     detections = finder.one("detections", wanted.detections, tuple(READERS))
     odometry, imu = _odometry(finder, wanted.odometry), _imu(finder, wanted.imu)
     if detections.type_name in IN_THE_SENSOR:
-        finder.refuse(("image", "depth", "camera-info"), wanted, f"{detections} tells positions")
+        finder.refuse(("image", "depth", "camera-info"), wanted, f"as {detections} tells positions")
         return Selection(detections, None, None, None, odometry, imu)
     colour, depths = finder.images(is_depth)
     depths = depths or finder.of_type((DISPARITY_TYPE,))
     image = finder.at_most_one("image", wanted.image, IMAGE_TYPES, colour)
     if image is None:
-        finder.refuse(("depth",), wanted, "it needs colour images, which --image names")
+        finder.refuse(("depth",), wanted, NEEDS_COLOUR)
     depth = None if image is None else finder.at_most_one("depth", wanted.depth, DEPTH_TYPES, depths)
     camera_info = _camera_info(finder, wanted.camera_info, image, is_needed=detections.type_name != OURS)
-    return Selection(detections, image, depth, camera_info, odometry, imu)
+    is_idle = image is None and camera_info is not None and wanted.depth is None
+    return Selection(detections, image, depth, camera_info, odometry, imu, tuple(depths) if is_idle else ())
 
 
 def _camera_info(finder: "_Finder", wanted: str | None, image: Topic | None, *, is_needed: bool) -> Topic | None:
@@ -128,7 +132,7 @@ class _Finder:
         for flag in flags:
             name = getattr(wanted, flag.replace("-", "_"))
             if name not in (None, NONE):
-                raise InputError(f"{self.origin}: --{flag} {name} would not be used, as {reason}; leave it out")
+                raise InputError(f"{self.origin}: --{flag} {name} would not be used, {reason}; leave it out")
 
     def at_most_one(
         self, flag: str, name: str | None, types: Sequence[str], candidates: Sequence[Topic]

@@ -54,6 +54,7 @@ class Converter:
         self.written: Counter[str] = Counter()  # by topic of the new bag
         self._dropped: Counter[str] = Counter()  # by reason
         self.ignored: Counter[str] = Counter()  # by topic of the old bag
+        self.idle_depths: Counter[str] = Counter()  # likewise, of depth without pictures
         self._reader = reader
         self._writer = writer
         self._selection = selection
@@ -71,7 +72,8 @@ class Converter:
         """Convert one message; True when it was the detections of a frame."""
         handler = self._handlers.get(message.topic)
         if handler is None:
-            self.ignored[message.topic] += 1
+            is_idle = message.topic in {topic.name for topic in self._selection.idle_depths}
+            (self.idle_depths if is_idle else self.ignored)[message.topic] += 1
             return False
         try:
             handler(message)

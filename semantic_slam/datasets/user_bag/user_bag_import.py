@@ -12,7 +12,7 @@ from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.user_bag.image_formats import is_depth
 from semantic_slam.datasets.user_bag.label_map import LabelMap, read_label_map
-from semantic_slam.datasets.user_bag.topics import NONE, Selection, Topic, Wanted, select_topics
+from semantic_slam.datasets.user_bag.topics import NEEDS_COLOUR, NONE, Selection, Topic, Wanted, select_topics
 from semantic_slam.datasets.user_bag.user_bag import Converter
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
@@ -110,6 +110,7 @@ def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:
         ("detections dropped, label not listed in the label file", labels.unknown),
         ("detections dropped, label mapped to null", labels.unwanted),
         ("messages not usable", converter.dropped),
+        (f"depth not used, {NEEDS_COLOUR} (record them, or boxes are bearings alone)", converter.idle_depths),
         ("messages of topics that are not needed", converter.ignored),
     ):
         if counter:

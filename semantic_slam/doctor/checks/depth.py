@@ -28,7 +28,8 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         yield error(NAME, f"{topic} ({encoding}) has a median of {median_m:.4g} m", _unit_remedy(encoding, median_m))
         return
     yield from _sizes(summary)
-    yield from _ranges(summary)
+    if summary.found.has_images:  # otherwise depth is not used
+        yield from _ranges(summary)
 
 
 def _unit_remedy(encoding: str, median_m: float) -> str:
