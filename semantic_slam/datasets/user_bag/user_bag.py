@@ -30,7 +30,6 @@ from semantic_slam.reasons import count
 Handler = Callable[[RawMessage], None]
 RAW_IMAGE = "sensor_msgs/msg/Image"
 PASSED_ON = (
-    topics.TF_STATIC,
     topics.INITIAL_POSE,
     topics.GROUND_TRUTH_ODOMETRY,
     topics.GROUND_TRUTH_OBJECTS,
@@ -114,8 +113,9 @@ class Converter:
     def _fixed_transforms(self) -> TransformTree:
         """All static transforms, wherever in the bag they are."""
         tree = TransformTree()
+        topic = self._selection.tf_static
         with suppress(TruncatedBagError):  # said again, and not suppressed, when the bag is converted
-            for message in self._reader.messages([topics.TF_STATIC]):
+            for message in self._reader.messages([topic.name]) if topic else ():
                 tree.add(self._decode(message))
         return tree
 
@@ -147,8 +147,10 @@ class Converter:
         }
         if self._identities is not None and topics.GROUND_TRUTH_ASSOCIATIONS in handlers:
             handlers[topics.GROUND_TRUTH_ASSOCIATIONS] = self._associations
+        if selection.tf_static is not None:
+            handlers[selection.tf_static.name] = self._copy_to(topics.TF_STATIC)
         if self._joints is not None and self._joints.carry_camera:
-            handlers[topics.TF] = self._copy_to(topics.TF)
+            handlers[selection.moving_transforms] = self._copy_to(topics.TF)
         is_tf = selection.odometry.type_name == topics.TYPES[topics.TF]
         odometry = self._odometry_from_tf if is_tf else self._copy_to(topics.ODOMETRY)
         handlers[selection.odometry.name] = _in_turn(handlers.get(selection.odometry.name), odometry)

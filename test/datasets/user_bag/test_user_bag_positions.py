@@ -53,7 +53,7 @@ def test_boxes_in_a_frame_that_nothing_connects_are_counted(tmp_path, monkeypatc
         ("lidar", "lead from base_link to lidar, but from the odometry's base_footprint: give --base-frame"),
         (
             "radar",
-            "from base_link to radar: record /tf_static with the bag, or publish the positions in base_link",
+            "from base_link to radar, but between base_footprint, lidar: set header.frame_id to the sensor's frame",
         ),
     ],
 )
@@ -63,6 +63,16 @@ def test_positions_that_cannot_be_moved_to_the_body_are_told_what_helps(tmp_path
         run_import(monkeypatch, "bag", tmp_path / "source", "--out", tmp_path / "bag")
     told = capsys.readouterr().out
     assert remedy in told and "perception.extrinsics" not in told
+
+
+def test_where_the_body_is_in_no_transform_those_there_are_are_told(tmp_path, monkeypatch, capsys):
+    with UserBag(tmp_path / "source", "vision_3d") as bag:
+        bag.write("/odom", bag.odometry(SECOND, 0.0), SECOND)
+        bag.write("/tf_static", bag.transform(SECOND, "chassis", "lidar", (0, 0, 1)), SECOND)
+        bag.write("/lidar/boxes", bag.vision_3d(SECOND, [("car", (1.0, 2.0, 3.0))], 0.1, "lidar"), SECOND)
+    with pytest.raises(InputError, match="nothing on /lidar/boxes"):
+        run_import(monkeypatch, "bag", tmp_path / "source", "--out", tmp_path / "bag")
+    assert "from base_link to lidar, but between chassis, lidar: give --base-frame" in capsys.readouterr().out
 
 
 def test_positions_are_moved_to_the_body_that_is_named_and_a_run_is_to_know_it(tmp_path, monkeypatch, capsys):
