@@ -14,6 +14,7 @@ from worlds.bags.mistakes import (
     doubled,
     each,
     emptied,
+    every_other,
     jumped,
     of_another_model,
     of_lidar,
@@ -234,6 +235,20 @@ MISTAKES = [
         each(topics.DETECTIONS, shift(0.1)),
     ),
     Mistake(
+        "depth that is stamped late",
+        "matching",
+        ("24 of 24 messages of /detections have no /depth/compressed", "set perception.sync_tolerance_s: 0.036"),
+        each(topics.DEPTH_COMPRESSED, shift(0.03)),
+        severity=Severity.WARNING,
+    ),
+    Mistake(
+        "depth with every other picture",
+        "matching",
+        ("12 of 24 messages of /detections have no /depth/compressed", "record depth with every picture"),
+        every_other(topics.DEPTH_COMPRESSED),
+        severity=Severity.WARNING,
+    ),
+    Mistake(
         "scores that are all 0",
         "scores",
         ("all 48 scores are 0", "fill in"),
@@ -312,6 +327,12 @@ def test_each_mistake_is_found_alone_with_its_remedy(tmp_path: Path, mistake: Mi
     assert [(finding.check, finding.severity) for finding in found] == [(mistake.check, mistake.severity)]
     assert all(words in found[0].line for words in mistake.words)
     assert "\n" not in found[0].line and found[0].remedy
+
+
+def test_the_tolerance_that_late_depth_is_given_brings_it_back(tmp_path: Path) -> None:
+    entries = each(topics.DEPTH_COMPRESSED, shift(0.03))(input_entries(FRAMES))
+    wider = {**NONE, "perception": {"sync_tolerance_s": 0.036}}
+    assert examined(tmp_path, entries, wider, map_prior()) == []
 
 
 def test_topics_are_called_what_they_are_remapped_to() -> None:

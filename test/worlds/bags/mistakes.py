@@ -144,6 +144,16 @@ def sparse(entries: Entries) -> Entries:
     return [entry for entry in entries if not any(entry is other for other in dropped)]
 
 
+def every_other(topic: str) -> Callable[[Entries], Entries]:
+    """Leave out every second message of a topic."""
+
+    def plant(entries: Entries) -> Entries:
+        dropped = of_topic(entries, topic)[1::2]
+        return [entry for entry in entries if not any(entry is other for other in dropped)]
+
+    return plant
+
+
 def renamed(entries: Entries) -> Entries:
     for entry in of_topic(entries, topics.ODOMETRY):
         entry.topic = "wheel_odometry"
