@@ -28,15 +28,17 @@ def with_places_in_body(detections: Detections, base_frame: str, transforms: Tra
     """The detections with their places in the body frame. Raises InputError where these cannot be moved there.
 
     Without a frame id, and beside boxes, whose camera the frame id names, places are in the body frame already. Ranges
-    and bearings are never moved: bearings alone have no place, and all of a frame have one origin.
+    and bearings are never moved, as bearings alone have no place, and all of a frame have one origin; nor is what has
+    no z.
     """
     frame, base = plain_frame(detections.frame_id), plain_frame(base_frame)
     if frame in ("", base) or have_boxes(detections).any() or not have_places(detections).any():
         return detections
-    if np.isfinite(detections.bearings_rad).any():
+    if np.isfinite(detections.bearings_rad).any() or (have_places(detections) & ~_have_points(detections)).any():
         raise InputError(
-            f"{ELSEWHERE}{quoted(frame)} by range and bearing, where perception.base_frame is {quoted(base)};"
-            " state these from the body, or positions, or set perception.base_frame if this is the body"
+            f"{ELSEWHERE}{quoted(frame)} by range and bearing or without z, where perception.base_frame is"
+            f" {quoted(base)}; state these from the body, or positions x y z, or set perception.base_frame if this is"
+            " the body"
         )
     if not transforms.connects(base, frame):
         raise InputError(
@@ -45,3 +47,8 @@ def with_places_in_body(detections: Detections, base_frame: str, transforms: Tra
             f" {base[:LONGEST_NAME]}"
         )
     return in_body_frame(detections, transforms.lookup(base, frame), base_frame)
+
+
+def _have_points(detections: Detections) -> Flags:
+    """(D,) whether each detection states x, y and z."""
+    return np.asarray(np.isfinite(detections.positions).all(axis=1))

@@ -110,12 +110,15 @@ def test_positions_of_another_body_are_not_those_of_perception_base_frame() -> N
     assert not dropped and found.frame_id == "base_footprint"
 
 
-def test_ranges_and_bearings_of_another_frame_are_never_moved() -> None:
-    told = replace(first_of(place_entries("ranges")), frame_id=OPTICAL)
-    measured, dropped = assembled(told, tree=mounted())
+@pytest.mark.parametrize("told", ["ranges", "positions"])
+def test_ranges_and_bearings_and_what_has_no_height_are_never_moved_from_another_frame(told: str) -> None:
+    found = replace(first_of(place_entries(told)), frame_id=OPTICAL)
+    flat = found.positions.copy()
+    flat[0, 2] = np.nan
+    measured, dropped = assembled(replace(found, positions=flat), tree=mounted())
     ((reason, count),) = dropped.items()
     assert (measured, count) == ([], 1)
-    assert "by range and bearing" in reason and "state these from the body, or positions" in reason
+    assert "by range and bearing or without z" in reason and "state these from the body, or positions" in reason
 
 
 @pytest.mark.parametrize("frame_id", ["", "base_link", "/base_link"])
