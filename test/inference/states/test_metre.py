@@ -50,4 +50,4 @@ def test_a_belief_counts_it_and_weighs_nothing_by_it(sigma: float) -> None:
     away = pose[:2] - start[:2]
     gained = planar_from_covariance(found.pose_covariances[0]) - planar_from_covariance(without.pose_covariances[0])
     expected = sigma**2 * np.outer(away, away)
-    np.testing.assert_allclose(gained[:2, :2], expected, rtol=1e-3, atol=1e-9)  # errs along arcs, of a little more
+    np.testing.assert_allclose(gained[:2, :2], expected, atol=1e-9)

@@ -30,13 +30,13 @@ def detections(pose: np.ndarray, random: np.random.Generator, names: bool) -> li
     return found
 
 
-def believed(prior: MapPrior | None, seed: int, **settings: Any) -> list[HybridBelief]:
-    """Beliefs of three keyframes, weighed by Laplace's approximation, which draws nothing."""
+def believed(prior: MapPrior | None, seed: int, method: str, **settings: Any) -> list[HybridBelief]:
+    """Beliefs of three keyframes."""
     run = Configuration.of(
         semantic_model={"kind": "none"},
         closed_world={"clutter_per_frame": 0.0, "wrong_identity_share": 0.0},
         pruning={"ratio": 1e12, "max_hypotheses": 1000},
-        weights={"method": "laplace"},
+        weights={"method": method},
         **settings,
     )
     random, pose = np.random.default_rng(seed), START_SIGMAS * np.random.default_rng(seed + 100).normal(size=3)
@@ -72,17 +72,17 @@ def assert_equal_but_for_headings(one: HybridBelief, other: HybridBelief) -> Non
     np.testing.assert_allclose(one.poses[0, :2], other.poses[0, :2], atol=1e-6)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-def test_headings_of_the_map(seed: int) -> None:
-    known, unknown = (believed(around(sigma_rad), seed, association="enumerated") for sigma_rad in (0.01, 3.0))
+@pytest.mark.parametrize(("method", "seed"), [("laplace", 1), ("importance", 3), ("sampled", 3)])
+def test_headings_of_the_map(method: str, seed: int) -> None:
+    known, unknown = (believed(around(sigma_rad), seed, method, association="enumerated") for sigma_rad in (0.01, 3.0))
     for pair in zip(known, unknown, strict=True):
         assert_equal_but_for_headings(*pair)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-def test_headings_of_new_objects(seed: int) -> None:
+@pytest.mark.parametrize(("method", "seed"), [("laplace", 1), ("importance", 3)])
+def test_headings_of_new_objects(method: str, seed: int) -> None:
     known, unknown = (
-        believed(None, seed, association="given", new_objects={"sigma_heading_rad": sigma_rad})
+        believed(None, seed, method, association="given", new_objects={"sigma_heading_rad": sigma_rad})
         for sigma_rad in (0.01, 3.1)
     )
     for pair in zip(known, unknown, strict=True):

@@ -53,7 +53,7 @@ class RangePrior(GaussianPrior):
         return replace(self, mean=mean, anchor=robot[:3] + so3.rotated(robot[3:], self.sensor))
 
     def factors(self, space: StateSpace, key: int) -> list[Any]:
-        """The one factor of :meth:`factor`."""
+        """GTSAM's factors of the prior: one, of the distance along the ray."""
         return [self.factor(space, key)]
 
     def factor(self, space: StateSpace, key: int) -> Any:

@@ -35,6 +35,9 @@ class PlanarObjects(PlanarPoses):
     def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
         return tangent, _turned_back(tangent[..., 2])
 
+    def moments(self, states: Array, covariances: Array) -> Array:
+        return self.covariances(states, covariances)
+
     def prior_factors(self, key: int, mean: Array, covariance: Array) -> list[Any]:
         """Priors of position and heading apart; where they are correlated, one in SE(2)'s chart, as GTSAM has it."""
         if covariance[:2, 2].any():

@@ -14,7 +14,10 @@ from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses, gts
 
 @dataclass(frozen=True)
 class SpatialObjects(SpatialPoses):
-    """Poses in the chart SO(3) x R^3: the reasons are those of planar objects (``PlanarObjects``)."""
+    """Poses in the chart SO(3) x R^3: a tangent vector turns an attitude by w and moves a position by R v.
+
+    An attitude that nobody knows, such as a yaw, then does not bend the errors of a position that is well known.
+    """
 
     def retract(self, state: Array, tangent: Array) -> Array:
         return se3.compose(state, self.exp(tangent))
@@ -28,6 +31,9 @@ class SpatialObjects(SpatialPoses):
     def exp_and_jacobian(self, tangent: Array) -> tuple[Array, Array]:
         moved = self.exp(tangent)
         return moved, _slopes(tangent[..., se3.ROTATION], moved[..., 3:])
+
+    def moments(self, states: Array, covariances: Array) -> Array:
+        return self.covariances(states, covariances)
 
     def prior_factors(self, key: int, mean: Array, covariance: Array) -> list[Any]:
         """Priors of position and attitude apart; where they are correlated, one in SE(3)'s chart, as GTSAM has it."""

@@ -92,7 +92,7 @@ class StateSpace(StateArithmetic, Protocol):
         """(..., d, d) in the tangent spaces at the states to (..., 6, 6) along the axes of map, to first order."""
 
     def moments(self, states: Array, covariances: Array) -> Array:
-        """(..., 6, 6) second moments about the states, along the axes of map, of robots with such errors."""
+        """(..., 6, 6) second moments about the states, along the axes of map: of robots, which err along arcs."""
 
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         """Insert one state (s,) into GTSAM values."""
