@@ -123,7 +123,8 @@ def _renamed(
     empty, made = renamed.about(values)
     for own in made:
         graph.push_back(own.factors())
-    fresh = single_step_isam(spaces, errors_repeat=True)
+    factorization = smoother.isam.params().getFactorization()
+    fresh = single_step_isam(spaces, errors_repeat=True, factorization=factorization)
     fresh.update(graph, values)
     return fresh, empty.with_new(made, others)
 
