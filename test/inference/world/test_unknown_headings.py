@@ -62,14 +62,15 @@ def around(sigma_rad: float) -> MapPrior:
 
 
 def assert_equal_but_for_headings(one: HybridBelief, other: HybridBelief) -> None:
+    """Evidence and weights to the last digits; moments as nearly as samples have them."""
     assert one.log_evidence == pytest.approx(other.log_evidence, abs=1e-6)
     np.testing.assert_allclose(one.log_weights[:2], other.log_weights[:2], atol=1e-6)
     np.testing.assert_array_equal(one.associations[:2], other.associations[:2])
     sigmas = np.sqrt(np.diagonal(one.object_covariances, axis1=1, axis2=2))[:, :2]
-    np.testing.assert_allclose(one.object_poses[:, :2], other.object_poses[:, :2], atol=1e-6)
+    np.testing.assert_allclose(one.object_poses[:, :2], other.object_poses[:, :2], atol=1e-3 * SIGMA_M)
     others = np.sqrt(np.diagonal(other.object_covariances, axis1=1, axis2=2))[:, :2]
-    np.testing.assert_allclose(sigmas, others, rtol=1e-6)
-    np.testing.assert_allclose(one.poses[0, :2], other.poses[0, :2], atol=1e-6)
+    np.testing.assert_allclose(sigmas, others, rtol=1e-3)
+    np.testing.assert_allclose(one.poses[0, :2], other.poses[0, :2], atol=1e-3 * SIGMA_M)
 
 
 @pytest.mark.parametrize(("method", "seed"), [("laplace", 1), ("importance", 3), ("sampled", 3)])
