@@ -71,7 +71,7 @@ def of_no_use(report: Report) -> list[str]:
 
 
 def _probability_of_more(found: int, count: int, chance: float) -> float:
-    """Of at least so many of the count if each is found by chance."""
+    """Probability that at least so many of the count are found if each is found by chance."""
     return float(bdtrc(found - 1, count, chance)) if found else 1.0
 
 
