@@ -1,8 +1,10 @@
 """One definition of every parameter: dataclass, ROS parameters and YAML agree; wrong values are refused in one line."""
 
 import dataclasses
+import math
 import re
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ import rclpy
 import yaml
 from rclpy.parameter import Parameter
 
+from semantic_slam import Engine
 from semantic_slam.configuration import Configuration, from_dict, load_configuration, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.ros.node.parameters import (
@@ -168,6 +171,97 @@ def test_impossible_values_are_refused(values: dict, text: str) -> None:
     with pytest.raises(InputError) as caught:
         from_dict(values)
     assert text in str(caught.value)
+
+
+def values_refused(value: float) -> Iterator[tuple[str, str]]:
+    """Each parameter, and what is said of ``value`` as its number or as each of its numbers; empty: it is taken."""
+    for name, item, default in leaves():
+        several = [value] * max(item.metadata.get("lengths", (1,)))
+        group, _, own = name.rpartition(".")
+        given = {own: several if isinstance(default, tuple) else value}
+        try:
+            from_dict({group: given} if group else given)
+            yield name, ""
+        except InputError as fault:
+            yield name, str(fault)
+
+
+INFINITE = {
+    "weights.gate",
+    "weights.importance_gate",
+    "open_world.detection_half_ranges_m",
+    "open_world.rates_ratio",
+    "open_world.merge_position_m",
+    "open_world.merge_heading_rad",
+    "open_world.merge_object_m",
+    "detection_errors.neighbour_m",
+    "detection_errors.motion_m",
+    "detection_errors.motion_rad",
+    "keyframes.distance_m",
+    "keyframes.angle_rad",
+}
+"""Parameters of which infinity is a sensible limit."""
+
+
+def test_infinity_is_refused_in_one_line_but_where_a_parameter_says_what_it_means() -> None:
+    refusals = dict(values_refused(math.inf))
+    assert {name for name, text in refusals.items() if not text} == INFINITE
+    for name, text in refusals.items():
+        assert not text or (f"parameter '{name}'" in text and "\n" not in text)
+    texts = {name: item.metadata["description"] for name, item, _ in leaves()}
+    assert {name for name, text in texts.items() if ".inf" in text} == INFINITE
+    assert all(text and "\n" not in text for _, text in values_refused(-math.inf))
+
+
+def test_the_remedy_for_too_large_a_number_offers_infinity_only_where_it_is_taken() -> None:
+    refusals = dict(values_refused(1e200))
+    assert refusals["weights.gate"].endswith("give numbers of at most 1e+15, or .inf")
+    assert refusals["odometry.sigma_slip_m"].endswith("give numbers of at most 1e+15")
+
+
+@pytest.mark.parametrize(
+    ("name", "twice"),
+    [
+        ("odometry.noise_factors", [4, 1.0, 4.0]),
+        ("perception.noise_factors", [1.0, 1.0]),
+        ("perception.ranges_are", ["depth", "depth"]),
+        ("detection_errors.correlated_shares", [0.5, 0.5]),
+        ("open_world.detection_probabilities", [0.8, 0.9, 0.9]),
+        ("open_world.detection_half_ranges_m", [math.inf, math.inf]),
+        ("open_world.miss_persistences", [0.5, 0.5]),
+        ("open_world.clutters_per_frame", [0.1, 0.1]),
+        ("open_world.birth_densities", [0.1, 0.1]),
+        ("moving.speeds_m_s", [0.0, 1, 1.0]),
+        ("semantic_model.class_names", ["cup", "cup"]),
+        ("semantic_model.count_factors", [1.0, 1.0]),
+        ("semantic_model.repeat_shares", [0.5, 0.5]),
+        ("semantic_model.score_powers", [1.0, 1.0]),
+        ("semantic_model.spread_shares", [0.1, 0.1]),
+        ("semantic_model.noise_shares", [0.1, 0.1]),
+    ],
+)
+def test_an_alternative_that_is_listed_twice_is_refused_as_it_would_count_twice(name: str, twice: list) -> None:
+    group, _, own = name.partition(".")
+    with pytest.raises(InputError) as caught:
+        from_dict({group: {own: twice}})
+    assert re.fullmatch(
+        rf"configuration: parameter '{name}' has {twice[-1]!r} twice, .*; leave one out", caught.value.args[0]
+    )
+    assert getattr(getattr(from_dict({group: {own: twice[:-1]}}), group), own) == tuple(twice[:-1])
+
+
+@pytest.mark.parametrize(
+    ("values", "name"),
+    [
+        ({"moving": {"share_by_label": ["person=0.1", "PERSON=0.5"]}}, "moving.share_by_label"),
+        ({"open_world": {"departures_by_label": ["Person=1", "person=5"]}}, "open_world.departures_by_label"),
+    ],
+)
+def test_a_label_that_has_two_numbers_is_refused_whatever_its_case(values: dict, name: str) -> None:
+    world = {"iterate_updates": False, **values.pop("open_world", {})}
+    settings = Configuration.of(association="open", semantic_model={"kind": "none"}, open_world=world, **values)
+    with pytest.raises(InputError, match=f"^{name}: label 'person' is there twice, whatever the case; leave one out$"):
+        Engine(settings)
 
 
 def test_older_names_of_parameters_are_understood() -> None:

@@ -11,7 +11,7 @@ from semantic_slam.inference.belief_views import ObjectEstimate
 class KnownObject(ObjectEstimate):
     """All that a belief knows of an object; what the run did not estimate is NaN."""
 
-    moving: float  # probability that it moves
+    moving: float  # probability that it moves, given that it exists
     moved: float  # probability that it stood elsewhere when it was mapped
     missing: float  # probability that it existed, and is gone
     mutual_information: float  # nats, the epistemic part of the uncertainty of its class

@@ -52,8 +52,8 @@ def _detection_probability(noise: Noise) -> dict[str, Any]:
 
 
 def _half_range(noise: Noise) -> dict[str, Any]:
-    """Three values around the mean, a factor of sqrt(2) apart."""
-    if HALF_RANGE not in noise:
+    """Three values around the mean, a factor of sqrt(2) apart; none where there may be no fall-off at all."""
+    if HALF_RANGE not in noise or not np.isfinite(noise[HALF_RANGE][0]):
         return {}
     values = noise[HALF_RANGE][0] * np.sqrt([0.5, 1.0, 2.0])
     return {"open_world.detection_half_ranges_m": [rounded(float(value)) for value in values]}
@@ -63,7 +63,8 @@ def _clutter(noise: Noise) -> dict[str, Any]:
     """Three values around the mean, a factor of three apart."""
     if CLUTTER not in noise:
         return {}
-    return {"open_world.clutters_per_frame": [rounded(noise[CLUTTER][0] * factor) for factor in (1.0 / 3.0, 1.0, 3.0)]}
+    values = [rounded(noise[CLUTTER][0] * factor) for factor in (1.0 / 3.0, 1.0, 3.0)]
+    return {"open_world.clutters_per_frame": list(dict.fromkeys(values))}  # of zero there is one
 
 
 def _region(noise: Noise) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def command() -> None:
     from semantic_slam.latent.store import save_latent_model
     from semantic_slam.training.latent.fit import TrainingSettings, knowing_new_instances, train
     from semantic_slam.training.latent.judging.new_instances import LEAST_INSTANCES
-    from semantic_slam.training.latent.report import training_report
+    from semantic_slam.training.latent.report import of_no_use, training_report
     from semantic_slam.training.latent.views.turntable_split import choose_held_out, split
     from semantic_slam.training.turntables import class_names_of
 
@@ -125,6 +125,8 @@ def command() -> None:
         for group, figures in groups.items():
             shown = ", ".join(f"{text} {figures[name]:.3f}" for name, text in SHOWN.items() if name in figures)
             print(f"{place}, {group}: {shown}")
+    for line in of_no_use(report):
+        print(line, file=sys.stderr)
     print(f"{arguments.out}: {len(trained.model.instances.names)} instances, {len(held_out)} held out")
 
 

@@ -1,11 +1,13 @@
 """A value in the type of its field and inside its limits."""
 
 import math
-from typing import Any, get_args
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar, get_args
 
 from semantic_slam.errors import InputError
 from semantic_slam.registry import Registry
 
+T = TypeVar("T")
 LARGEST = 1e15
 """Largest number that is not infinite: squares of larger ones leave no digit of others."""
 
@@ -39,11 +41,25 @@ def checked(item: Any, default: Any, value: Any, origin: str, name: str) -> Any:
             f"{origin}: parameter '{name}' is {result}; it must lie in"
             f" [{limits.get('minimum', '-inf')}, {limits.get('maximum', 'inf')}]"
         )
-    numbers = result if isinstance(result, tuple) else (result,)
-    largest = limits.get("maximum", LARGEST)
-    if any(isinstance(number, float) and math.isfinite(number) and abs(number) > largest for number in numbers):
-        raise InputError(f"{origin}: parameter '{name}' is {result}; give numbers of at most {largest:g}, or .inf")
+    _check_size(limits, result, f"{origin}: parameter '{name}'")
+    if limits.get("distinct", False) and (again := first_repeated(result)) is not None:
+        raise InputError(f"{origin}: parameter '{name}' has {again!r} twice, which would count twice; leave one out")
     return result
+
+
+def first_repeated(values: Sequence[T]) -> T | None:
+    """The first value that is equal to an earlier one; None where there is none."""
+    return next((value for place, value in enumerate(values) if value in values[:place]), None)
+
+
+def _check_size(limits: Mapping[str, Any], value: Any, named: str) -> None:
+    """Raises InputError for a number of ``value`` that is too large, or infinite where that means nothing."""
+    largest, infinite = limits.get("maximum", LARGEST), limits.get("infinite", False)
+    for number in value if isinstance(value, tuple) else (value,):
+        if isinstance(number, float) and abs(number) > largest and not (infinite and number == math.inf):
+            raise InputError(
+                f"{named} is {value}; give numbers of at most {largest:g}{', or .inf' if infinite else ''}"
+            )
 
 
 def _convert(default: Any, value: Any, kind: Any) -> Any:

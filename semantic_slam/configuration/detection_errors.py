@@ -18,6 +18,7 @@ class DetectionErrorsConfiguration:
         (),
         "in place of correlated_share; which is right is decided by evidence, hypothesis by hypothesis; empty: that"
         " alone",
+        distinct=True,
     )
     common_range_share: float = parameter(
         0.3, "share of what repeats in ranges that all detections of a frame have in common", minimum=0.0, maximum=1.0
@@ -26,10 +27,23 @@ class DetectionErrorsConfiguration:
         0.7, "share of what repeats in bearings that all detections of a frame have in common", minimum=0.0, maximum=1.0
     )
     neighbour_m: float = parameter(
-        0.5, "distance between two objects at which they have 60 % of the rest in common", minimum=1e-3
+        0.5,
+        "distance between two objects at which they have 60 % of the rest in common; .inf: all objects have all of it",
+        minimum=1e-3,
+        infinite=True,
     )
-    motion_m: float = parameter(1.0, "metres driven after which errors repeat by a factor of 1 / e", minimum=1e-3)
-    motion_rad: float = parameter(1.0, "radians turned after which errors repeat by a factor of 1 / e", minimum=1e-3)
+    motion_m: float = parameter(
+        1.0,
+        "metres driven after which errors repeat by a factor of 1 / e; .inf: driving changes none",
+        minimum=1e-3,
+        infinite=True,
+    )
+    motion_rad: float = parameter(
+        1.0,
+        "radians turned after which errors repeat by a factor of 1 / e; .inf: turning changes none",
+        minimum=1e-3,
+        infinite=True,
+    )
     sigma_range_offset_m: float = parameter(
         0.0, "prior sigma of how much all ranges are too long; estimated where correlated_share > 0", minimum=0.0
     )

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from semantic_slam.configuration.checked_value import first_repeated
 from semantic_slam.errors import InputError
 
 
@@ -12,9 +13,13 @@ def labelled_numbers(
 ) -> dict[str, float]:
     """Label, in lower case, -> number, of the ``entries`` of the parameter ``name``.
 
-    Raises InputError for one that is not as ``expected``, or whose number is not valid.
+    Raises InputError for one that is not as ``expected``, or whose number is not valid, and for a label that is there
+    twice.
     """
-    return dict(_entry(name, text, expected, is_valid) for text in entries)
+    pairs = [_entry(name, text, expected, is_valid) for text in entries]
+    if (again := first_repeated([label for label, _ in pairs])) is not None:
+        raise InputError(f"{name}: label {again!r} is there twice, whatever the case; leave one out")
+    return dict(pairs)
 
 
 def _entry(name: str, text: str, expected: str, is_valid: Callable[[float], bool]) -> tuple[str, float]:

@@ -21,6 +21,7 @@ class MovingConfiguration:
     speeds_m_s: tuple[float, ...] = parameter(
         (0.0, 0.5, 2.5, 12.0),
         "standard deviations of what may move along x and y, of which it has one; evidence decides; 0: it stands",
+        distinct=True,
     )
     steadiness_s: float = parameter(
         10.0, "time after which a moving object's velocity is correlated by 1 / e", minimum=1e-3

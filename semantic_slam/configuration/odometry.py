@@ -27,6 +27,7 @@ class OdometryConfiguration:
         (1.0,),
         "association: open, or given with iterate_updates: false: factors on the covariance, of which every hypothesis"
         " has one; evidence decides, and has to be very strong, 150 to 1, for one below 1",
+        distinct=True,
     )
     slip_share: float = parameter(
         0.0,

@@ -11,12 +11,14 @@ class OpenWorldConfiguration:
         0.9, "an object inside the sensor's region and not hidden is detected", minimum=1e-6, maximum=1.0 - 1e-6
     )
     detection_probabilities: tuple[float, ...] = parameter(
-        (), "in place of detection_probability; the weight of each value is inferred; empty: that alone"
+        (), "in place of detection_probability; the weight of each value is inferred; empty: that alone", distinct=True
     )
     detection_half_ranges_m: tuple[float, ...] = parameter(
         (),
         "ranges at which an object is detected half as often as right at the sensor (half-normal); the weight of"
-        " each value is inferred; empty: as often everywhere in the region",
+        " each value is inferred; empty, or .inf: as often everywhere in the region",
+        infinite=True,
+        distinct=True,
     )
     detection_by_direction: tuple[float, ...] = parameter(
         (),
@@ -30,11 +32,11 @@ class OpenWorldConfiguration:
         maximum=0.999,
     )
     miss_persistences: tuple[float, ...] = parameter(
-        (), "in place of miss_persistence; the weight of each value is inferred; empty: that alone"
+        (), "in place of miss_persistence; the weight of each value is inferred; empty: that alone", distinct=True
     )
     clutter_per_frame: float = parameter(0.1, "false alarms expected in a frame, even over the region", minimum=0.0)
     clutters_per_frame: tuple[float, ...] = parameter(
-        (), "in place of clutter_per_frame; the weight of each value is inferred; empty: that alone"
+        (), "in place of clutter_per_frame; the weight of each value is inferred; empty: that alone", distinct=True
     )
     second_box_share: float = parameter(
         0.0,
@@ -58,13 +60,15 @@ class OpenWorldConfiguration:
         0.1, "objects per square metre expected where nothing was seen yet, in space per cubic metre", minimum=1e-9
     )
     birth_densities: tuple[float, ...] = parameter(
-        (), "in place of birth_density; the weight of each value is inferred; empty: that alone"
+        (), "in place of birth_density; the weight of each value is inferred; empty: that alone", distinct=True
     )
     rates_ratio: float = parameter(
         1e6,
         "candidate values of the detection, clutter and birth rates are dropped once their weight falls below 1 / this"
-        " ratio of the best; keep it large: the density at the start may not be that of the rest of the drive",
+        " ratio of the best; keep it large: the density at the start may not be that of the rest of the drive; .inf:"
+        " none is dropped",
         minimum=1e6,
+        infinite=True,
     )
     departures_per_hour: float = parameter(
         0.0, "rate at which an object that stands leaves for good: what was there is then `missing`", minimum=0.0
@@ -151,13 +155,22 @@ class OpenWorldConfiguration:
         formerly="settle",
     )
     merge_position_m: float = parameter(
-        0.1, "hypotheses whose robots are so close are merged if all below agrees too; 0: never", minimum=0.0
+        0.1,
+        "hypotheses whose robots are so close are merged if all below agrees too; 0: never, .inf: at any distance",
+        minimum=0.0,
+        infinite=True,
     )
     merge_heading_rad: float = parameter(
-        0.05, "merging: largest difference of heading, in space of attitude", minimum=0.0
+        0.05,
+        "merging: largest difference of heading, in space of attitude; .inf: any",
+        minimum=0.0,
+        infinite=True,
     )
     merge_object_m: float = parameter(
-        0.15, "merging: largest distance between the objects that a recent detection was associated with", minimum=0.0
+        0.15,
+        "merging: largest distance between the objects that a recent detection was associated with; .inf: any",
+        minimum=0.0,
+        infinite=True,
     )
     merge_keyframes: int = parameter(10, "merging: keyframes whose detections count as recent", minimum=1)
     merge_ghosts: bool = parameter(

@@ -83,11 +83,13 @@ class PerceptionConfiguration:
         "association: open or given, iterate_updates: false,"
         " semantic_model.kind: none, detector, embedding or detector_embedding: factors on the"
         " covariance of places, of which every hypothesis has one; evidence decides",
+        distinct=True,
     )
     ranges_are: tuple[str, ...] = parameter(
         ("distance",),
         "what a detection's range is: distance, or depth along the sensor's axis, open_world.direction_rad; both, where"
         " noise_factors may differ: evidence decides",
+        distinct=True,
     )
     depth_to_width: float = parameter(
         0.5, "the centre lies this share of the apparent width behind the visible surface", minimum=0.0

@@ -23,7 +23,9 @@ class SemanticModelConfiguration:
     )
     path_digest: str = parameter("", "digest of the file that path must name; empty: any, a run notes which it is")
     space: str = parameter("", "latent: the space that the file must hold; empty: any, a run notes which it is")
-    class_names: tuple[str, ...] = parameter(("class_1", "class_2"), "two classes of the parametric model")
+    class_names: tuple[str, ...] = parameter(
+        ("class_1", "class_2"), "two classes of the parametric model", distinct=True
+    )
     likelihood_tempering: float = parameter(
         4.0,
         "gp_independent, latent: so many consecutive views tell as much as one, they repeat their errors",
@@ -71,17 +73,20 @@ class SemanticModelConfiguration:
         (1.0, 10.0),
         "detector: factors on label_counts: an object is confused in a way of its own, or any box by chance; which is"
         " right is inferred from all objects",
+        distinct=True,
     )
     repeat_shares: tuple[float, ...] = parameter(
         (0.0, 0.5, 0.95),
         "detector: probabilities that a view from the place of an earlier one repeats its answer; the weight of each"
         " value is inferred",
+        distinct=True,
     )
     score_powers: tuple[float, ...] = parameter(
         (0.0, 1.0),
         "detector: powers of the scores of a box that may be the probabilities of what it shows: 1 as they are told,"
         " below 1 of a detector surer than right, above 1 of one that is too modest, 0 the label alone counts; which is"
         " right is inferred",
+        distinct=True,
     )
     repeat_rad: float = parameter(
         0.5,
@@ -96,7 +101,10 @@ class SemanticModelConfiguration:
         (0.02, 0.05, 0.1, 0.2, 0.35, 0.55),
         "embedding: shares that the sides of one object may have in the spread of all vectors; which is right for each"
         " object is inferred, and which are usual",
+        distinct=True,
     )
     noise_shares: tuple[float, ...] = parameter(
-        (0.01, 0.04, 0.12), "embedding: shares in that spread which a view from the same place may not repeat"
+        (0.01, 0.04, 0.12),
+        "embedding: shares in that spread which a view from the same place may not repeat",
+        distinct=True,
     )

@@ -22,7 +22,10 @@ class WeightsConfiguration:
         64, "importance: samples that tell whether a candidate is Gaussian; 16 where that is clear", minimum=16
     )
     importance_gate: float = parameter(
-        7.0, "importance: nats below the best candidate of its parent at which one is not sampled", minimum=0.0
+        7.0,
+        "importance: nats below the best candidate of its parent at which one is not sampled; .inf: all are",
+        minimum=0.0,
+        infinite=True,
     )
     gaussian_share: float = parameter(
         0.95,
@@ -37,8 +40,9 @@ class WeightsConfiguration:
     )
     gate: float = parameter(
         15.0,
-        "nats below the best of its parent at which an association or a class is not followed any more",
+        "nats below the best of its parent at which an association or a class is not followed any more; .inf: all are",
         minimum=0.0,
+        infinite=True,
     )
     max_candidates: int = parameter(400, "candidates weighed per parent and keyframe", minimum=1)
     max_associations: int = parameter(

@@ -43,7 +43,7 @@ class FrontEnd:
         self._settings, self._found, self._preamble = settings, found, preamble
         fixed = preamble.transforms if found.transforms else None
         self._frames = FrameAssembler(configuration, has_depth=bool(found.depth), fixed_transforms=fixed)
-        self._places = PlacesAssembler(configuration, self._camera_pose)
+        self._places = PlacesAssembler(configuration, self._camera_pose, preamble.transforms)
         self._assembler = KeyframeAssembler(
             configuration,
             has_identities=bool(found.identities),

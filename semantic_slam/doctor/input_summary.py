@@ -61,7 +61,7 @@ class DetectionRecord:
     labels: Counter[str] = field(default_factory=Counter)  # of detections
     told_labels: frozenset[str] = frozenset()  # those and the names of class scores
     frame_ids: Counter[str] = field(default_factory=Counter)  # of messages
-    num_with_boxes: int = 0  # messages
+    frames_of_boxes: Counter[str] = field(default_factory=Counter)  # of messages with boxes
     num_doubled: int = 0  # of them those with two boxes of one label that overlap by more than LARGEST_OVERLAP
     has_embeddings: bool = False
 

@@ -57,7 +57,7 @@ class _Rows:
         record.frame_ids[plain_frame(told.frame_id)] += 1
         record.labels.update(told.labels)
         record.told_labels |= labels_of(told)
-        record.num_with_boxes += bool(np.isfinite(told.boxes).any())
+        record.frames_of_boxes[plain_frame(told.frame_id)] += bool(np.isfinite(told.boxes).any())
         record.num_doubled += _are_doubled(told)
         record.has_embeddings |= told.embeddings.shape[1] > 0
         self.boxes.append(told.boxes.reshape(-1, 4))

@@ -80,7 +80,7 @@ def exp(tangent: Array) -> Array:
     """Exponential map: group element of a tangent vector."""
     if tangent.ndim == 1:
         return np.array(_element(*tangent.tolist()))
-    a, b = _sine_terms(tangent[..., 2])
+    a, b = sine_terms(tangent[..., 2])
     x = a * tangent[..., 0] - b * tangent[..., 1]
     y = b * tangent[..., 0] + a * tangent[..., 1]
     return _columns(x, y, wrap_angle(tangent[..., 2]))
@@ -90,7 +90,7 @@ def retract(pose: Array, tangent: Array) -> Array:
     """pose Exp(tangent)."""
     if pose.ndim == tangent.ndim == 1:
         return np.array(_composed(*pose.tolist(), *_element(*tangent.tolist())))
-    a, b = _sine_terms(tangent[..., 2])
+    a, b = sine_terms(tangent[..., 2])
     moved = _columns(
         a * tangent[..., 0] - b * tangent[..., 1], b * tangent[..., 0] + a * tangent[..., 1], tangent[..., 2]
     )
@@ -100,7 +100,7 @@ def retract(pose: Array, tangent: Array) -> Array:
 def log(pose: Array) -> Array:
     """Logarithm map: tangent vector of a group element, with theta in [-pi, pi)."""
     theta = wrap_angle(pose[..., 2])
-    a, b = _sine_terms(theta)
+    a, b = sine_terms(theta)
     scale = 1.0 / (a * a + b * b)
     x = scale * (a * pose[..., 0] + b * pose[..., 1])
     y = scale * (a * pose[..., 1] - b * pose[..., 0])
@@ -145,7 +145,7 @@ def right_jacobian(tangent: Array) -> Array:
 def exp_and_jacobian(tangent: Array) -> tuple[Array, Array]:
     """Group element of a tangent vector, its heading not wrapped, and its (..., 3, 3) right Jacobian."""
     x, y, theta = tangent[..., 0], tangent[..., 1], tangent[..., 2]
-    a, b = _sine_terms(theta)
+    a, b = sine_terms(theta)
     c = np.divide(1.0 - a, theta, out=np.asarray(theta / 6.0), where=np.abs(theta) >= SMALL_ANGLE)
     d = 0.5 * (a * a + b * b)  # (1 - cos(t)) / t^2
     matrix = np.zeros((*tangent.shape[:-1], 3, 3))
@@ -200,7 +200,7 @@ def _columns(x: Array, y: Array, theta: Array) -> Array:
     return together
 
 
-def _sine_terms(theta: Array) -> tuple[Array, Array]:
+def sine_terms(theta: Array) -> tuple[Array, Array]:
     """sin(t)/t and (1 - cos(t))/t, also at zero; from the half angle, which avoids cancellation."""
     half = 0.5 * theta + NO_ZERO
     sine, cosine = sine_cosine(half)

@@ -1,6 +1,7 @@
 """Rules that marginalise a per-object quantity over the hypotheses of a mixture (Eqs. 4.6-4.8).
 
-Every rule takes (H,) weights that sum to one and (H, O, ...) values, and returns (O, ...).
+Every rule takes (H,) weights that sum to one and (H, O, ...) values, and returns (O, ...). Some also take (H, O)
+probabilities of existence.
 """
 
 from typing import Any
@@ -27,11 +28,22 @@ def probability_if_known(weights: Array, values: Array) -> Array:
 
 
 def mean_where_known(weights: Array, values: Array) -> Array:
-    """Weighted mean over the hypotheses whose value is not NaN; NaN where there is none."""
-    share = weights.reshape(-1, *(1,) * (values.ndim - 1)) * np.isfinite(values)
+    """Mean over the hypotheses whose value is not NaN, with (H,) or (H, O) weights; NaN where there is none."""
+    share = weights.reshape(*weights.shape, *(1,) * (values.ndim - weights.ndim)) * np.isfinite(values)
     total = share.sum(axis=0)
     summed = (share * np.nan_to_num(values)).sum(axis=0)
     return np.where(total > 0.0, summed / np.where(total > 0.0, total, 1.0), np.nan)
+
+
+def mean_if_it_exists(weights: Array, values: Array, existence: Array) -> Array:
+    """Mean given that the object exists, over the hypotheses whose value is not NaN; (H, O) ``existence`` in each.
+
+    NaN where there is none. Where an object exists in no hypothesis, they count by their weights alone.
+    """
+    shares = weights[:, None] * np.clip(np.nan_to_num(existence), 0.0, 1.0)
+    known = np.isfinite(values).reshape(*existence.shape, -1).any(axis=2)
+    shares = np.where((shares * known).any(axis=0), shares, weights[:, None])
+    return mean_where_known(shares, values)
 
 
 def of_most(weights: Array, values: NDArray[np.bool_]) -> NDArray[np.bool_]:

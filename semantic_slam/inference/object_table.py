@@ -29,6 +29,7 @@ class Quantity:
     absent: float | str  # value where a hypothesis has no such object, or CLASS_PRIOR
     dtype: Any = np.float64
     rule: Callable[..., Any] | None = None  # from mixture_rules; None: computed by another quantity's rule (``spread``)
+    given_existence: bool = False  # ``rule`` takes the objects' existence, too
     spread: str = ""  # name of the quantity that ``rule`` takes and returns beside this one: its covariance
     may_be_left_out: bool = False  # it has no values (size 0) unless the configured model fills it
 
@@ -38,9 +39,10 @@ def quantity(*shape: str | int, absent: float | str = np.nan, **declared: Any) -
     return {"quantity": Quantity(shape=shape, absent=absent, **declared)}
 
 
-def optional_quantity(*shape: int) -> dict[str, Quantity]:
-    """Metadata of a field that has no values (size 0) unless the configured model provides them."""
-    return quantity(*shape, rule=mixture_rules.mean_where_known, may_be_left_out=True)
+def motion_quantity(*shape: int) -> dict[str, Quantity]:
+    """Metadata of how an object moves, given that it exists; without values (size 0) where nothing may move."""
+    rule = mixture_rules.mean_if_it_exists
+    return quantity(*shape, rule=rule, given_existence=True, may_be_left_out=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,15 +66,19 @@ class ObjectTable:
         metadata=quantity("L", rule=mixture_rules.diagonal_moments, spread="descriptor_covariances")
     )
     descriptor_covariances: Array = field(metadata=quantity("L"))  # diagonal
-    moving: Array = field(default_factory=left_out, metadata=optional_quantity())  # probability that it moves
-    moved: Array = field(default_factory=left_out, metadata=optional_quantity())  # that it was moved since mapping
+    moving: Array = field(default_factory=left_out, metadata=motion_quantity())  # P(it moves | it exists)
+    moved: Array = field(  # probability that it was moved since mapping
+        default_factory=left_out, metadata=quantity(rule=mixture_rules.mean_where_known, may_be_left_out=True)
+    )
     missing: Array = field(  # that it existed, and has left for good
         default_factory=left_out, metadata=quantity(rule=mixture_rules.probability_if_known, may_be_left_out=True)
     )
     track_scores: Array = field(  # log odds that its detections are of one thing, and not all false alarms
         default_factory=left_out, metadata=quantity(rule=mixture_rules.of_the_best, may_be_left_out=True)
     )
-    object_velocities: Array = field(default_factory=left_out, metadata=optional_quantity(6))  # in map, m/s and rad/s
+    object_velocities: Array = field(  # given that it exists, in map, m/s and rad/s
+        default_factory=left_out, metadata=motion_quantity(6)
+    )
 
     @property
     def existed(self) -> Array:
@@ -144,7 +150,8 @@ def marginals(weights: Array, table: ObjectTable) -> dict[str, Any]:
         if item.spread:
             mixture[name], mixture[item.spread] = item.rule(weights, values, getattr(table, item.spread))
         else:
-            mixture[name] = values if _is_left_out(name, values) else item.rule(weights, values)
+            besides = (table.existence,) if item.given_existence else ()
+            mixture[name] = values if _is_left_out(name, values) else item.rule(weights, values, *besides)
     return mixture
 
 

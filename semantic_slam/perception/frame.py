@@ -43,7 +43,7 @@ class Detections:
     """
 
     stamp_ns: int  # of the image
-    frame_id: str  # the camera's optical frame; the body frame for positions without an image
+    frame_id: str  # the camera's optical frame; without boxes that of the positions
     boxes: Array  # (D, 4) x_min y_min x_max y_max, pixels; NaN: no box
     labels: tuple[str, ...]  # "" when the detector gives none
     scores: Array  # (D,) 0..1
@@ -51,7 +51,7 @@ class Detections:
     class_names: tuple[str, ...] = ()  # (C,) of class_scores
     class_scores: Array = field(default_factory=left_out)  # (D, C) 0..1, NaN where not reported
     embeddings: Array = field(default_factory=left_out)  # (D, E) appearance, in the detector's own units
-    positions: Array = field(default_factory=left_out)  # (D, 3) x y z in the body frame, metres
+    positions: Array = field(default_factory=left_out)  # (D, 3) x y z, metres, in the body frame beside boxes
     position_covariances: Array = field(default_factory=left_out)  # (D, 3, 3) of positions
     ranges_m: Array = field(default_factory=left_out)  # (D,) from the body's origin
     bearings_rad: Array = field(default_factory=left_out)  # (D,) in the body frame, counter-clockwise from x

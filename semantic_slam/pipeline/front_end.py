@@ -93,7 +93,7 @@ class FrontEnd:
         )
         self._copied = {*COPIED} if self._imu else {*COPIED} - {IMU}
         self._classifier = build_classifier(configuration) if found.has_images else None
-        self._places = PlacesAssembler(configuration, self._camera_pose)
+        self._places = PlacesAssembler(configuration, self._camera_pose, preamble.transforms)
         self._camera_poses: dict[str, Array] = {}
         self._undecodable: Counter[str] = Counter()
         self._last_stamp_ns = 0

@@ -94,7 +94,8 @@ def _looked_through(bag: Path, reader: BagReader, configuration: Configuration) 
     found = find_topics(bag, reader.topics)
     reader.check_definitions()
     if found.has_places_alone:
-        print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell")
+        depth = f"; {found.depth} is not used without" if found.depth else ""
+        print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell{depth}")
     if told := left_out(configuration, reader.topics):
         print(f"{bag}: {told}")
     preamble = read_preamble(reader)

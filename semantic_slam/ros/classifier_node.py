@@ -74,7 +74,7 @@ class ClassifierNode(PipelineNode):
     def _begin(self) -> None:
         """Start a session: reset the assemblers, the counts and the record of received messages."""
         self._frames = FrameAssembler(self._configuration, self._has_depth, self._moving)
-        self._places = PlacesAssembler(self._configuration, self._sensor_pose)
+        self._places = PlacesAssembler(self._configuration, self._sensor_pose, self._transforms)
         self._repeats = Repeats(self.repeated)
         self._received = 0  # detection messages
         self._measured = 0
@@ -97,7 +97,7 @@ class ClassifierNode(PipelineNode):
         if self._assembler.is_over:
             self._work(at_end=True)
             self._frames = FrameAssembler(self._configuration, self._has_depth, self._moving)
-            self._places = PlacesAssembler(self._configuration, self._sensor_pose)
+            self._places = PlacesAssembler(self._configuration, self._sensor_pose, self._transforms)
             self._frames.go_on_from(frames)
             self._places.go_on_from(places)
             self._work()

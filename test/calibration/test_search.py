@@ -148,6 +148,10 @@ def test_what_was_inferred_is_expected_next_time() -> None:
     region = with_values(BEGIN, found["region of the sensor"]).open_world
     assert (region.learn_region, region.max_range_m, region.field_of_view_rad) == (False, 7.0, 1.5)
     assert refinements(BEGIN, {}) == {}
+    assert refinements(BEGIN, {"open_world.detection_half_range_m": (np.inf, np.nan)}) == {}  # maybe no fall-off at all
+    assert refinements(BEGIN, {"open_world.clutter_per_frame": (0.0, 0.0)})["clutter"] == {
+        "open_world.clutters_per_frame": [0.0]
+    }
 
 
 def test_refinements_are_kept_one_by_one() -> None:

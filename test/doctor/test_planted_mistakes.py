@@ -10,11 +10,14 @@ import pytest
 from worlds.bags.bag_factory import HEIGHT, WIDTH, input_entries, map_prior, without, write_bag
 from worlds.bags.mistakes import (
     Entries,
+    beside_positions,
     doubled,
     each,
     emptied,
+    every_other,
     jumped,
     of_another_model,
+    of_lidar,
     on_tf,
     one_ahead,
     other_labels,
@@ -31,7 +34,7 @@ from worlds.bags.mistakes import (
     swapped,
     varied,
 )
-from worlds.bags.places import place_entries
+from worlds.bags.places import place_entries, told_by_sensor
 from worlds.bags.stereo import by_stereo
 
 from semantic_slam.configuration import from_dict
@@ -69,6 +72,13 @@ MISTAKES = [
     Mistake("a topic that is missing", "topics", ("no topic odom", "record it"), lambda e: without(e, topics.ODOMETRY)),
     Mistake("a topic under another name", "topics", ("no topic odom", "/wheel_odometry", "import bag"), renamed),
     Mistake("odometry on /tf alone", "topics", ("no topic odom", "with --odom /tf"), on_tf),
+    Mistake(
+        "depth without pictures",
+        "topics",
+        ("/depth/compressed is not used", "bearings alone", "record colour pictures, too"),
+        lambda e: without(e, topics.IMAGE_COMPRESSED),
+        severity=Severity.WARNING,
+    ),
     Mistake("a topic of another type", "topics", ("/odom is geometry_msgs", "import bag converts"), retyped),
     Mistake(
         "odometry that stops",
@@ -132,7 +142,25 @@ MISTAKES = [
         "detections of another frame",
         "frames",
         ("of 'lidar' and the camera is", "copy the image's header"),
-        each(topics.DETECTIONS, lambda m: setattr(m.header, "frame_id", "lidar")),
+        each(topics.DETECTIONS, of_lidar),
+    ),
+    Mistake(
+        "positions of a sensor that nobody has placed",
+        "frames",
+        ("of frame 'camera_optical_frame'", "(24 of the first 24 messages", "publish /tf_static"),
+        lambda _: told_by_sensor(place_entries("positions", FRAMES), is_mounted=False),
+    ),
+    Mistake(
+        "ranges of another frame",
+        "frames",
+        ("of frame 'lidar' by range and bearing", "state these from the body"),
+        lambda _: each(topics.DETECTIONS, of_lidar)(place_entries("ranges", FRAMES)),
+    ),
+    Mistake(
+        "boxes of another frame beside positions",
+        "frames",
+        ("24 of 24 messages of /detections are of 'lidar' and the camera is", "copy the image's header"),
+        lambda entries: each(topics.DETECTIONS, of_lidar)(beside_positions(entries)),
     ),
     Mistake(
         "a detector that finds nothing",
@@ -205,6 +233,20 @@ MISTAKES = [
         "matching",
         ("no /image/compressed within", "copy the image's stamp"),
         each(topics.DETECTIONS, shift(0.1)),
+    ),
+    Mistake(
+        "depth that is stamped late",
+        "matching",
+        ("24 of 24 messages of /detections have no /depth/compressed", "set perception.sync_tolerance_s: 0.036"),
+        each(topics.DEPTH_COMPRESSED, shift(0.03)),
+        severity=Severity.WARNING,
+    ),
+    Mistake(
+        "depth with every other picture",
+        "matching",
+        ("12 of 24 messages of /detections have no /depth/compressed", "record depth with every picture"),
+        every_other(topics.DEPTH_COMPRESSED),
+        severity=Severity.WARNING,
     ),
     Mistake(
         "scores that are all 0",
@@ -285,6 +327,12 @@ def test_each_mistake_is_found_alone_with_its_remedy(tmp_path: Path, mistake: Mi
     assert [(finding.check, finding.severity) for finding in found] == [(mistake.check, mistake.severity)]
     assert all(words in found[0].line for words in mistake.words)
     assert "\n" not in found[0].line and found[0].remedy
+
+
+def test_the_tolerance_that_late_depth_is_given_brings_it_back(tmp_path: Path) -> None:
+    entries = each(topics.DEPTH_COMPRESSED, shift(0.03))(input_entries(FRAMES))
+    wider = {**NONE, "perception": {"sync_tolerance_s": 0.036}}
+    assert examined(tmp_path, entries, wider, map_prior()) == []
 
 
 def test_topics_are_called_what_they_are_remapped_to() -> None:

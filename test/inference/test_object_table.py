@@ -109,12 +109,23 @@ def test_marginals_are_the_averages_that_their_rules_say() -> None:
     assert np.isnan(found["mutual_information"]).all() and np.isnan(found["object_poses"][0]).all()
 
 
+def test_how_an_object_moves_is_told_given_that_it_exists() -> None:
+    """Of two hypotheses, one is of something that moves, the other of two false alarms."""
+    weights, exists, moves = np.array([0.9857, 0.0143]), np.array([1.0, 0.184]), np.array([1.0, 0.150])
+    own = replace(small_table(), existence=exists[:, None] * [1.0, 0.0], moving=moves[:, None] * [1.0, 0.5])
+    found = marginals(weights, own)["moving"]
+    assert found[0] == pytest.approx((0.9857 + 0.0143 * 0.184 * 0.150) / (0.9857 + 0.0143 * 0.184))
+    assert found[1] == pytest.approx(0.5 * weights @ moves)  # exists in neither
+
+
 def test_a_velocity_is_averaged_over_the_hypotheses_that_know_it() -> None:
     velocities = np.full((2, 2, 6), np.nan)
     velocities[1, 0], velocities[:, 1, 0] = 2.0, [1.0, 3.0]
     found = marginals(np.array([0.25, 0.75]), replace(small_table(), object_velocities=velocities))
     np.testing.assert_allclose(found["object_velocities"][0], np.full(6, 2.0))
-    assert found["object_velocities"][1, 0] == pytest.approx(2.5) and np.isnan(found["object_velocities"][1, 1])
+    there = np.array([0.25 * 0.25, 0.75 * 0.75])  # weights times existence
+    assert found["object_velocities"][1, 0] == pytest.approx(there @ [1.0, 3.0] / there.sum())
+    assert np.isnan(found["object_velocities"][1, 1])
 
 
 def test_an_object_is_missing_with_the_weight_of_the_hypotheses_in_which_it_was_there() -> None:

@@ -101,6 +101,12 @@ def test_boxes_of_a_known_camera_are_bearings(tmp_path):
     np.testing.assert_allclose(measured.sensor_position, T_BASE_CAMERA[:3])
 
 
+def test_depth_without_pictures_is_said_not_to_be_used(tmp_path, capsys):
+    bag, _ = run(tmp_path, without(input_entries(NUM_FRAMES), topics.IMAGE_COMPRESSED))
+    assert "; /depth/compressed is not used without" in capsys.readouterr().out
+    assert np.isnan(bag["/classifier/measurements"][0].ranges_m).all()
+
+
 def test_boxes_without_a_camera_are_counted(tmp_path):
     entries = input_entries(NUM_FRAMES)
     for topic in (topics.IMAGE_COMPRESSED, topics.DEPTH_COMPRESSED, topics.CAMERA_INFO):

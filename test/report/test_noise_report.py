@@ -41,6 +41,15 @@ def test_the_band_is_one_standard_deviation_each_way() -> None:
     np.testing.assert_array_equal([values, sigmas], [[0.0, 0.01, 0.02], [0.05, 0.03, 0.01]])
 
 
+def test_an_infinite_mean_is_left_out_of_the_chart() -> None:
+    half_range = "open_world.detection_half_range_m"
+    beliefs = (told(0, {half_range: (np.inf, np.nan)}), told(1, {half_range: (3.0, 0.5)}))
+    (chart,) = noise_charts(beliefs)
+    np.testing.assert_array_equal(chart.keys[0].values, [np.nan, 3.0])
+    assert "nan" not in chart.svg and "inf" not in chart.svg
+    assert noise_charts(beliefs[:1]) == []
+
+
 def test_the_document_has_the_final_values() -> None:
     row = noise_row(BELIEFS[-1])
     assert row[BIAS] == {"value": 0.02, "sigma": 0.01} and row[REACH]["value"] == 5.0

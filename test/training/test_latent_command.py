@@ -13,6 +13,7 @@ from semantic_slam.datasets.bigbird import CAMERAS
 from semantic_slam.errors import InputError
 from semantic_slam.latent.extractor_store import read_extractor
 from semantic_slam.latent.store import read_latent_model
+from semantic_slam.training.latent.report import of_no_use
 from semantic_slam.viewpoint.model import Viewpoints
 
 NAMES = ("cup_01", "cup_02", "cup_03", "box_01")
@@ -107,3 +108,46 @@ def test_bad_input_is_told_in_one_line(turntables: Path, tmp_path: Path, monkeyp
         with pytest.raises(InputError) as error:
             run(monkeypatch, *arguments)
         assert expected in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_pictures_that_do_not_differ_make_a_model_that_is_told_to_be_of_no_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    red = np.zeros((60, 60, 3), dtype=np.uint8)
+    red[10:50, 10:50] = 40, 40, 200
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    for name in ("one", "two"):
+        for angle in range(0, 360, 6):
+            cv2.imwrite(str(pictures / f"{name}-{angle}.png"), red)
+    options = ("--turntables", pictures, "--pattern", "{object}-{azimuth}.png", "--effort", "0.02")
+    run(monkeypatch, *options, "--out", tmp_path / "red.safetensors")
+    printed = capsys.readouterr().err
+    assert "of 30 new plain views, by chance 0.056: the model tells no direction; give pictures that differ" in printed
+    assert "of 30 new plain views, by chance 0.500: the model tells no instance from another; give" in printed
+
+
+@pytest.mark.parametrize(
+    ("peaks", "identified", "views", "instances", "lines"),
+    [
+        (0.9, 1.0, 8, 2, []),
+        (0.25, 1.0, 40, 2, []),  # 10 of 40; by chance 2 are
+        (
+            0.05,
+            1.0,
+            40,
+            2,
+            ["0.050 of 40 new plain views, by chance 0.056: the model tells no direction; give pictures"],
+        ),
+        (0.9, 0.6, 40, 2, ["0.600 of 40 new plain views, by chance 0.500: the model tells no instance from another"]),
+        (0.9, 1.0, 8, 1, []),
+    ],
+)
+def test_a_model_is_of_no_use_where_chance_finds_as_much(
+    peaks: float, identified: float, views: int, instances: int, lines: list[str]
+) -> None:
+    figures = {"peak_within_10deg": peaks, "identification": identified, "views": views, "objects": instances}
+    told = of_no_use({"turntable": {"views": figures}})
+    assert len(told) == len(lines) and all(line in own for line, own in zip(lines, told, strict=True))

@@ -15,9 +15,9 @@ from semantic_slam.contracts.viewpoint_model import ViewpointModelContract, look
 from semantic_slam.errors import InputError
 from semantic_slam.training.viewpoint.calibration import residuals
 from semantic_slam.training.viewpoint.fit import fit_samples
-from semantic_slam.training.viewpoint.regression import fit_class, left_out_means
+from semantic_slam.training.viewpoint.regression import LENGTH_BOUNDS, fit_class, gaussian_nll, left_out_means
 from semantic_slam.training.viewpoint.samples import ClassSamples
-from semantic_slam.viewpoint.gaussian_process import GaussianProcessModel, posterior
+from semantic_slam.viewpoint.gaussian_process import ClassFit, GaussianProcessModel, gram, posterior
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.novelty import KnownViews
 from semantic_slam.viewpoint.parametric import ParametricModel
@@ -102,6 +102,19 @@ class TestGaussianProcess(ViewpointModelContract):
         inside = model.in_coverage(np.zeros(4, dtype=int), looking_from(np.array([0.0, -1.0, 2.1, np.pi])))
         assert inside.tolist() == [True, True, True, False]
 
+    @pytest.mark.parametrize("seed", range(4))
+    def test_no_other_kernel_is_likelier_where_features_change_quickly(self, seed: int) -> None:
+        generator = np.random.default_rng(seed)
+        azimuth = np.sort(generator.uniform(0.0, 2.0 * np.pi, 36))
+        features = 0.3 + 0.1 * np.cos(9.0 * azimuth)[:, None, None] + 0.15 * generator.normal(size=(36, 8, 1))
+        fit = fit_class(ClassSamples(azimuth, features, np.zeros((36, 8, 1, 1))))
+        others = [
+            replace(fit, signal_sigma=np.array([signal]), length_scale=np.array([length]))
+            for signal in np.geomspace(0.01, 3.0, 15)
+            for length in np.geomspace(*LENGTH_BOUNDS, 15)
+        ]
+        assert negative_log_evidence(fit) < min(map(negative_log_evidence, others)) + 0.1
+
     def test_features_that_no_class_shows_are_not_known(self, fitted: GaussianProcessModel) -> None:
         known, tight = KnownViews(fitted), 1e-4 * np.eye(3)
         mean = fitted.predict(np.zeros(8, dtype=int), looking_from(np.arange(8) * 0.7)).mean
@@ -129,6 +142,10 @@ class TestGaussianProcess(ViewpointModelContract):
         for name in ("mean", "covariance", "mean_jacobian"):
             first = getattr(fitted.predict(classes, looking_from(self.azimuths)), name)
             np.testing.assert_array_equal(first, getattr(again.predict(classes, looking_from(self.azimuths)), name))
+
+
+def negative_log_evidence(fit: ClassFit) -> float:
+    return gaussian_nll(fit.targets[:, 0] - fit.prior_mean[0], gram(fit, 0))
 
 
 @pytest.mark.parametrize(

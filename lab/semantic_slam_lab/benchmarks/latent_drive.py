@@ -12,15 +12,13 @@ from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.latent.observation import LatentObservation
-from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE, PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
-from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.latent.model import DescriptorModel
@@ -76,7 +74,7 @@ class Drive:
         observation = LatentObservation(model)
         start = se2.compose(circuit.poses[0], se2.inverse(STEP))
         problem = Problem(
-            spaces=Spaces.same(PlanarPoses()),
+            spaces=POSES_IN_PLANE,
             model=PlanarObservation(None, PlanarVisibility()),
             reader=PreparedSteps(steps),
             robot=GaussianPrior(start, np.diag([0.1, 0.1, 0.05]) ** 2),

@@ -9,18 +9,16 @@ from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.planar.detection import PlanarDetection
-from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE, PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.smoothing.semantic_factors import LinearisationPoints, SemanticFactor, SemanticFactorMaker
 from semantic_slam.inference.states.keys import DESCRIPTOR, descriptor_key, object_key, robot_key
-from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
-from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam_lab.benchmarks.row import Row, alternated
 
 OBJECTS, POSES, DETECTIONS = 20, 200, 3
 REPETITIONS, QUICK_REPETITIONS = 40, 10
-SPACES = Spaces.same(PlanarPoses())
+SPACES = POSES_IN_PLANE
 STEP = np.array([0.3, 0.0, 2.0 * np.pi / POSES])
 RELINEARISED_POSE = np.full(3, 0.1)
 """GTSAM's default; descriptors enter by linear factors, which a relinearisation would leave as they are."""

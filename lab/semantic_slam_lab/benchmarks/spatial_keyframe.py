@@ -122,7 +122,8 @@ class Floor:
         graph, values, spaces = gtsam.NonlinearFactorGraph(), gtsam.Values(), self._problem.spaces
         priors = {object_key(own.object_id): own.prior for own in self._problem.objects}
         for key, prior in {robot_key(-1): self._problem.robot, **priors}.items():
-            graph.add(spaces.of(key).prior_factor(key, prior.mean, prior.covariance))
+            for factor in prior.factors(spaces.of(key), key):
+                graph.add(factor)
             spaces.of(key).insert(values, key, prior.mean)
         self.isam.update(graph, values)
         self._length = 0

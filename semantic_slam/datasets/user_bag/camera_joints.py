@@ -45,20 +45,21 @@ def read_camera_joints(
     """What /tf says of the camera of the images; None: it is fixed, or there are no images or no /tf."""
     if selection.image is None or selection.camera_info is None:
         return None
-    if reader.topics.get(topics.TF) != topics.TYPES[topics.TF]:
+    moving = selection.moving_transforms
+    if reader.topics.get(moving) != topics.TYPES[topics.TF]:
         return None
     with suppress(InputError):  # damage, or a message that does not decode: said when the bag is converted
         first = next(reader.messages([selection.camera_info.name]))
         camera_frame = str(reader.decode(first.cdr, first.type_name).header.frame_id)
-        return None if fixed.connects(base_frame, camera_frame) else _joints(reader, base_frame, camera_frame, fixed)
+        joints = CameraJoints(base_frame, camera_frame, fixed)
+        return None if fixed.connects(base_frame, camera_frame) else _read(reader, moving, joints)
     return None
 
 
-def _joints(reader: BagReader, base_frame: str, camera_frame: str, fixed: TransformTree) -> CameraJoints:
-    """Reads /tf until it is known which joint carries the camera."""
-    joints = CameraJoints(base_frame, camera_frame, fixed)
+def _read(reader: BagReader, topic: str, joints: CameraJoints) -> CameraJoints:
+    """Reads transforms that change until it is known which joint carries the camera."""
     with suppress(TruncatedBagError):  # said again when the bag is converted
-        for message in reader.messages([topics.TF]):
+        for message in reader.messages([topic]):
             with suppress(InputError):  # counted when the message is converted
                 joints.add(reader.decode(message.cdr, message.type_name))
             if joints.carry_camera:

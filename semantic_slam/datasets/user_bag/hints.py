@@ -34,20 +34,25 @@ class Hints:
         """The first message on a topic of the new bag."""
         self._first[topic] = message
 
-    def lines(self, *, has_images: bool) -> list[str]:
-        """One line for each thing that a run would not accept, or would have to be told."""
-        found = [self._body()]
+    def lines(self, *, has_images: bool, moves_positions: bool = False) -> list[str]:
+        """One line for each thing that a run would not accept, or would have to be told.
+
+        ``moves_positions``: the import has moved positions to the body's frame.
+        """
+        found = [self._body(moves_positions=moves_positions)]
         if has_images:
             found += [self._camera(), self._detections(), self._size(), self._stereo(), self._rectified()]
         return [line for line in found if line]
 
-    def _body(self) -> str:
+    def _body(self, *, moves_positions: bool) -> str:
         child = self._child()
         if child in ("", BODY):
             return ""
         if self._is_exchanged():
             return f"odometry is of '{child}': exchange header.frame_id (odom) and child_frame_id (the robot's body)"
-        return f"odometry is of '{child}': set perception.base_frame: {child} in the configuration, or it is not used"
+        again = f"import again with --base-frame {child} and " if moves_positions and child != self._base else ""
+        name_it = f"set perception.base_frame: {child} in the configuration, or it is not used"
+        return f"odometry is of '{child}': {again}{name_it}"
 
     def _child(self) -> str:
         """The frame whose pose the odometry gives; "" where not known."""

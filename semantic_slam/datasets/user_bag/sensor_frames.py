@@ -1,6 +1,6 @@
 """The frames of a bag in which detections state positions, and what to do about those that nothing leads to."""
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import InputError, shortened
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.sensor import TransformTree, plain_frame
 
@@ -30,4 +30,9 @@ class SensorFrames:
         untold = f"no static transforms lead from {self._base} to {frame}"
         if self._body != self._base and self._fixed.connects(self._body, frame):
             return f"{untold}, but from the odometry's {self._body}: give --base-frame {self._body}"
-        return f"{untold}: record /tf_static with the bag, or publish the positions in {self._base}"
+        if not self._fixed.is_known:
+            return f"{untold}: record /tf_static with the bag, or publish the positions in {self._base}"
+        known = f"{untold}, but between {shortened(self._fixed.frames)}"
+        if frame not in self._fixed.frames:
+            return f"{known}: set header.frame_id to the sensor's frame, or record its transform with the bag"
+        return f"{known}: give --base-frame, or record the transform that is missing with the bag"

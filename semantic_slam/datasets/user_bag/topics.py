@@ -14,6 +14,10 @@ CAMERA_INFO_TYPES = ("sensor_msgs/msg/CameraInfo",)
 OURS = topics.TYPES[topics.DETECTIONS]
 NONE = "none"
 """Given as a topic's name: do without it."""
+STATIC = "_static"
+"""What the name of a topic of static transforms ends with, in whatever namespace."""
+NEEDS_COLOUR = "as it needs colour images, which --image names"
+"""Why depth is not used where there are no pictures."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,7 @@ class Wanted:
     camera_info: str | None = None
     odometry: str | None = None
     imu: str | None = None
+    tf_static: str | None = None
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,13 @@ class Selection:
     camera_info: Topic | None  # None: detections are no boxes
     odometry: Topic  # nav_msgs/Odometry, or /tf
     imu: Topic | None = None  # None: none, or none of several is named
+    idle_depths: tuple[Topic, ...] = ()  # depth that would be used if there were an image
+    tf_static: Topic | None = None  # None: the bag has no static transforms
+
+    @property
+    def moving_transforms(self) -> str:
+        """Name of the topic of transforms that change, beside that of the static ones."""
+        return topics.TF if self.tf_static is None else self.tf_static.name.removesuffix(STATIC)
 
 
 def select_topics(
@@ -58,17 +70,19 @@ def select_topics(
     finder = _Finder(origin, tuple(topic for topic in available if not topic.name.startswith("/ground_truth/")))
     detections = finder.one("detections", wanted.detections, tuple(READERS))
     odometry, imu = _odometry(finder, wanted.odometry), _imu(finder, wanted.imu)
+    fixed = _tf_static(finder, wanted.tf_static)
     if detections.type_name in IN_THE_SENSOR:
-        finder.refuse(("image", "depth", "camera-info"), wanted, f"{detections} tells positions")
-        return Selection(detections, None, None, None, odometry, imu)
+        finder.refuse(("image", "depth", "camera-info"), wanted, f"as {detections} tells positions")
+        return Selection(detections, None, None, None, odometry, imu, tf_static=fixed)
     colour, depths = finder.images(is_depth)
     depths = depths or finder.of_type((DISPARITY_TYPE,))
     image = finder.at_most_one("image", wanted.image, IMAGE_TYPES, colour)
     if image is None:
-        finder.refuse(("depth",), wanted, "it needs colour images, which --image names")
+        finder.refuse(("depth",), wanted, NEEDS_COLOUR)
     depth = None if image is None else finder.at_most_one("depth", wanted.depth, DEPTH_TYPES, depths)
     camera_info = _camera_info(finder, wanted.camera_info, image, is_needed=detections.type_name != OURS)
-    return Selection(detections, image, depth, camera_info, odometry, imu)
+    is_idle = image is None and camera_info is not None and wanted.depth is None
+    return Selection(detections, image, depth, camera_info, odometry, imu, tuple(depths) if is_idle else (), fixed)
 
 
 def _camera_info(finder: "_Finder", wanted: str | None, image: Topic | None, *, is_needed: bool) -> Topic | None:
@@ -83,9 +97,17 @@ def _odometry(finder: "_Finder", wanted: str | None) -> Topic:
     """nav_msgs/Odometry when there is any, else TF."""
     types = (topics.TYPES[topics.ODOMETRY], topics.TYPES[topics.TF])
     candidates = finder.of_type(types[:1]) or [
-        topic for topic in finder.of_type(types[1:]) if topic.name != topics.TF_STATIC
+        topic for topic in finder.of_type(types[1:]) if not topic.name.endswith(topics.TF_STATIC)
     ]
     return finder.one("odom", wanted, types, candidates)
+
+
+def _tf_static(finder: "_Finder", wanted: str | None) -> Topic | None:
+    """The one that is named, else that without a namespace, else the only one."""
+    types = (topics.TYPES[topics.TF_STATIC],)
+    found = [topic for topic in finder.of_type(types) if topic.name.endswith(topics.TF_STATIC)]
+    usual = [topic for topic in found if topic.name == topics.TF_STATIC]
+    return finder.at_most_one("tf-static", wanted, types, usual or found)
 
 
 def _imu(finder: "_Finder", wanted: str | None) -> Topic | None:
@@ -128,7 +150,7 @@ class _Finder:
         for flag in flags:
             name = getattr(wanted, flag.replace("-", "_"))
             if name not in (None, NONE):
-                raise InputError(f"{self.origin}: --{flag} {name} would not be used, as {reason}; leave it out")
+                raise InputError(f"{self.origin}: --{flag} {name} would not be used, {reason}; leave it out")
 
     def at_most_one(
         self, flag: str, name: str | None, types: Sequence[str], candidates: Sequence[Topic]

@@ -10,7 +10,7 @@ from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.user_bag.camera_joints import read_camera_joints
-from semantic_slam.datasets.user_bag.detection_formats import READERS, in_body
+from semantic_slam.datasets.user_bag.detection_formats import IN_THE_SENSOR, READERS, in_body
 from semantic_slam.datasets.user_bag.detector_classes import class_names_of, with_class_names
 from semantic_slam.datasets.user_bag.hints import Hints
 from semantic_slam.datasets.user_bag.image_formats import compress_colour, compress_depth
@@ -30,7 +30,6 @@ from semantic_slam.reasons import count
 Handler = Callable[[RawMessage], None]
 RAW_IMAGE = "sensor_msgs/msg/Image"
 PASSED_ON = (
-    topics.TF_STATIC,
     topics.INITIAL_POSE,
     topics.GROUND_TRUTH_ODOMETRY,
     topics.GROUND_TRUTH_OBJECTS,
@@ -54,6 +53,7 @@ class Converter:
         self.written: Counter[str] = Counter()  # by topic of the new bag
         self._dropped: Counter[str] = Counter()  # by reason
         self.ignored: Counter[str] = Counter()  # by topic of the old bag
+        self.idle_depths: Counter[str] = Counter()  # likewise, of depth without pictures
         self._reader = reader
         self._writer = writer
         self._selection = selection
@@ -71,7 +71,8 @@ class Converter:
         """Convert one message; True when it was the detections of a frame."""
         handler = self._handlers.get(message.topic)
         if handler is None:
-            self.ignored[message.topic] += 1
+            is_idle = message.topic in {topic.name for topic in self._selection.idle_depths}
+            (self.idle_depths if is_idle else self.ignored)[message.topic] += 1
             return False
         try:
             handler(message)
@@ -99,7 +100,10 @@ class Converter:
 
     def hints(self) -> list[str]:
         """What a run of the new bag would stumble over, a line each."""
-        return self._hints.lines(has_images=self._selection.image is not None)
+        return self._hints.lines(
+            has_images=self._selection.image is not None,
+            moves_positions=self._selection.detections.type_name in IN_THE_SENSOR,
+        )
 
     def _remedy(self, topic: Topic) -> str:
         if topic.type_name != topics.TYPES[topics.TF]:
@@ -109,8 +113,9 @@ class Converter:
     def _fixed_transforms(self) -> TransformTree:
         """All static transforms, wherever in the bag they are."""
         tree = TransformTree()
+        topic = self._selection.tf_static
         with suppress(TruncatedBagError):  # said again, and not suppressed, when the bag is converted
-            for message in self._reader.messages([topics.TF_STATIC]):
+            for message in self._reader.messages([topic.name]) if topic else ():
                 tree.add(self._decode(message))
         return tree
 
@@ -142,8 +147,10 @@ class Converter:
         }
         if self._identities is not None and topics.GROUND_TRUTH_ASSOCIATIONS in handlers:
             handlers[topics.GROUND_TRUTH_ASSOCIATIONS] = self._associations
+        if selection.tf_static is not None:
+            handlers[selection.tf_static.name] = self._copy_to(topics.TF_STATIC)
         if self._joints is not None and self._joints.carry_camera:
-            handlers[topics.TF] = self._copy_to(topics.TF)
+            handlers[selection.moving_transforms] = self._copy_to(topics.TF)
         is_tf = selection.odometry.type_name == topics.TYPES[topics.TF]
         odometry = self._odometry_from_tf if is_tf else self._copy_to(topics.ODOMETRY)
         handlers[selection.odometry.name] = _in_turn(handlers.get(selection.odometry.name), odometry)

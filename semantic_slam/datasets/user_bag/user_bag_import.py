@@ -12,7 +12,7 @@ from semantic_slam.bag.reader import BagReader, TruncatedBagError
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.datasets.user_bag.image_formats import is_depth
 from semantic_slam.datasets.user_bag.label_map import LabelMap, read_label_map
-from semantic_slam.datasets.user_bag.topics import NONE, Selection, Topic, Wanted, select_topics
+from semantic_slam.datasets.user_bag.topics import NEEDS_COLOUR, NONE, Selection, Topic, Wanted, select_topics
 from semantic_slam.datasets.user_bag.user_bag import Converter
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
@@ -33,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--camera-info", metavar="TOPIC", help="intrinsics of the image")
     group.add_argument("--odom", metavar="TOPIC", help="nav_msgs/Odometry, or /tf for the transform odom -> base_link")
     group.add_argument("--imu", metavar="TOPIC", help=f"inertial sensor, for runs in space; '{NONE}': do without")
+    group.add_argument(
+        "--tf-static", metavar="TOPIC", help=f"static transforms, in whatever namespace; '{NONE}': do without"
+    )
     group.add_argument("--odom-frame", default="odom", metavar="FRAME", help="with TF: odometry frame (default: odom)")
     group.add_argument(
         "--base-frame",
@@ -52,6 +55,7 @@ def run(arguments: argparse.Namespace, bag: Path) -> InputError | None:
         arguments.camera_info,
         arguments.odom,
         arguments.imu,
+        arguments.tf_static,
     )
     with BagReader(arguments.source) as reader:
         reader.check_definitions()
@@ -100,7 +104,8 @@ def describe(selection: Selection) -> str:
     pictures = f"image {selection.image}, depth {depth}" if selection.image else "no image: places alone"
     camera_info = f", camera_info {selection.camera_info}" if selection.camera_info else ""
     imu = f", imu {selection.imu}" if selection.imu else ""
-    return f"detections {selection.detections}, {pictures}{camera_info}, odometry {selection.odometry}{imu}"
+    fixed = f", static transforms {selection.tf_static}" if selection.tf_static else ""
+    return f"detections {selection.detections}, {pictures}{camera_info}, odometry {selection.odometry}{imu}{fixed}"
 
 
 def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:
@@ -110,6 +115,7 @@ def summary(out: Path, converter: Converter, labels: LabelMap) -> list[str]:
         ("detections dropped, label not listed in the label file", labels.unknown),
         ("detections dropped, label mapped to null", labels.unwanted),
         ("messages not usable", converter.dropped),
+        (f"depth not used, {NEEDS_COLOUR} (record them, or boxes are bearings alone)", converter.idle_depths),
         ("messages of topics that are not needed", converter.ignored),
     ):
         if counter:

@@ -50,9 +50,10 @@ def check(summary: InputSummary) -> Iterator[Finding]:
 
 
 def _doubled(seen: DetectionRecord) -> Iterator[Finding]:
-    if seen.num_doubled > DOUBLED * seen.num_with_boxes:
+    num_with_boxes = seen.frames_of_boxes.total()
+    if seen.num_doubled > DOUBLED * num_with_boxes:
         what = (
-            f"{seen.num_doubled} of {seen.num_with_boxes} messages have boxes of one label that overlap by more than"
+            f"{seen.num_doubled} of {num_with_boxes} messages have boxes of one label that overlap by more than"
             f" {LARGEST_OVERLAP:g} (intersection over union): each becomes an object"
         )
         yield warning(NAME, what, "turn on non-maximum suppression (NMS) in the detector")

@@ -8,10 +8,11 @@ from semantic_slam.doctor.finding import Finding, error, warning
 from semantic_slam.doctor.input_summary import DISPARITIES, InputSummary
 from semantic_slam.messages.disparity import UNIT_REMEDY
 from semantic_slam.messages.images import FARTHEST_MEDIAN_M, NEAREST_MEDIAN_M
+from semantic_slam.pipeline.assembly.frame_assembler import NO_DEPTH
 
 NAME = "depth"
 LEAST_RANGED = 0.2
-"""Smallest acceptable share of detections with a range where there is depth."""
+"""Smallest acceptable share of detections with a range in frames that have depth."""
 LEAST_DETECTIONS = 20
 
 
@@ -28,7 +29,8 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         yield error(NAME, f"{topic} ({encoding}) has a median of {median_m:.4g} m", _unit_remedy(encoding, median_m))
         return
     yield from _sizes(summary)
-    yield from _ranges(summary)
+    if summary.found.has_images:  # otherwise depth is not used
+        yield from _ranges(summary)
 
 
 def _unit_remedy(encoding: str, median_m: float) -> str:
@@ -54,10 +56,16 @@ def _sizes(summary: InputSummary) -> Iterator[Finding]:
 def _ranges(summary: InputSummary) -> Iterator[Finding]:
     ranges = [each.measurements.ranges_m for each in summary.keyframes]
     known = np.isfinite(np.concatenate(ranges)) if ranges else np.zeros(0, dtype=np.bool_)
-    if len(known) >= LEAST_DETECTIONS and known.mean() < LEAST_RANGED:
+    if len(known) >= LEAST_DETECTIONS and known.mean() < LEAST_RANGED * _share_with_depth(summary):
         limit = summary.configuration.perception.max_depth_m
         yield warning(
             NAME,
             f"{int(known.sum())} of {len(known)} detections have a range",
             f"raise perception.max_depth_m ({limit:g} m) if they are farther off, and check that depth is registered",
         )
+
+
+def _share_with_depth(summary: InputSummary) -> float:
+    """Share of the frames with a depth image of their stamp; why others have none, another check tells."""
+    without = sum(count for reason, count in summary.dropped.items() if reason.endswith(NO_DEPTH))
+    return 1.0 - without / max(summary.num_frames, 1)

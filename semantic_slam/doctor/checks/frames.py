@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from semantic_slam.doctor.finding import Finding, Severity, error
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.messages.sensor import plain_frame
+from semantic_slam.pipeline.assembly.body_places import ELSEWHERE
 
 NAME = "frames"
 MANY = 0.5
@@ -13,6 +14,7 @@ MANY = 0.5
 def check(summary: InputSummary) -> Iterator[Finding]:
     yield from _odometry(summary)
     yield from _detections(summary)
+    yield from _places(summary)
 
 
 def _odometry(summary: InputSummary) -> Iterator[Finding]:
@@ -38,16 +40,30 @@ def _odometry(summary: InputSummary) -> Iterator[Finding]:
 
 
 def _detections(summary: InputSummary) -> Iterator[Finding]:
+    """Boxes of another camera; beside positions they may be of the body's frame, too."""
     camera, seen = summary.camera, summary.detections
-    if camera is None or not summary.found.has_images:
+    if camera is None:
         return
     expected = plain_frame(camera.frame_id)
-    others = {frame: count for frame, count in seen.frame_ids.items() if frame != expected}
-    for frame, count in others.items():
-        yield Finding(
-            Severity.ERROR if count > MANY * seen.num_messages else Severity.WARNING,
-            NAME,
-            f"{count} of {seen.num_messages} messages of {summary.found.detections} are of '{frame}' and the camera is"
-            f" '{expected}'",
-            "have the detector copy the image's header",
-        )
+    right, frames = {expected}, seen.frame_ids
+    if not summary.found.has_images:
+        right, frames = {expected, plain_frame(summary.configuration.perception.base_frame)}, seen.frames_of_boxes
+    for frame, count in frames.items():
+        if count and frame not in right:
+            yield Finding(
+                Severity.ERROR if count > MANY * seen.num_messages else Severity.WARNING,
+                NAME,
+                f"{count} of {seen.num_messages} messages of {summary.found.detections} are of '{frame}' and the camera"
+                f" is '{expected}'",
+                "have the detector copy the image's header",
+            )
+
+
+def _places(summary: InputSummary) -> Iterator[Finding]:
+    """Positions that cannot be moved to the body; what is left would count as misses of what they show."""
+    for reason, count in summary.dropped.items():
+        if reason.startswith(ELSEWHERE):
+            what, _, remedy = reason.partition("; ")
+            yield error(
+                NAME, f"{what} ({count} of the first {summary.num_frames} messages, which are not used)", remedy
+            )

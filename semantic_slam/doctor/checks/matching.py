@@ -34,13 +34,23 @@ def _apart(summary: InputSummary, topic: str, apart_s: Array, step_s: float) -> 
         return
     is_needed = topic == summary.found.image
     usual_s = float(np.median(apart_s[lost]))
-    remedy = "have the detector copy the image's stamp"
-    if usual_s < 0.5 * step_s:
-        remedy += f", or set perception.sync_tolerance_s: {1.2 * usual_s:.2g}"
+    wider = f"set perception.sync_tolerance_s: {1.2 * usual_s:.2g}" if usual_s < 0.5 * step_s else ""
     yield Finding(
         Severity.ERROR if is_needed and lost.mean() > MOST else Severity.WARNING,
         NAME,
         f"{int(lost.sum())} of {len(lost)} messages of {summary.found.detections} have no {topic} within"
         f" {tolerance_s:g} s (perception.sync_tolerance_s); the nearest is {usual_s:.3g} s away",
-        remedy if is_needed else "record depth with every picture; those detections are bearings alone",
+        _remedy_for_pictures(wider) if is_needed else _remedy_for_depth(wider),
     )
+
+
+def _remedy_for_pictures(wider: str) -> str:
+    """``wider``: the tolerance that holds the pictures' distance, "" where that is not constant."""
+    return "have the detector copy the image's stamp" + (f", or {wider}" if wider else "")
+
+
+def _remedy_for_depth(wider: str) -> str:
+    """``wider`` as for pictures; depth of the next picture is another view, and none leaves bearings alone."""
+    if wider:
+        return f"{wider}, or have the camera stamp depth as its pictures; those detections are bearings alone"
+    return "record depth with every picture; those detections are bearings alone"

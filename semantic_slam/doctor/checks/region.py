@@ -1,6 +1,7 @@
 """Check of the sensor region, in the plane and in space: detections outside the configured one."""
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.doctor.finding import Finding, Severity
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.spatial_reader import camera_of, points_of
 from semantic_slam.inference.open_world.planar.region import is_left_out, sensor_region
@@ -19,6 +21,8 @@ from semantic_slam.pipeline.assembly.region_watch import MANY
 NAME = "region"
 REACH = 0.99
 """Share of them that the remedy's numbers hold."""
+MUCH_NARROWER = 0.8
+"""Share of the field of view about the configured direction below which another direction is recommended."""
 WIDEST_RAD = 3.0
 """Largest full angle recommended in space, where an image spans less than half a turn."""
 
@@ -50,15 +54,63 @@ def _learned(told: list[SemanticMeasurements], world: OpenWorldConfiguration) ->
 def _in_plane(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
     ranges_m = np.concatenate([each.ranges_m for each in told])
     bearings_rad = np.concatenate([each.bearings_rad for each in told])
-    reach_m = float(np.nanquantile(ranges_m, REACH)) if np.isfinite(ranges_m).any() else float("nan")
-    aside_rad = float(np.quantile(np.abs(bearings_rad), REACH))
+    known_m = ranges_m[np.isfinite(ranges_m)]
+    seen = _sector_of(bearings_rad)
+    reach = f"from {np.degrees(seen.right_rad):.0f} to {np.degrees(seen.left_rad):.0f} deg"
+    if len(known_m):
+        reach += f" and to {np.quantile(known_m, REACH):.3g} m"
+    looks = f" about {np.degrees(world.direction_rad):.0f} deg" if world.direction_rad else ""
     yield from _finding(
         ~sensor_region(world).holds(ranges_m, bearings_rad),
-        f"{world.min_range_m:g} to {world.max_range_m:g} m, {np.degrees(world.field_of_view_rad):.0f} deg",
-        f"reach to {reach_m:.3g} m and {np.degrees(aside_rad):.0f} deg aside",
-        f"set open_world.max_range_m near {reach_m:.2g} and field_of_view_rad near"
-        f" {min(2.0 * aside_rad, 2.0 * np.pi):.2g}, as far as the sensor sees, or open_world.learn_region: true",
+        f"{world.min_range_m:g} to {world.max_range_m:g} m, {np.degrees(world.field_of_view_rad):.0f} deg{looks}",
+        f"reach {reach}",
+        _remedy_in_plane(world, bearings_rad, seen, known_m),
     )
+
+
+class _Sector(NamedTuple):
+    """Bearings in the body frame, counter-clockwise from the right to the left one."""
+
+    right_rad: float
+    left_rad: float
+
+    @property
+    def middle_rad(self) -> float:
+        return float(wrap_angle(np.array(0.5 * (self.right_rad + self.left_rad))))
+
+    @property
+    def width_rad(self) -> float:
+        return self.left_rad - self.right_rad
+
+
+def _sector_of(bearings_rad: Array) -> _Sector:
+    """The sector of (N,) bearings but for a few on either side, which lie around their circular mean."""
+    mean_rad = float(np.angle(np.exp(1j * bearings_rad).mean()))
+    right_rad, left_rad = np.quantile(wrap_angle(bearings_rad - mean_rad), [0.5 - 0.5 * REACH, 0.5 + 0.5 * REACH])
+    return _Sector(mean_rad + float(right_rad), mean_rad + float(left_rad))
+
+
+def _remedy_in_plane(world: OpenWorldConfiguration, bearings_rad: Array, seen: _Sector, known_m: Array) -> str:
+    """What of the region to enlarge, or where to turn it where that is much narrower."""
+    wanted = []
+    around_rad = float(2.0 * np.quantile(np.abs(wrap_angle(bearings_rad - world.direction_rad)), REACH))
+    if around_rad > world.field_of_view_rad:
+        if seen.width_rad < MUCH_NARROWER * around_rad:
+            wanted.append(f"direction_rad near {seen.middle_rad:.2f}")
+            around_rad = seen.width_rad
+        wanted.append(f"field_of_view_rad near {min(around_rad, 2.0 * np.pi):.2f}")
+    wanted += _ranges_to_set(known_m, world.min_range_m, world.max_range_m)
+    named = " and ".join(filter(None, [", ".join(wanted[:-1]), *wanted[-1:]]))
+    return f"set open_world.{named}, as far as the sensor sees, or open_world.learn_region: true"
+
+
+def _ranges_to_set(known_m: Array, min_range_m: float, max_range_m: float) -> list[str]:
+    """Range limits of the region that hold (N,) distances but for a few, where they do not."""
+    if not len(known_m):
+        return []
+    nearest_m, farthest_m = np.quantile(known_m, [1.0 - REACH, REACH])
+    nearer = [f"min_range_m near {nearest_m:.2g}"] if nearest_m < min_range_m else []
+    return nearer + ([f"max_range_m near {farthest_m:.2g}"] if farthest_m > max_range_m else [])
 
 
 def _in_space(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
@@ -88,12 +140,7 @@ def _remedy_in_space(region: SpatialRegion, width_rad: float, height_rad: float,
         wanted.append(f"field_of_view_rad near {width_rad:.2f}")
     if not region.by_camera and height_rad > 2.0 * region.half_height_rad:
         wanted.append(f"vertical_field_of_view_rad near {height_rad:.2f}")
-    if len(distances_m):
-        nearest_m, farthest_m = np.quantile(distances_m, [1.0 - REACH, REACH])
-        if nearest_m < region.min_range_m:
-            wanted.append(f"min_range_m near {nearest_m:.2g}")
-        if farthest_m > region.max_range_m:
-            wanted.append(f"max_range_m near {farthest_m:.2g}")
+    wanted += _ranges_to_set(distances_m, region.min_range_m, region.max_range_m)
     elsewhere = "perception.extrinsics if it does not look as stated"
     return f"set of open_world {', '.join(wanted)}, as far as the camera sees, or {elsewhere}"
 

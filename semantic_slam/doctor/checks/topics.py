@@ -29,6 +29,7 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         yield from _imu_elsewhere(summary)
     if not summary.found.image:
         yield from _pictures_elsewhere(summary)
+        yield from _idle_depth(summary)
 
 
 def _silent(summary: InputSummary) -> Iterator[Finding]:
@@ -49,6 +50,13 @@ def _pictures_elsewhere(summary: InputSummary) -> Iterator[Finding]:
     if alike and not summary.found.measurements:
         what = f"{', '.join(alike[:3])}: pictures that nobody reads; detections are used without"
         yield warning(NAME, what, _renamed(summary, topics.IMAGE))
+
+
+def _idle_depth(summary: InputSummary) -> Iterator[Finding]:
+    """Depth of boxes, which is read where there are pictures alone."""
+    if summary.found.depth and summary.found.has_places_alone and summary.detections.frames_of_boxes.total():
+        what = f"{summary.found.depth} is not used, as there are no pictures: boxes are bearings alone"
+        yield warning(NAME, what, f"publish or record colour pictures, too, as {topics.IMAGE}")
 
 
 def _imu_elsewhere(summary: InputSummary) -> Iterator[Finding]:

@@ -84,10 +84,7 @@ class PairSearch(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class StatePairs(PairSearch):
-    """Pairs in the tangent spaces of robot and object.
-
-    An attitude in space stays as predicted: geometry says nothing of it, and a wide angle would bend positions.
-    """
+    """Pairs in the tangent spaces of robot and object."""
 
     spaces: Spaces
     model: ObservationModel
@@ -99,7 +96,7 @@ class StatePairs(PairSearch):
     def part(self, tangent: Array) -> Linearisation:
         r = self.spaces.layout.robot
         robot, by_robot = self.spaces.robot.exp_and_jacobian(tangent[:, :r])
-        landmark, by_object = self._landmark(tangent[:, r:])
+        landmark, by_object = self.spaces.landmark.exp_and_jacobian(tangent[:, r:])
         x, o = self.spaces.robot.compose(self.robots, robot), self.spaces.landmark.compose(self.objects, landmark)
         plain = self.model.geometry(self.detections, x, o)
         return replace(
@@ -107,17 +104,6 @@ class StatePairs(PairSearch):
             jacobian_robot=plain.jacobian_robot @ by_robot,
             jacobian_object=plain.jacobian_object @ by_object,
         )
-
-    def _landmark(self, tangent: Array) -> tuple[Array, Array]:
-        """Change of the object by ``tangent`` (B, l), and its Jacobian; without its attitude in space."""
-        space = self.spaces.landmark
-        if space.attitude is None:
-            return space.exp_and_jacobian(tangent)
-        moved = tangent.copy()
-        moved[:, space.attitude] = 0.0
-        landmark, slopes = space.exp_and_jacobian(moved)
-        slopes[:, :, space.attitude] = 0.0
-        return landmark, slopes
 
     def select(self, selection: Index) -> "StatePairs":
         return take(self, selection, ("detections", "robots", "objects", "root"))

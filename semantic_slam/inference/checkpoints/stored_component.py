@@ -1,7 +1,8 @@
 """A component right after a marginalisation as bytes, from which an equal one is made, to the last bit.
 
 Its iSAM2 is then a new one of all factors at one linearisation point, and is made again in the same way. GTSAM writes
-its own factors with 17 digits; factors with a callback are made again from their source.
+its own factors with 17 digits; factors with a callback are made again from their source. Priors of positions alone are
+written one by one: GTSAM's graphs do not know how to.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -12,6 +13,7 @@ import gtsam
 from semantic_slam.inference.checkpoints.records import packed, unpacked
 from semantic_slam.inference.models.callback_factor import source_of
 from semantic_slam.inference.models.custom_factor import Sighting
+from semantic_slam.inference.models.linear_factors import unit_noise
 from semantic_slam.inference.models.odometry_bias import BiasedMotion, biased_factor
 from semantic_slam.inference.models.spatial.range_prior import StartedByRay
 from semantic_slam.inference.smoothing.component import Component
@@ -28,7 +30,7 @@ class StoredSmoother:
     """The factors of a new smoother, semantic ones last, and where all are linearised."""
 
     factors: str  # GTSAM's text of those that it can write
-    sources: dict[int, Any]  # place among all factors -> source of one with a callback
+    sources: dict[int, Any]  # place among all factors -> source of one with a callback, or GTSAM's text of one factor
     values: str  # GTSAM's text of the linearisation point
     table: FactorTable
     along_rays: bool
@@ -59,6 +61,8 @@ def _stored_smoother(smoother: Smoother) -> StoredSmoother:
         factor = held.at(place)
         if isinstance(factor, gtsam.CustomFactor):
             sources[place] = source_of(factor)
+        elif isinstance(factor, gtsam.PoseTranslationPrior2D):
+            sources[place] = factor.serialize()
         else:
             native.add(factor)
     return StoredSmoother(
@@ -89,7 +93,11 @@ def _restored_smoother(told: StoredSmoother, root: Component) -> Smoother:
 
 
 def _made_again(source: Any, root: Component) -> Any:
-    """A factor with a callback, from what it was made of."""
+    """A factor with a callback, from what it was made of, or the one that GTSAM has written by itself."""
+    if isinstance(source, str):
+        position = gtsam.PoseTranslationPrior2D(0, gtsam.Pose2(), unit_noise(2))
+        position.deserialize(source)
+        return position
     if isinstance(source, Summary):
         return source.factor(root.spaces)
     if isinstance(source, BiasedMotion):

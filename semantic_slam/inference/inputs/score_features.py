@@ -26,14 +26,19 @@ class FeatureReader:
         num_given = measurements.features.shape[1]
         if not self.num_features or not len(measurements):
             return measurements
-        if num_given == self.num_features:
-            self._check_names(measurements)
-            return measurements
-        if num_given:
+        if num_given not in (0, self.num_features):
             raise InputError(
                 f"the classifier gives {num_given} feature components but the class models were"
                 f" fitted on {self.num_features}; fit viewpoint models for it or set semantic_model.kind: none"
             )
+        if measurements.feature_covariances.shape[1:] != (num_given, num_given):
+            raise InputError(
+                f"measurements: feature_covariances are not those of their {num_given} features;"
+                " give one for each pair of features, and features beside them"
+            )
+        if num_given:
+            self._check_names(measurements)
+            return measurements
         features = self._told(measurements)
         return replace(
             measurements, features=features, feature_covariances=np.zeros((*features.shape, self.num_features))

@@ -35,6 +35,10 @@ from semantic_slam.inference.states.propagated_errors import PropagatedErrors
 
 OWN_SHARE = 1e-4
 """Share of the variance of f that no two detections share: keeps covariances regular where two coincide."""
+LEAST_SHARE = 1e-3
+"""Share s of the variance from which on ``OWN_SHARE`` is that of f. Where a smaller s is beside constant sensor errors,
+f has as much of its own as with this s: what is g's, which grows with 1 / sqrt(s), could otherwise not be told from
+what is f's in double precision."""
 CHANGE_OF_SENSOR = CHANGE / np.sqrt(STRETCH)
 """Standard deviation of the change of g from one frame to the next."""
 SAME_PLACE = 16.0
@@ -51,23 +55,40 @@ def sensor_sigmas(settings: DetectionErrorsConfiguration) -> Array:
     return sigmas if sigmas.any() else sigmas[:0]
 
 
+def share_of(settings: DetectionErrorsConfiguration) -> float:
+    """Share s of the variance of an error that f has; beside constant sensor errors a little more than a tiny s."""
+    share = settings.correlated_share
+    return share + OWN_SHARE * (_regular_share(settings) - share)
+
+
+def own_share(settings: DetectionErrorsConfiguration) -> float:
+    """Share of the variance of f that is of a single detection, neither of its neighbours nor of later ones."""
+    return OWN_SHARE * (_regular_share(settings) / share_of(settings))
+
+
+def _regular_share(settings: DetectionErrorsConfiguration) -> float:
+    """Share of which f has ``OWN_SHARE`` of its own."""
+    share = settings.correlated_share
+    return max(share, LEAST_SHARE) if share > 0.0 and len(sensor_sigmas(settings)) else share
+
+
 def sensor_slopes(settings: DetectionErrorsConfiguration, detections: Sequence[Any]) -> Array:
     """H (2 D, 2), Jacobian of the f of D detections by the constant sensor errors; (2 D, 0) where there are none."""
     sigmas = sensor_sigmas(settings)
     if not len(sigmas):
         return np.zeros((2 * len(detections), 0))
     whiten = np.array([own.whiten for own in detections]).reshape(-1, 2)
-    return np.asarray(whiten * sigmas / np.sqrt(settings.correlated_share))
+    return np.asarray(whiten * sigmas / np.sqrt(share_of(settings)))
 
 
 def correlation(settings: DetectionErrorsConfiguration, one: Array, other: Array) -> Array:
-    """(2 n, 2 m) covariance of f between places (n, 2) and (m, 2) [m]; range and bearing interleaved."""
+    """(2 n, 2 m) covariance of f between places (n, 2) and (m, 2) [m], less the own; range and bearing interleaved."""
     squared = ((one[:, None] - other[None]) ** 2).sum(axis=-1)
     near = np.exp(-0.5 * squared / settings.neighbour_m**2)
     found = np.zeros((len(one), 2, len(other), 2))
     for component, common in enumerate((settings.common_range_share, settings.common_bearing_share)):
         found[:, component, :, component] = common + (1.0 - common) * near
-    return (1.0 - OWN_SHARE) * found.reshape(2 * len(one), 2 * len(other))
+    return (1.0 - own_share(settings)) * found.reshape(2 * len(one), 2 * len(other))
 
 
 def lasting_places(
@@ -115,12 +136,12 @@ class WhiteResidual:
     @property
     def scale(self) -> float:
         """Factor on whitened residuals and their Jacobians."""
-        return float(1.0 / np.sqrt(1.0 - self.settings.correlated_share))
+        return float(1.0 / np.sqrt(1.0 - share_of(self.settings)))
 
     @property
     def slope(self) -> float:
         """Derivative of the converted residual by f, in each component."""
-        return float(np.sqrt(self.settings.correlated_share)) * self.scale
+        return float(np.sqrt(share_of(self.settings))) * self.scale
 
     def slopes(self, ranged: Flags) -> Array:
         """(D, 2) derivatives by f of the range and bearing residuals; 0 for a range that is not measured."""
@@ -141,10 +162,11 @@ def _repeated(
     settings: DetectionErrorsConfiguration, earlier: PropagatedErrors | None, places: Array
 ) -> tuple[Array, Array]:
     """A (2 D, 2 n) and Q (2 D, 2 D) of the process f alone, without constant sensor errors."""
-    own = correlation(settings, places, places) + OWN_SHARE * np.eye(2 * len(places))
+    white = own_share(settings)
+    own = correlation(settings, places, places) + white * np.eye(2 * len(places))
     if earlier is None:
         return np.zeros((len(own), 0)), own
-    known = correlation(settings, earlier.places, earlier.places) + OWN_SHARE * np.eye(2 * len(earlier.places))
+    known = correlation(settings, earlier.places, earlier.places) + white * np.eye(2 * len(earlier.places))
     cross = earlier.left * correlation(settings, places, earlier.places)
     matrix = np.asarray(np.linalg.solve(known, cross.T).T, dtype=np.float64)
     noise = own - matrix @ cross.T

@@ -9,12 +9,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.special import factorial
 
 from semantic_slam.configuration import DetectionErrorsConfiguration, MovingConfiguration
 from semantic_slam.configuration.labelled_numbers import labelled_numbers
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.models.correlated_errors import sensor_sigmas
+
+SHORT = 0.5
+"""Share of the steadiness within which a time is short."""
+SERIES = 22
+"""First power of a short time that is too small for double precision."""
 
 
 @dataclass(frozen=True)
@@ -76,15 +82,15 @@ class Moving:
 
     def unit_transition(self, elapsed_s: float) -> Array:
         """(2, 2) state transition of one coordinate and its rate."""
-        keeps = np.exp(-elapsed_s / self.settings.steadiness_s)
-        return np.array([[1.0, self.settings.steadiness_s * (1.0 - keeps)], [0.0, keeps]])
+        steady, ratio = self.settings.steadiness_s, elapsed_s / self.settings.steadiness_s
+        return np.array([[1.0, -steady * np.expm1(-ratio)], [0.0, np.exp(-ratio)]])
 
     def unit_noise(self, elapsed_s: float) -> Array:
         """(2, 2) process noise covariance of one coordinate and its rate, for a speed of 1 m/s."""
         steady, ratio = self.settings.steadiness_s, elapsed_s / self.settings.steadiness_s
-        keeps, lost = np.exp(-ratio), -np.expm1(-ratio)
-        place = max(2.0 * ratio - 2.0 * lost - lost**2, 0.0) * steady**2
-        return np.array([[place, steady * lost**2], [steady * lost**2, 1.0 - keeps**2]])
+        lost = -np.expm1(-ratio)
+        both = steady * lost**2
+        return np.array([[steady**2 * _scattered(ratio), both], [both, -np.expm1(-2.0 * ratio)]])
 
     def repeats(self, control: Array, driven: Array, variance: Array) -> Array:
         """(..., 2) correlation of one object's range and bearing errors with those before a robot motion (3,).
@@ -94,10 +100,21 @@ class Moving:
         """
         settings, square = self.errors, self.errors.neighbour_m**2
         motion = np.hypot(*control[:2]) / settings.motion_m + abs(control[2]) / settings.motion_rad
-        spread = square + variance
-        near = square / spread * np.exp(-0.5 * (driven**2).sum(axis=-1) / spread)
+        near = np.exp(-0.5 * (driven**2).sum(axis=-1) / (square + variance)) / (1.0 + variance / square)
         common = np.array([settings.common_range_share, settings.common_bearing_share])
         return np.asarray(np.exp(-motion) * (common + (1.0 - common) * near[..., None]))
+
+
+def _scattered(ratio: float) -> float:
+    """2 x - 2 (1 - e^-x) - (1 - e^-x)^2 of a ``ratio`` x, which is near 2 x^3 / 3 for short times.
+
+    The terms would cancel there: a series in x takes their place.
+    """
+    if ratio > SHORT:
+        lost = -np.expm1(-ratio)
+        return float(2.0 * ratio - 2.0 * lost - lost**2)
+    powers = np.arange(3, SERIES)
+    return float(((4.0 - 2.0**powers) * (-ratio) ** powers / factorial(powers)).sum())
 
 
 def _in_both(unit: Array) -> Array:

@@ -86,7 +86,7 @@ def mover_marginals(component: Component, movers: Movers, robot_covariance: Arra
 def motion_marginals(components: Sequence[Component], reported: ReportedObjects) -> dict[str, Array]:
     """(H, O) probabilities ``moving`` and (H, O, 6) ``object_velocities`` by hypothesis, NaN for absent objects.
 
-    {} if no object may move. An object that is not a decided mover has velocity 0.
+    Both are given that the object exists. {} if no object may move. What is not a decided mover has velocity 0.
     """
     if not components or components[0].movers is None:
         return {}

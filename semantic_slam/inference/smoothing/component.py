@@ -85,7 +85,8 @@ class Component:
         together = joint.every_id if joint is not None else frozenset[int]()
         for key, prior in [(robot_key(-1), robot), *((object_key(n), prior) for n, prior in objects.items())]:
             if key == robot_key(-1) or number_of(key) not in together:
-                graph.add(spaces.of(key).prior_factor(key, prior.mean, prior.covariance))
+                for factor in prior.factors(spaces.of(key), key):
+                    graph.add(factor)
             spaces.of(key).insert(values, key, prior.mean)
         if joint is not None:
             keys = [object_key(n) for n in joint.object_ids]

@@ -84,7 +84,8 @@ def new_factors(
             graph.add(shared.geometry(item))
     component.spaces.robot.insert(values, robot_key(component.keyframe + 1), update.robot)
     for number, prior in update.new_objects.items():
-        graph.add(prior.factor(component.spaces.landmark, object_key(number)))
+        for factor in prior.factors(component.spaces.landmark, object_key(number)):
+            graph.add(factor)
         component.spaces.landmark.insert(values, object_key(number), prior.mean)
     if update.errors is not None:
         _add_errors(component.keyframe + 1, update.errors, shared, graph, values)

@@ -115,14 +115,16 @@ def _renamed(
         if not gone & set(held.at(slot).keys()):
             graph.add(held.at(slot))
     for number, prior in started.items():
-        graph.add(spaces.landmark.prior_factor(object_key(number), prior.mean, prior.covariance))
+        for factor in prior.factors(spaces.landmark, object_key(number)):
+            graph.add(factor)
         spaces.landmark.insert(values, object_key(number), prior.mean)
     others = graph.size()
     renamed = replace(before, parts=tuple(tuple(_with_ids(own, objects) for own in kind) for kind in before.parts))
     empty, made = renamed.about(values)
     for own in made:
         graph.push_back(own.factors())
-    fresh = single_step_isam(spaces, errors_repeat=True)
+    factorization = smoother.isam.params().getFactorization()
+    fresh = single_step_isam(spaces, errors_repeat=True, factorization=factorization)
     fresh.update(graph, values)
     return fresh, empty.with_new(made, others)
 

@@ -231,14 +231,14 @@ class Smoother:
         point.insert(values)
         return point
 
-    def with_single_steps(self, num_biases: int, *, errors_repeat: bool) -> "Smoother":
+    def with_single_steps(self, num_biases: int, *, errors_repeat: bool, factorization: str = "CHOLESKY") -> "Smoother":
         """The smoother set up for one update per keyframe: rare relinearisation, back-substitution to millimetres.
 
         Back-substitution goes further where ``errors_repeat``, that is, where detection errors are correlated over
         time. Biases of odometry, ``num_biases`` of them, are added as a variable of their own; every factor is linear
         in it.
         """
-        isam = single_step_isam(self.spaces, errors_repeat=errors_repeat)
+        isam = single_step_isam(self.spaces, errors_repeat=errors_repeat, factorization=factorization)
         graph, values = gtsam.NonlinearFactorGraph(self.isam.getFactorsUnsafe()), self.isam.getLinearizationPoint()
         if num_biases:
             prior, zero = bias_prior(num_biases)

@@ -119,9 +119,11 @@ class DetectionRates:
         return np.asarray(values @ self.weights)
 
     def moments(self, name: str) -> tuple[float, float]:
-        """Mean and standard deviation over the settings of the field ``name``."""
+        """Mean and standard deviation over the settings of the field ``name``; of an infinite mean it is NaN."""
         values = getattr(self, name)
         mean = float(self.average(values))
+        if not np.isfinite(mean):
+            return mean, np.nan
         return mean, float(np.sqrt(self.average((values - mean) ** 2)))
 
     def explained(self, log_factors: Array) -> tuple[Array, Array]:

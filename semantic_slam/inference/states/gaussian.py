@@ -19,9 +19,9 @@ class GaussianPrior:
         """The prior with the same covariance about another ``mean`` (s,); ``robot`` (s,) is not used here."""
         return GaussianPrior(mean, self.covariance)
 
-    def factor(self, space: StateSpace, key: int) -> Any:
-        """The GTSAM prior factor."""
-        return space.prior_factor(key, self.mean, self.covariance)
+    def factors(self, space: StateSpace, key: int) -> list[Any]:
+        """GTSAM's factors of the prior."""
+        return space.prior_factors(key, self.mean, self.covariance)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.states.keys import is_object, is_robot
 from semantic_slam.inference.states.kinds.mixed_states import MixedStates
+from semantic_slam.inference.states.kinds.planar_objects import PlanarObjects, PosesAmongObjects
+from semantic_slam.inference.states.kinds.spatial_objects import SpatialObjects, SpatialPosesAmongObjects
 from semantic_slam.inference.states.kinds.state_space import StateArithmetic, StateSpace
 from semantic_slam.inference.states.layout import Layout
 from semantic_slam.viewpoint.model import Viewpoints
@@ -46,8 +48,13 @@ class Spaces:
 
     @cached_property
     def are_same(self) -> bool:
-        """Whether robot and landmarks have the same space."""
+        """Whether robot and landmarks have the same space, chart included."""
         return self.robot == self.landmark
+
+    @cached_property
+    def are_alike(self) -> bool:
+        """Whether robot and landmarks are stored alike, and of one type for GTSAM; their charts may differ."""
+        return isinstance(self.landmark, type(self.robot))
 
     @property
     def name(self) -> str:
@@ -67,11 +74,21 @@ class Spaces:
     @cached_property
     def joint(self) -> StateArithmetic:
         """Calculus over (..., 1 + n, s) states."""
-        return self.robot if self.are_same else MixedStates(self.robot, self.landmark)
+        return self._rows(None)
 
     def joint_with_motions(self, num_landmarks: int) -> StateArithmetic:
         """Calculus over (..., 1 + n + T, s): a robot, n landmarks and T motions of the robot."""
-        return self.robot if self.are_same else MixedStates(self.robot, self.landmark, 1 + num_landmarks)
+        return self._rows(1 + num_landmarks)
+
+    def _rows(self, end: int | None) -> StateArithmetic:
+        """Calculus over rows of which those from 1 up to ``end`` are landmarks; None: up to the last one."""
+        if self.are_same:
+            return self.robot
+        if isinstance(self.landmark, PlanarObjects) and self.are_alike:
+            return PosesAmongObjects(end)
+        if isinstance(self.landmark, SpatialObjects) and self.are_alike:
+            return SpatialPosesAmongObjects(end)
+        return MixedStates(self.robot, self.landmark, end)
 
     def of(self, key: int) -> StateSpace:
         """The space of a GTSAM variable."""
@@ -79,7 +96,7 @@ class Spaces:
 
     def own(self, key: int, state: Array) -> Array:
         """(..., s) the columns of a row (..., w) that the variable ``key`` uses."""
-        return state if self.are_same else state[..., : self.of(key).storage_size]
+        return state if self.are_alike else state[..., : self.of(key).storage_size]
 
     def kinds(self, count: int) -> list[tuple[StateSpace, slice]]:
         """The distinct spaces of ``count`` rows, the robot's first, each with a slice of its rows."""
@@ -89,7 +106,7 @@ class Spaces:
 
     def states(self, values: gtsam.Values) -> Array:
         """(n, w) of all robots and landmarks, by ascending key: landmarks come first."""
-        if self.are_same:
+        if self.are_alike:
             return self.robot.states(values)
         keys = values.keys()
         robots, landmarks = (sum(map(kind, keys)) for kind in (is_robot, is_object))
@@ -101,7 +118,7 @@ class Spaces:
 
     def are_within(self, changes: Array, count: int) -> bool:
         """Whether changes of ``count`` variables, landmarks first, are within relinearisation thresholds; NaN: no."""
-        if self.are_same:
+        if self.are_alike:
             return bool((changes.reshape(-1, self.layout.width) <= self.robot.relinearize_threshold).all())
         robots = (len(changes) - count * self.layout.landmark) // (self.layout.robot - self.layout.landmark)
         split = (count - robots) * self.layout.landmark
@@ -110,7 +127,7 @@ class Spaces:
 
     def largest_change(self, keys: Sequence[int], before: Array, after: Sequence[Array]) -> float:
         """Largest change of a tangent coordinate, metres or radians, from n states ``before`` (n, w) to ``after``."""
-        if self.are_same:
+        if self.are_alike:
             return float(np.abs(self.robot.local(before, np.array(after))).max())
         pairs = zip(keys, before, after, strict=True)
         changes = (self.of(key).local(self.own(key, state), other) for key, state, other in pairs)
@@ -119,15 +136,15 @@ class Spaces:
     def steps(self, pairs: Array) -> tuple[Array, Array]:
         """(n, r) and (n, l) tangent vectors from the spaces' origins to robots and landmarks (n, s + s)."""
         r = self.storage.robot
-        if self.are_same:
+        if self.are_alike:  # in GTSAM's chart
             steps = self.robot.local(self.robot.origin, pairs.reshape(-1, r)).reshape(len(pairs), -1)
             return steps[:, : self.layout.robot], steps[:, self.layout.robot :]
         robots = self.robot.local(self.robot.origin, pairs[:, :r])
         return robots, self.landmark.local(self.landmark.origin, pairs[:, r:])
 
     def seen(self, x: Array, o: Array) -> Array:
-        """(n, s) landmarks relative to robots: as poses if both have the same space, else as positions."""
-        return self.robot.between(x, o) if self.are_same else self.relative_position(x, o).point
+        """(n, s) landmarks relative to robots: as poses if both are stored alike, else as positions."""
+        return self.robot.between(x, o) if self.are_alike else self.relative_position(x, o).point
 
     def relative_position(self, x: Array, o: Array) -> RelativePosition:
         """Positions of landmarks ``o`` (..., s) in the frames of robots ``x`` (..., s), with Jacobians."""
@@ -146,13 +163,17 @@ class Spaces:
         return self.landmark.turned_back(o, self.robot.displacement(x, sensor, self.landmark.position(o)))
 
     def in_map(self, states: Array, covariances: Array) -> tuple[Array, Array]:
-        """(..., n, 7) pose vectors and (..., n, 6, 6) covariances of (..., n, w) states, the robot's first."""
+        """(..., n, 7) pose vectors and (..., n, 6, 6) covariances of (..., n, w) states, the robot's first.
+
+        The robot's covariance is that of its errors about its pose, which are along arcs.
+        """
         poses, spreads = [], []
-        for space, rows in self.kinds(states.shape[-2]):
+        for space, rows in ((self.robot, slice(0, 1)), (self.landmark, slice(1, None))):
             part, size = states[..., rows, : space.storage_size], space.tangent_size
+            stated = space.covariances if rows.start else space.moments
             poses.append(space.poses(part))
-            spreads.append(space.covariances(part, covariances[..., rows, :size, :size]))
-        return _joined(poses, -2), _joined(spreads, -3)
+            spreads.append(stated(part, covariances[..., rows, :size, :size]))
+        return np.concatenate(poses, axis=-2), np.concatenate(spreads, axis=-3)
 
 
 def viewpoints_of(v: Array) -> Viewpoints:
@@ -163,7 +184,3 @@ def viewpoints_of(v: Array) -> Viewpoints:
         elevation = np.arctan2(v[:, 2], np.sqrt(squared))
         squared = squared + v[:, 2] * v[:, 2]
     return Viewpoints(azimuth, elevation, np.maximum(np.sqrt(squared), LEAST_DISTANCE_M))
-
-
-def _joined(parts: list[Array], axis: int) -> Array:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)

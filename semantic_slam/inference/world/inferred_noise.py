@@ -81,11 +81,13 @@ class InferredNoise:
     def marginals(self, weights: Array, moments: Array, sensed: SensedRegion | None) -> dict[str, Any]:
         """The belief's fields ``noise_*`` from (H,) weights and (H, N, 2) moments, and the learned sensor region.
 
-        The region's standard deviations are NaN, since it is a bound over the detections so far.
+        The region's standard deviations are NaN, since it is a bound over the detections so far; so is that of a half
+        range that may be infinite.
         """
         means, sigmas = moments[..., 0], moments[..., 1]
         mean = weights @ means
-        variance = weights @ (sigmas**2 + (means - mean) ** 2)
+        off = np.subtract(means, mean, out=np.full(means.shape, np.nan), where=np.isfinite(mean))
+        variance = weights @ (sigmas**2 + off**2)
         region = {} if sensed is None else sensed.named()
         return {
             "noise_names": (*self.names, *region),

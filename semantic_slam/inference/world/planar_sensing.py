@@ -12,12 +12,10 @@ from semantic_slam.inference.inputs.vector_reader import VectorReader
 from semantic_slam.inference.inputs.word_reader import WordReader
 from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.models.odometry_bias import bias_means, bias_sigmas
-from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE, PlanarObservation
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS, PointObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
-from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.sensing import Sensing, SensingSettings
 
 LEAST_VARIANCE = 1e-9
@@ -29,7 +27,7 @@ def range_bearing(settings: SensingSettings) -> Sensing:
     configuration = settings.configuration
     new_objects, visibility = configuration.new_objects, visibility_of(configuration)
     return Sensing(
-        spaces=Spaces.same(PlanarPoses()),
+        spaces=POSES_IN_PLANE,
         model=PlanarObservation(settings.class_model, visibility, new_objects, settings.tempering, settings.outliers),
         reader=_reader(settings),
         robot_prior=planar_prior,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from semantic_slam.inference.models.correlated_errors import sensor_sigmas
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.smoother import Smoother
 from semantic_slam.inference.smoothing.tracking import tracked_before
@@ -79,6 +80,13 @@ def _movers(problem: Problem, rates: DetectionRates) -> Movers | None:
 
 
 def _in_single_steps(problem: Problem, smoother: Smoother) -> Smoother:
-    """The smoother configured for a single (not iterated) update per keyframe."""
-    errors_repeat = problem.detection_errors.correlated_share > 0.0
-    return smoother.with_single_steps(problem.num_biases, errors_repeat=errors_repeat)
+    """The smoother configured for a single (not iterated) update per keyframe.
+
+    Constant errors of the sensor and what else repeats are known together far better than apart: that takes QR.
+    """
+    errors = problem.detection_errors
+    return smoother.with_single_steps(
+        problem.num_biases,
+        errors_repeat=errors.correlated_share > 0.0,
+        factorization="QR" if len(sensor_sigmas(errors)) else "CHOLESKY",
+    )

@@ -26,6 +26,9 @@ from semantic_slam.reasons import count, quoted
 MAX_IMAGES_WAITING = 300
 """Images buffered while waiting for detections; a detector with a longer latency cannot be matched."""
 
+NO_DEPTH = "none of the detections' stamp, bearing only"
+"""Why a frame is bearing-only where there is depth; follows the topic."""
+
 
 class FrameAssembler(DetectionsInput):
     """Matches detections with the image and the depth image nearest in time.
@@ -150,7 +153,7 @@ class FrameAssembler(DetectionsInput):
             return None
         message = self._depths.nearest(stamp_ns, self._tolerance_ns)
         if message is None:
-            self.dropped[f"{self._depths.topic}: none of the detections' stamp, bearing only"] += 1
+            self.dropped[f"{self._depths.topic}: {NO_DEPTH}"] += 1
             return None
         return self._pixels(_depth_in_metres, message, self._depths.topic, camera)
 

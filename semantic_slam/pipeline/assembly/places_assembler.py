@@ -2,22 +2,22 @@
 
 The result depends on the messages' stamps alone. Detections with positions are measured at once; boxes wait for the
 camera's intrinsics: in space all of them that have no position, in the plane those of frames without any position.
+Positions without boxes may be in any frame that static transforms connect with the body.
 """
 
 from collections import Counter
 from collections.abc import Callable
 from typing import Self
 
-import numpy as np
-
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Array, Flags
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
-from semantic_slam.messages.sensor import plain_frame
+from semantic_slam.messages.sensor import TransformTree, plain_frame
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.places import PlaceReader
+from semantic_slam.pipeline.assembly.body_places import have_boxes, have_places, with_places_in_body
 from semantic_slam.pipeline.assembly.detections_input import DetectionsInput
 from semantic_slam.reasons import count, quoted
 
@@ -25,14 +25,23 @@ from semantic_slam.reasons import count, quoted
 class PlacesAssembler(DetectionsInput):
     """Turns detections into measurements, in stamp order; ``dropped`` counts unused ones by reason."""
 
-    def __init__(self, configuration: Configuration, camera_pose: Callable[[str], Array]) -> None:
-        """``camera_pose`` returns the (7,) pose of a camera's frame in the body frame, or raises InputError."""
+    def __init__(
+        self,
+        configuration: Configuration,
+        camera_pose: Callable[[str], Array],
+        transforms: TransformTree | None = None,
+    ) -> None:
+        """``camera_pose`` returns the (7,) pose of a camera's frame in the body frame, or raises InputError.
+
+        ``transforms``: those of /tf_static, which may grow, and by which positions are moved to the body frame.
+        """
         super().__init__(rectified=configuration.perception.rectified)
         self._reader = PlaceReader(configuration.perception, in_space=configuration.is_spatial)
         self._in_space = configuration.is_spatial
         self._has_region_of_camera = self._in_space and configuration.open_world.region_by_camera
         self._base_frame = configuration.perception.base_frame
         self._camera_pose = camera_pose
+        self._transforms = TransformTree() if transforms is None else transforms
         self._num_measured = 0
 
     @property
@@ -74,7 +83,12 @@ class PlacesAssembler(DetectionsInput):
             detections = self._detections.first()[1]
             if self._needs_camera(detections) and self.camera is None and not at_end:
                 break
-            made.append(self._measure(self._detections.pop()))
+            try:
+                detections = with_places_in_body(self._detections.pop(), self._base_frame, self._transforms)
+            except InputError as fault:  # a frame without them would count as misses
+                count(self._lost, str(fault))
+                continue
+            made.append(self._measure(detections))
             self._num_measured += 1
         return made
 
@@ -97,17 +111,12 @@ class PlacesAssembler(DetectionsInput):
         """Whether detections have boxes that count and have no place but by the camera, or it is where misses count."""
         if self._has_region_of_camera:
             return True
-        are_told = _have_places(detections)
+        are_told = have_places(detections)
         if are_told.any() and not self._in_space:
             return False
-        return bool((np.isfinite(detections.boxes).all(axis=1) & ~are_told).any())
+        return bool((have_boxes(detections) & ~are_told).any())
 
     def _frames_of_boxes(self, detections: Detections, camera: CameraModel) -> set[str]:
         """Frame ids that boxes of the camera may have; beside positions also the body's, which is that of positions."""
         frames = {plain_frame(camera.frame_id)}
-        return frames | {plain_frame(self._base_frame)} if _have_places(detections).any() else frames
-
-
-def _have_places(detections: Detections) -> Flags:
-    """(D,) whether each detection states at least its direction."""
-    return np.asarray(np.isfinite(detections.positions[:, :2]).all(axis=1) | np.isfinite(detections.bearings_rad))
+        return frames | {plain_frame(self._base_frame)} if have_places(detections).any() else frames

@@ -31,12 +31,13 @@ MEANINGS = {
 
 
 def noise_charts(beliefs: tuple[HybridBelief, ...]) -> list[Chart]:
-    """A chart of each quantity that the last belief names."""
-    return [_course(beliefs, name) for name in beliefs[-1].noise_names]
+    """A chart of each quantity that the last belief names, and of which some belief has a finite mean."""
+    names = beliefs[-1].noise_names
+    return [_course(beliefs, name) for name in names if np.isfinite(noise_course(beliefs, name)[0]).any()]
 
 
 def noise_course(beliefs: tuple[HybridBelief, ...], name: str) -> tuple[Array, Array]:
-    """(K,) mean and standard deviation of one quantity, NaN where a belief does not tell."""
+    """(K,) mean and standard deviation of one quantity, NaN where a belief does not tell, or has an infinite mean."""
     means_and_sigmas = [
         (belief.noise_values[at], belief.noise_sigmas[at])
         if (at := _place(belief, name)) is not None
@@ -44,7 +45,7 @@ def noise_course(beliefs: tuple[HybridBelief, ...], name: str) -> tuple[Array, A
         for belief in beliefs
     ]
     values, sigmas = np.array(means_and_sigmas).T
-    return values, sigmas
+    return np.where(np.isfinite(values), values, np.nan), sigmas
 
 
 def _place(belief: HybridBelief, name: str) -> int | None:

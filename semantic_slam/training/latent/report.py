@@ -1,6 +1,7 @@
 """What a trained model states of itself: figures on views, and on whole instances, that it was not trained on."""
 
 import numpy as np
+from scipy.special import bdtrc
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.latent.latent_model import LatentModel
@@ -28,6 +29,10 @@ STARTS_DEG = (18.0, 25.0)
 ORIENTATION_RAD = float(np.deg2rad(15.0))
 VIEWS_OF_HELD_OUT = 3
 VIEWS_OF_GROUP = 5
+WITHIN_10_DEG = 20.0 / 360.0
+"""Share of likelihood peaks that lie within 10 degrees of the true direction wherever they are."""
+BY_CHANCE = 0.05
+"""Probability from which on what was found may be by chance."""
 
 
 def training_report(trained: TrainedModel, split: TurntableSplit, seed: int) -> Report:
@@ -47,6 +52,27 @@ def training_report(trained: TrainedModel, split: TurntableSplit, seed: int) -> 
         if strangers:
             report[place]["held_out"] = of_held_out(judged, seen[1], seed)
     return report
+
+
+def of_no_use(report: Report) -> list[str]:
+    """Lines on what the model tells no better than by chance, from new plain views of trained instances."""
+    figures = report["turntable"]["views"]
+    views, instances = figures["views"], figures["objects"]
+    told = [
+        ("likelihood peak within 10 deg", "peak_within_10deg", WITHIN_10_DEG, "no direction"),
+        ("identified from one view", "identification", 1.0 / instances, "no instance from another"),
+    ]
+    return [
+        f"{name}: {figures[key]:.3f} of {views:.0f} new plain views, by chance {chance:.3f}: the model tells {nothing};"
+        " give pictures that differ, or more --effort"
+        for name, key, chance, nothing in told
+        if chance < 1.0 and _probability_of_more(round(figures[key] * views), int(views), chance) > BY_CHANCE
+    ]
+
+
+def _probability_of_more(found: int, count: int, chance: float) -> float:
+    """Probability that at least so many of the count are found if each is found by chance."""
+    return float(bdtrc(found - 1, count, chance)) if found else 1.0
 
 
 def of_known(model: LatentModel, views: FeatureViews, seed: int) -> dict[str, float]:

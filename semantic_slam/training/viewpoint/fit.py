@@ -19,7 +19,7 @@ from semantic_slam.training.augmentation import room_crop
 from semantic_slam.training.other_things import other_crop
 from semantic_slam.training.viewpoint.calibration import Residuals, left_out_residuals, report_of
 from semantic_slam.training.viewpoint.regression import fit_class
-from semantic_slam.training.viewpoint.samples import FOLDS, ClassSamples
+from semantic_slam.training.viewpoint.samples import FOLDS, ClassSamples, check_samples
 from semantic_slam.training.views import ObjectView
 from semantic_slam.viewpoint.appearance import KnownAppearance
 from semantic_slam.viewpoint.spherical_process import fitted_classes
@@ -62,8 +62,9 @@ class FittedModels:
 def fit_samples(samples: dict[str, ClassSamples], feature_names: tuple[str, ...]) -> FittedModels:
     """Model of every class, and its residuals of views left out of the fit; over one angle where all are of one height.
 
-    What is of one height is told by azimuth alone, as if nobody had measured heights.
+    What is of one height is told by azimuth alone, as if nobody had measured heights. Raises InputError.
     """
+    check_samples(samples, len(feature_names))
     samples, names = _at_heights(samples), tuple(samples)
     fits = [fit_class(samples[name]) for name in tqdm(names, desc="fitting", unit="class")]
     left_out = {name: left_out_residuals(samples[name], feature_names) for name in names}

@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.viewpoint.samples import ClassSamples
 from semantic_slam.viewpoint.directions import Directions
-from semantic_slam.viewpoint.gaussian_process import ClassFit, even_azimuths, gram, posterior
+from semantic_slam.viewpoint.gaussian_process import ClassFit, even_azimuths, gram, kernel_of, posterior
 from semantic_slam.viewpoint.spherical_process import AZIMUTHS, ELEVATIONS, grid_directions, spherical_posterior
 
 NOISE_AZIMUTHS = 72
@@ -19,6 +19,8 @@ SIGMA_FLOOR = 0.03
 """Least standard deviation of a component's noise; keeps saturated probabilities from claiming certainty."""
 LENGTH_BOUNDS = (0.1, 3.0)
 """Bounds of the kernel's length scale, a chord of the unit circle."""
+STARTS = tuple((signal, length) for signal in (0.03, 0.1, 0.3, 1.0) for length in (0.1, 0.2, 0.5, 1.0, 2.0))
+"""Signal sigmas and length scales, from the likeliest of which the search for greater likelihood starts."""
 
 
 def fit_class(samples: ClassSamples) -> ClassFit:
@@ -100,7 +102,10 @@ def whitened_squared(residuals: Array, covariances: Array) -> Array:
 
 
 def _hyperparameters(directions: Directions, centred: Array, variances: Array) -> tuple[Array, Array]:
-    """(F,) signal sigma and length scale of each component, by marginal likelihood."""
+    """(F,) signal sigma and length scale of each component, by marginal likelihood.
+
+    That has several maxima where views are few or change quickly, hence the search from the likeliest of many values.
+    """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel
@@ -108,7 +113,8 @@ def _hyperparameters(directions: Directions, centred: Array, variances: Array) -
     inputs = directions.points()
     signal, length = np.empty(centred.shape[1]), np.empty(centred.shape[1])
     for index in range(centred.shape[1]):
-        prior = ConstantKernel(0.1, (1e-4, 10.0)) * RBF(0.5, LENGTH_BOUNDS)
+        first_signal, first_length = _likeliest_start(directions, centred[:, index], variances[:, index])
+        prior = ConstantKernel(first_signal**2, (1e-4, 10.0)) * RBF(first_length, LENGTH_BOUNDS)
         regressor = GaussianProcessRegressor(prior, alpha=variances[:, index], optimizer="fmin_l_bfgs_b")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # a bound that is reached is a valid answer here
@@ -116,6 +122,12 @@ def _hyperparameters(directions: Directions, centred: Array, variances: Array) -
         constant, scale = np.exp(regressor.kernel_.theta)
         signal[index], length[index] = np.sqrt(constant), scale
     return signal, length
+
+
+def _likeliest_start(directions: Directions, centred: Array, variances: Array) -> tuple[float, float]:
+    """The signal sigma and length scale of ``STARTS`` under which (M,) values with these variances are likeliest."""
+    cosines, noise = directions.cosines(directions), np.diag(variances)
+    return min(STARTS, key=lambda start: gaussian_nll(centred, kernel_of(cosines, *start) + noise))
 
 
 def _smoothed(directions: Directions, values: Array, at: Directions) -> Array:
@@ -145,16 +157,27 @@ def _variance(fit: ClassFit, component: int) -> Array:
 
 
 def _coverage(directions: Directions) -> float:
-    """Largest angle to a view that counts as covered: 1.5 gaps around, or three quarters of that between heights."""
-    around = 1.5 * _widest_regular_gap(directions.azimuth_rad)
+    """Largest angle to a view that counts as covered: 1.5 gaps around, or three quarters of that between heights.
+
+    At least the width over which noise is taken to hold, for views of a robot that stands.
+    """
+    around = max(1.5 * _widest_regular_gap(directions.azimuth_rad), float(SMOOTHING_RAD))
     if directions.elevation_rad is None:
         return around
     heights = np.unique(np.round(directions.elevation_rad, 6))
-    return max(around, 0.75 * float(np.percentile(np.diff(heights), 75.0))) if len(heights) > 1 else around
+    return max(around, 0.75 * _regular(np.diff(heights))) if len(heights) > 1 else around
 
 
 def _widest_regular_gap(azimuth_rad: Array) -> float:
-    """Typical angle between neighbouring views: the 75th percentile, so that a hole does not count as covered."""
+    """Typical angle between neighbouring views; none between views of one azimuth.
+
+    The widest gap is left out: where there are few views, it is the hole that no view has seen.
+    """
     ordered = np.sort(np.unique(np.round(azimuth_rad % (2.0 * np.pi), 6)))
     gaps = np.diff(np.append(ordered, ordered[0] + 2.0 * np.pi))
-    return float(np.percentile(gaps, 75.0))
+    return _regular(np.sort(gaps)[:-1]) if len(gaps) > 1 else 0.0
+
+
+def _regular(gaps: Array) -> float:
+    """The gap that three quarters of (G,) gaps do not exceed: one of them, never a mean of a regular one and a hole."""
+    return float(np.percentile(gaps, 75.0, method="lower"))

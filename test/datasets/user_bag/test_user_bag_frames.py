@@ -80,3 +80,56 @@ def test_a_camera_on_two_joints_is_said_to_need_one_transform(tmp_path, monkeypa
     run_import(monkeypatch, "bag", source, "--out", tmp_path / "bag")
     told = capsys.readouterr().out
     assert "publish base_link -> camera_optical_frame on /tf" in told and "not needed: /tf 12" in told
+
+
+def in_namespace(path, source, robot, topics):
+    """The bag with these topics below the robot's name."""
+    with BagReader(source) as reader, UserBag(path) as bag:
+        for message in reader.messages():
+            name = f"/{robot}{message.topic}" if message.topic in topics else message.topic
+            bag.write(name, reader.decode(message.cdr, message.type_name), message.stamp_ns)
+    return path
+
+
+def test_static_transforms_in_a_namespace_are_found(tmp_path, monkeypatch, capsys):
+    source = in_namespace(tmp_path / "named", write_drive(tmp_path / "source"), "robot1", ["/tf_static"])
+    bag = import_bag(monkeypatch, "bag", source, "--out", tmp_path / "bag")
+    assert len(bag["/tf_static"]) == 1
+    told = capsys.readouterr().out
+    assert "static transforms /robot1/tf_static" in told and "not needed" not in told and "no /tf_static" not in told
+
+
+def test_static_transforms_of_two_robots_need_a_choice(tmp_path, monkeypatch, capsys):
+    source = in_namespace(tmp_path / "named", write_drive(tmp_path / "source"), "robot1", ["/tf_static"])
+    with UserBag(tmp_path / "other") as bag:
+        bag.write("/robot2/tf_static", bag.transform(SECOND, "base_link", "arm", (0, 0, 1)), SECOND)
+    merge_bags(tmp_path / "both", source, tmp_path / "other")
+    with pytest.raises(InputError, match=r"--tf-static could be any of /robot1/tf_static .*, /robot2/tf_static"):
+        run_import(monkeypatch, "bag", tmp_path / "both", "--out", tmp_path / "bag")
+    for name, child in (("/robot1/tf_static", "camera_optical_frame"), ("/robot2/tf_static", "arm")):
+        folder = tmp_path / child
+        run_import(monkeypatch, "bag", tmp_path / "both", "--out", folder, "--tf-static", name)
+        (message,) = read_bag(folder)["/tf_static"]
+        assert message.transforms[0].child_frame_id == child
+    run_import(monkeypatch, "bag", tmp_path / "both", "--out", tmp_path / "without", "--tf-static", "none")
+    assert "/tf_static" not in read_bag(tmp_path / "without") and "no /tf_static" in capsys.readouterr().out
+
+
+def test_static_transforms_without_a_namespace_come_first(tmp_path, monkeypatch, capsys):
+    with UserBag(tmp_path / "other") as bag:
+        bag.write("/robot2/tf_static", bag.transform(SECOND, "base_link", "arm", (0, 0, 1)), SECOND)
+    merge_bags(tmp_path / "both", write_drive(tmp_path / "source"), tmp_path / "other")
+    (message,) = import_bag(monkeypatch, "bag", tmp_path / "both", "--out", tmp_path / "bag")["/tf_static"]
+    assert message.transforms[0].child_frame_id == "camera_optical_frame"
+    assert "not needed: /robot2/tf_static 1" in capsys.readouterr().out
+
+
+def test_transforms_in_a_namespace_hold_the_odometry_and_carry_the_camera(tmp_path, monkeypatch, capsys):
+    drive = write_drive(tmp_path / "drive", joints=[("odom", "base_link"), ("base_link", "head")])
+    source = in_namespace(tmp_path / "named", drive, "robot1", ["/tf", "/tf_static"])
+    with BagReader(source) as reader, UserBag(tmp_path / "by_tf") as bag:
+        for message in reader.messages(reader.topics.keys() - {"/odometry/filtered"}):
+            bag.write(message.topic, reader.decode(message.cdr, message.type_name), message.stamp_ns)
+    found = import_bag(monkeypatch, "bag", tmp_path / "by_tf", "--out", tmp_path / "bag")
+    assert (len(found["/tf"]), len(found["/odom"]), len(found["/tf_static"])) == (12, 6, 1)
+    assert "odometry /robot1/tf (tf2_msgs" in capsys.readouterr().out

@@ -10,6 +10,7 @@ from worlds.bags.imported import import_bag, merge_bags, read_bag, run_import
 from worlds.bags.stereo import BASELINE_M, FOCAL_PX, disparity_message
 from worlds.bags.user_bag_factory import HEIGHT, SECOND, WIDTH, UserBag, picture, write_drive
 
+from semantic_slam.bag.reader import BagReader
 from semantic_slam.datasets.user_bag.hints import Hints
 from semantic_slam.datasets.user_bag.image_formats import to_millimetres
 from semantic_slam.errors import InputError
@@ -117,3 +118,27 @@ def test_depth_that_is_named_and_would_not_be_used_is_refused(tmp_path, monkeypa
         run_import(monkeypatch, "bag", source, "--out", tmp_path / "bag", "--image", "none", "--depth", name)
     run_import(monkeypatch, "bag", source, "--out", tmp_path / "bag", "--image", "none", "--depth", "none")
     assert "/depth/compressed" not in read_bag(tmp_path / "bag")
+
+
+@pytest.mark.parametrize("kind", ["16UC1", "32FC1", "compressedDepth"])
+def test_depth_that_is_not_used_for_want_of_colour_is_said_to_be(tmp_path, monkeypatch, capsys, kind):
+    source = write_drive(tmp_path / "source", frames=3, depth=kind)
+    with BagReader(source) as reader, UserBag(tmp_path / "colourless") as bag:
+        for message in reader.messages(reader.topics.keys() - {"/camera/color/image_raw"}):
+            bag.write(message.topic, reader.decode(message.cdr, message.type_name), message.stamp_ns)
+    run_import(monkeypatch, "bag", tmp_path / "colourless", "--out", tmp_path / "bag")
+    told = capsys.readouterr().out
+    assert "depth not used, as it needs colour images, which --image names" in told and "not needed" not in told
+    run_import(monkeypatch, "bag", tmp_path / "colourless", "--out", tmp_path / "without", "--depth", "none")
+    told = capsys.readouterr().out
+    assert "colour" not in told and "not needed: /camera/aligned_depth" in told
+
+
+def test_depth_beside_positions_is_needed_by_nobody(tmp_path, monkeypatch, capsys):
+    with UserBag(tmp_path / "source", "vision_3d") as bag:
+        bag.write("/odom", bag.odometry(SECOND, 0.0), SECOND)
+        bag.write("/lidar/boxes", bag.vision_3d(SECOND, [("car", (1.0, 2.0, 3.0))], 0.1, "base_link"), SECOND)
+        millimetres = np.full((HEIGHT, WIDTH), 2000, dtype=np.uint16)
+        bag.write("/camera/depth", bag.image(SECOND, millimetres, "16UC1"), SECOND)
+    run_import(monkeypatch, "bag", tmp_path / "source", "--out", tmp_path / "bag")
+    assert "not needed: /camera/depth 1" in capsys.readouterr().out

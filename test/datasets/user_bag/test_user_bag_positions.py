@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from worlds.bags.imported import import_bag, read_bag, run_import
-from worlds.bags.user_bag_factory import SECOND, UserBag
+from worlds.bags.user_bag_factory import SECOND, UserBag, write_drive
 
+from semantic_slam.bag.reader import BagReader
 from semantic_slam.errors import InputError
 
 
@@ -52,7 +53,7 @@ def test_boxes_in_a_frame_that_nothing_connects_are_counted(tmp_path, monkeypatc
         ("lidar", "lead from base_link to lidar, but from the odometry's base_footprint: give --base-frame"),
         (
             "radar",
-            "from base_link to radar: record /tf_static with the bag, or publish the positions in base_link",
+            "from base_link to radar, but between base_footprint, lidar: set header.frame_id to the sensor's frame",
         ),
     ],
 )
@@ -64,12 +65,42 @@ def test_positions_that_cannot_be_moved_to_the_body_are_told_what_helps(tmp_path
     assert remedy in told and "perception.extrinsics" not in told
 
 
+def test_where_the_body_is_in_no_transform_those_there_are_are_told(tmp_path, monkeypatch, capsys):
+    with UserBag(tmp_path / "source", "vision_3d") as bag:
+        bag.write("/odom", bag.odometry(SECOND, 0.0), SECOND)
+        bag.write("/tf_static", bag.transform(SECOND, "chassis", "lidar", (0, 0, 1)), SECOND)
+        bag.write("/lidar/boxes", bag.vision_3d(SECOND, [("car", (1.0, 2.0, 3.0))], 0.1, "lidar"), SECOND)
+    with pytest.raises(InputError, match="nothing on /lidar/boxes"):
+        run_import(monkeypatch, "bag", tmp_path / "source", "--out", tmp_path / "bag")
+    assert "from base_link to lidar, but between chassis, lidar: give --base-frame" in capsys.readouterr().out
+
+
 def test_positions_are_moved_to_the_body_that_is_named_and_a_run_is_to_know_it(tmp_path, monkeypatch, capsys):
     write_boxes_over_a_footprint(tmp_path / "source", "lidar")
     run_import(monkeypatch, "bag", tmp_path / "source", "--out", tmp_path / "bag", "--base-frame", "base_footprint")
     (found,) = read_bag(tmp_path / "bag")["/detections"]
     np.testing.assert_allclose(found.positions, [[1.0, 2.0, 4.0]])
-    assert "set perception.base_frame: base_footprint" in capsys.readouterr().out
+    assert "of 'base_footprint': set perception.base_frame: base_footprint" in capsys.readouterr().out
+
+
+def test_positions_of_another_body_than_the_odometry_are_to_be_imported_again(tmp_path, monkeypatch, capsys):
+    write_boxes_over_a_footprint(tmp_path / "source", "base_link")
+    run_import(monkeypatch, "bag", tmp_path / "source", "--out", tmp_path / "bag")
+    again = "import again with --base-frame base_footprint and set perception.base_frame: base_footprint"
+    assert again in capsys.readouterr().out
+
+
+def test_boxes_need_no_second_import_where_the_odometry_is_of_another_body(tmp_path, monkeypatch, capsys):
+    source = write_drive(tmp_path / "source", frames=1)
+    with BagReader(source) as reader, UserBag(tmp_path / "footprint") as bag:
+        for message in reader.messages():
+            value = reader.decode(message.cdr, message.type_name)
+            if message.topic == "/odometry/filtered":
+                value.child_frame_id = "base_footprint"
+            bag.write(message.topic, value, message.stamp_ns)
+    run_import(monkeypatch, "bag", tmp_path / "footprint", "--out", tmp_path / "bag")
+    told = capsys.readouterr().out
+    assert "set perception.base_frame: base_footprint" in told and "--base-frame" not in told
 
 
 @pytest.mark.parametrize("flag", ["--image", "--depth", "--camera-info"])

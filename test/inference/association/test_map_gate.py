@@ -18,11 +18,9 @@ from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, P
 from semantic_slam.inference.evidence.laplace import find_modes
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.models.planar.detection import PlanarDetection
-from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE, PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
-from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 
 MODEL = PlanarObservation(None, PlanarVisibility())
@@ -59,7 +57,7 @@ def test_no_association_costs_less_than_the_bound(has_range: bool, sensor: tuple
     cost, log_peak = MODEL.least_cost(
         MODEL.collect(items), robot[None], covariance[None, :3, :3], objects[None], sigmas
     )
-    spaces = Spaces.same(PlanarPoses())
+    spaces = POSES_IN_PLANE
     predicted = PredictedBelief(spaces.layout, np.concatenate([robot[None], objects])[None], covariance[None])
     starts = np.concatenate([np.zeros((1, 6)), random.normal(size=(9, 6))])
     for number, item in enumerate(items):

@@ -9,15 +9,13 @@ from semantic_slam.inference.association.screening import ScreenedAssignments, s
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.evidence.laplace import Mode, find_modes
 from semantic_slam.inference.models.planar.detection import PlanarDetection
-from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE, PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
-from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
 from semantic_slam.inference.states.layout import Layout
 from semantic_slam.inference.states.spaces import Spaces
 
 GATE = 15.0
-POSES = Spaces.same(PlanarPoses())
 OBJECTS = np.array([[3.0, 1.0, 0.0], [3.0, -1.0, 1.0], [5.0, 0.5, -2.0]])
 BEARING_RANGE = PlanarObservation(None, PlanarVisibility())
 
@@ -40,11 +38,11 @@ def predicted(dimension: int, num_objects: int, scale: float = 1.0) -> Predicted
 def test_factors_grow_to_those_of_the_whole(objects: list[int]) -> None:
     """Also where a detection is of an object seen before."""
     gaussians = predicted(3, 4)
-    prefixes = PartialAssignments.of_robots(POSES, gaussians)
+    prefixes = PartialAssignments.of_robots(POSES_IN_PLANE, gaussians)
     for number in objects:
         prefixes = prefixes.extended(np.arange(2), np.full(2, number))
     seen = BEARING_RANGE.collect([sighting(OBJECTS[0])] * 3)
-    whole = KeyframeProblem.of(POSES, BEARING_RANGE, gaussians, seen, prefixes.rows)
+    whole = KeyframeProblem.of(POSES_IN_PLANE, BEARING_RANGE, gaussians, seen, prefixes.rows)
     grown = prefixes.stack(BEARING_RANGE, seen)
     np.testing.assert_allclose(grown.root, whole.root, atol=1e-10)
     np.testing.assert_array_equal(grown.mean, whole.mean)
@@ -127,8 +125,8 @@ def every(count: int, num_objects: int) -> tuple[np.ndarray, np.ndarray]:
 def looked_at(sigma_m: float, sigma_rad: float, gate: float = GATE) -> tuple[ScreenedAssignments, Mode]:
     """The first detection, of the first object, and the modes that a search finds."""
     spread = np.diag([sigma_m, sigma_m, sigma_rad, *[0.1, 0.1, 0.1] * len(OBJECTS)]) ** 2
-    gaussians = PredictedBelief(POSES.layout, np.concatenate([np.zeros((1, 3)), OBJECTS])[None], spread[None])
-    prefixes = PartialAssignments.of_robots(POSES, gaussians)
+    gaussians = PredictedBelief(POSES_IN_PLANE.layout, np.concatenate([np.zeros((1, 3)), OBJECTS])[None], spread[None])
+    prefixes = PartialAssignments.of_robots(POSES_IN_PLANE, gaussians)
     seen = BEARING_RANGE.collect([sighting(OBJECTS[0])])
     screened = screen(prefixes, of_prior(prefixes), *every(1, len(OBJECTS)), BEARING_RANGE, seen, gate)
     return screened, find_modes(screened.stack, screened.mode.y)

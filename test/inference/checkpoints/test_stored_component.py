@@ -26,7 +26,7 @@ from semantic_slam.inference.states.spaces import Spaces
 RANDOM = np.random.default_rng(3)
 SPACES, MODEL = Spaces.same(PlanarPoses()), PlanarObservation(None, PlanarVisibility())
 ROOT = Component.root(SPACES, MODEL, GaussianPrior(mean=np.zeros(3), covariance=np.eye(3)), {})
-POSES = (robot_key(4), object_key(2))
+KEYS = (robot_key(4), object_key(2))
 
 
 def positive(size: int) -> Array:
@@ -43,7 +43,7 @@ def with_bearing_alone() -> Any:
         feature=np.zeros(0),
         feature_covariance=np.zeros((0, 0)),
     )
-    return MODEL.geometry_factor(detection, POSES)
+    return MODEL.geometry_factor(detection, KEYS)
 
 
 def with_biases() -> Any:
@@ -53,7 +53,7 @@ def with_biases() -> Any:
 
 def of_the_past() -> Any:
     root = np.asfortranarray(RANDOM.normal(size=(6, 6)))
-    keys = tuple(sorted(POSES))
+    keys = tuple(sorted(KEYS))
     return Summary(keys=keys, root=root, right=RANDOM.normal(size=6), coordinates=RANDOM.normal(size=6)).factor(SPACES)
 
 

@@ -8,7 +8,7 @@ from semantic_slam.inference.evidence.innovation import innovation_nees
 from semantic_slam.inference.evidence.keyframe_problem import KeyframeProblem, PredictedBelief
 from semantic_slam.inference.evidence.laplace import find_modes
 from semantic_slam.inference.models.planar.detection import PlanarDetection
-from semantic_slam.inference.models.planar.observation import POSES, PlanarObservation
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE, PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 
 NOISE = np.diag([0.1, 0.05]) ** 2
@@ -32,9 +32,9 @@ def problem_of(detections: list[PlanarDetection], rows: list[list[int]], sigma: 
     """Candidates ``rows`` of one parent, robot and objects being known to ``sigma``, and correlated."""
     size = 3 * (1 + len(OBJECTS))
     root = np.random.default_rng(3).normal(size=(size, size)) / np.sqrt(size) + np.eye(size)
-    predicted = PredictedBelief(POSES.layout, np.array([[ROBOT, *OBJECTS]]), sigma**2 * (root @ root.T)[None])
+    predicted = PredictedBelief(POSES_IN_PLANE.layout, np.array([[ROBOT, *OBJECTS]]), sigma**2 * (root @ root.T)[None])
     assignments = Assignments(parents=np.zeros(len(rows), dtype=int), objects=np.array(rows, dtype=int))
-    return KeyframeProblem.of(POSES, MODEL, predicted, MODEL.collect(detections), assignments)
+    return KeyframeProblem.of(POSES_IN_PLANE, MODEL, predicted, MODEL.collect(detections), assignments)
 
 
 def measured(errors: np.ndarray) -> list[PlanarDetection]:

@@ -45,7 +45,7 @@ def test_the_factor_and_the_prediction_agree_on_the_posterior() -> None:
     """GTSAM's optimum and marginal with the factor are those of one linear look, to second order in the angles."""
     off, spread = np.array([0.01, -0.02, 0.0]), np.diag([0.03, 0.02, 0.02, 0.1, 0.1, 0.1]) ** 2
     gravity, graph, values = look(off), gtsam.NonlinearFactorGraph(), gtsam.Values()
-    graph.add(SPACE.prior_factor(0, TILTED, spread))
+    graph.add(SPACE.prior_factors(0, TILTED, spread)[0])
     graph.add(gravity.factor(0))
     SPACE.insert(values, 0, TILTED)
     optimum = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()

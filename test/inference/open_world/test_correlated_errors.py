@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from worlds.drives.open_room import make_room
 from worlds.same_beliefs import assert_same
 
-from semantic_slam import Configuration, Detection, Engine, Keyframe
+from semantic_slam import Configuration, Detection, Engine, HybridBelief, Keyframe
 from semantic_slam.contracts.forgetful_pool import ForgetfulPool
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
@@ -164,17 +164,47 @@ def test_the_evidence_is_that_of_the_joint_gaussian_of_two_objects_in_every_fram
     assert found == pytest.approx(expected, abs=0.02)
 
 
-def test_what_the_sensor_always_gets_wrong_is_that_of_the_joint_gaussian() -> None:
-    plain, world = JointGaussian(0.9), JointGaussian(0.9, SENSOR)
+@pytest.mark.parametrize("share", [0.9, 1e-4, 1e-12, 5e-324])
+def test_what_the_sensor_always_gets_wrong_is_that_of_the_joint_gaussian(share: float) -> None:
+    plain, world = JointGaussian(share), JointGaussian(share, SENSOR)
     without, deviations = plain.deviations(), world.deviations()
-    engine, log_evidence = drive(0.9, deviations, SENSOR)
+    engine, log_evidence = drive(share, deviations, SENSOR)
     expected = world.log_density(deviations) - plain.log_density(without)
-    assert log_evidence - drive(0.9, without)[1] == pytest.approx(expected, abs=0.03)
+    assert log_evidence - drive(share, without)[1] == pytest.approx(expected, abs=0.03)
     mean, sigma = world.sensor_after(deviations)
     tracked = next(iter(engine.pool._backends[0].held.values())).component.tracked
     np.testing.assert_allclose(tracked.sensor[:, 1], sigma, rtol=0.02)
     np.testing.assert_allclose(tracked.sensor[:, 0], mean, atol=0.05 * sigma.max())
     assert sigma.max() < 0.5
+
+
+def at_rest(share: float, exact: float) -> HybridBelief:
+    """Of a robot that misses one of two things now and then; noise is smaller than usual by a factor ``exact``."""
+    errors = {"correlated_share": share, "sigma_yaw_rad": 0.03, "sigma_range_offset_m": 0.05}
+    settings = replace(configuration(errors, field_of_view_rad=3.0), association="given")
+    engine = Engine(settings, initial_pose=np.zeros(3), initial_covariance=np.diag([0.013, 0.013, 0.0046]) ** 2)
+    places, random = {"a": (2.3, 0.05), "b": (4.4, -0.03)}, np.random.default_rng(3)
+    sigmas = np.array([0.04, 0.01]) / exact
+    for k, seen in enumerate(["ab", "a", "ab", "b", "ab", "a", "ab"]):
+        detections = []
+        for name in seen:
+            reach, bearing = places[name] + sigmas * random.normal(size=2)
+            detections.append(
+                Detection(range_m=reach, bearing_rad=bearing, track_id=name, covariance=np.diag(sigmas) ** 2)
+            )
+        belief = engine.process(Keyframe.planar(k, detections=detections, motion_sigmas=(0.01, 0.01, 0.01)))
+    return belief
+
+
+@pytest.mark.parametrize("exact", [1.0, 50.0])
+@pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-9, 1e-300])
+def test_constant_errors_are_told_from_those_that_repeat_however_little_that_is(share: float, exact: float) -> None:
+    """To what a share of a thousandth changes, which may be more for sensors that are very exact."""
+    found, expected = at_rest(share, exact), at_rest(1e-3, exact)
+    np.testing.assert_allclose(found.poses, expected.poses, atol=1e-4)
+    np.testing.assert_allclose(found.object_poses, expected.object_poses, atol=2e-3)
+    np.testing.assert_allclose(found.noise_values, expected.noise_values, atol=2e-4)
+    np.testing.assert_allclose(found.noise_sigmas, expected.noise_sigmas, rtol=0.01)
 
 
 @pytest.mark.parametrize("share", [0.9, 0.0])

@@ -214,7 +214,8 @@ def test_every_view_has_one_factor_and_exact_ones_become_linear(drive) -> None:
     in_graph = sum(factors.exists(i) for i in range(factors.size()))
     objects = len(OBJECTS)
     descriptors = smoother.num_descriptors
-    assert in_graph == poses + objects + descriptors + 2 * len(smoother.factor_table)
+    priors = 2 * objects  # of position and heading each
+    assert in_graph == poses + priors + descriptors + 2 * len(smoother.factor_table)
 
 
 @pytest.mark.slow

@@ -107,12 +107,12 @@ def test_a_consumed_smoother_says_so_whatever_it_is_asked() -> None:
 def test_a_lost_one_does_not_take_the_others_along() -> None:
     parent = root(SemanticFactorMaker(SPACES, CLASSES))
     broken = classed(0, 0.0)
-    broken.graph.add(MANIFOLD.prior_factor(ROBOT[7], np.zeros(3), np.eye(3)))  # of a variable that is not there
+    broken.graph.add(MANIFOLD.prior_factors(ROBOT[7], np.zeros(3), np.eye(3))[0])  # of a variable that is not there
     found = update_all([parent] * 3, [classed(0, 0.0), broken, classed(0, 0.2)])
     assert [isinstance(one, LostComponentError) for one in found] == [False, True, False]
     with pytest.raises(LostComponentError, match="update failed"):
         broken = classed(0, 0.0)
-        broken.graph.add(MANIFOLD.prior_factor(ROBOT[7], np.zeros(3), np.eye(3)))
+        broken.graph.add(MANIFOLD.prior_factors(ROBOT[7], np.zeros(3), np.eye(3))[0])
         extend(parent, broken)
 
 
@@ -180,7 +180,7 @@ def test_objects_that_nobody_has_seen_need_not_be_optimised(monkeypatch: pytest.
     semantics = SemanticFactorMaker(SPACES, CLASSES)
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for key, mean in {ROBOT[0]: np.zeros(3), TARGET: OBJECT, **far}.items():
-        graph.add(MANIFOLD.prior_factor(key, mean, 0.5**2 * np.eye(3)))
+        graph.add(MANIFOLD.prior_factors(key, mean, 0.5**2 * np.eye(3))[0])
         MANIFOLD.insert(values, key, mean)
     smoother = Smoother.of(SPACES, semantics, graph, values)
     seen = detection(np.array([0.4, -0.3, 0.2]), np.array([0.6, 0.4]))

@@ -141,7 +141,9 @@ def test_a_factor_does_not_fall_behind_a_creeping_view() -> None:
     smoother = root(semantics)
     for k in range(8):
         extension = classed(k, 0.0)
-        turn = MANIFOLD.prior_factor(TARGET, OBJECT + np.array([0.0, 0.0, 0.07 * (k + 1)]), 1e-4 * 0.3**k * np.eye(3))
+        turn = MANIFOLD.prior_factors(TARGET, OBJECT + np.array([0.0, 0.0, 0.07 * (k + 1)]), 1e-4 * 0.3**k * np.eye(3))[
+            0
+        ]
         extension.graph.add(turn)
         smoother = extend(smoother, extension)
     rows = smoother.factor_table.linear_rows()

@@ -26,8 +26,8 @@ PLACES = np.array([[2.5, 2.4, 0.8], [2.0, 3.5, 0.1]])
 
 def flight(spaces: Spaces, *, gravity: bool = False) -> tuple[list, gtsam.Values]:
     """Four poses along two objects of a map that may lie anywhere and turn; all fits."""
-    factors, values = [spaces.robot.prior_factor(robot_key(0), START, 1e4 * np.eye(6))], gtsam.Values()
-    objects = PLACES if not spaces.are_same else np.column_stack([PLACES, np.tile(so3.exp(np.ones(3)), (2, 1))])
+    factors, values = spaces.robot.prior_factors(robot_key(0), START, 1e4 * np.eye(6)), gtsam.Values()
+    objects = PLACES if not spaces.are_alike else np.column_stack([PLACES, np.tile(so3.exp(np.ones(3)), (2, 1))])
     for number, state in enumerate(objects):
         spaces.landmark.insert(values, object_key(number), state)
     x = START
@@ -43,7 +43,7 @@ def flight(spaces: Spaces, *, gravity: bool = False) -> tuple[list, gtsam.Values
             factors.append(Gravity(so3.matrix(x[3:])[2], 1e-4).factor(robot_key(k)))
         for number, state in enumerate(objects):
             keys = robot_key(k), object_key(number)
-            if spaces.are_same:
+            if spaces.are_alike:
                 factors.append(spaces.robot.between_factor(*keys, se3.between(x, state), 1e-4 * np.eye(6)))
             else:
                 factors.append(SpatialObservation().geometry_factor(ray_to(x, state), keys))
@@ -62,7 +62,7 @@ def summarised(spaces: Spaces, **others: bool) -> tuple[Summary, gtsam.Values]:
     factors, values = flight(spaces, **others)
     gone = [robot_key(k) for k in range(3)]
     touched = [factor for factor in factors if not set(gone).isdisjoint(factor.keys())]
-    anchors = {} if spaces.are_same else {object_key(0): START[:3]}
+    anchors = {} if spaces.are_alike else {object_key(0): START[:3]}
     return summary_of(spaces, touched, values, gone, anchors), values
 
 

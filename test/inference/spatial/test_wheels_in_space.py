@@ -51,7 +51,9 @@ def test_twenty_metres_straight_keep_height_and_the_plane_is_as_before() -> None
     wide, tight = before.pose_covariances[0], found.pose_covariances[0]
     assert np.sqrt(wide[2, 2]) > 0.9 and np.sqrt(tight[2, 2]) < 0.01
     assert np.sqrt(np.diagonal(tight)[3:5]).max() < 0.001
-    np.testing.assert_allclose(tight[np.ix_(IN_PLANE, IN_PLANE)], wide[np.ix_(IN_PLANE, IN_PLANE)], rtol=1e-6)
+    across = np.ix_(IN_PLANE[1:], IN_PLANE[1:])
+    np.testing.assert_allclose(tight[across], wide[across], rtol=5e-3)
+    assert tight[0, 0] < wide[0, 0]  # a pitch that nobody knows shortens the way along an arc
     np.testing.assert_allclose(found.poses, before.poses, atol=1e-9)
 
 

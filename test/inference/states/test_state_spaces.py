@@ -6,9 +6,13 @@ import numpy as np
 from semantic_slam.contracts.state_space import COUNT, SpacesContract, StateSpaceContract
 from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.pose import pose_vector_from_planar
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE
 from semantic_slam.inference.models.planar.point_observation import POSES_AND_POINTS
+from semantic_slam.inference.models.spatial.views import POSES_IN_SPACE
+from semantic_slam.inference.states.kinds.planar_objects import PlanarObjects
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.kinds.planar_positions import PlanarPositions
+from semantic_slam.inference.states.kinds.spatial_objects import SpatialObjects
 from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses
 from semantic_slam.inference.states.kinds.spatial_positions import SpatialPositions
 from semantic_slam.inference.states.spaces import Spaces
@@ -42,6 +46,27 @@ class TestPlanarPoses(StateSpaceContract):
         return state[:2] + turned(state[2], point)
 
 
+class TestPlanarObjects(TestPlanarPoses):
+    space = PlanarObjects()
+    largest_propagated = 1e-6
+
+    def test_a_turn_does_not_bend_a_shift(self, random: np.random.Generator) -> None:
+        x, t = self.states(random), self.tangents(random)
+        shifted = t * [1.0, 1.0, 0.0]
+        np.testing.assert_allclose(self.space.retract(x, t)[:, :2], self.space.retract(x, shifted)[:, :2], atol=1e-12)
+
+    def test_the_prior_s_factors_are_the_gaussian_of_position_and_heading(self, random: np.random.Generator) -> None:
+        """Far from the mean, too: three radians off, half a metre aside."""
+        mean, at = np.array([0.3, -2.0, 0.7]), np.array([0.8, -1.9, -2.6])
+        spread = np.array([[0.09, 0.03, 0.0], [0.03, 0.04, 0.0], [0.0, 0.0, 9.0]])
+        values = gtsam.Values()
+        self.space.insert(values, 0, at)
+        off = np.append(turned(-mean[2], (at - mean)[:2]), at[2] - mean[2] + 2.0 * np.pi * (at[2] - mean[2] < -np.pi))
+        factors = self.space.prior_factors(0, mean, spread)
+        expected = 0.5 * off @ np.linalg.solve(spread, off)
+        assert abs(sum(factor.error(values) for factor in factors) - expected) < 1e-9
+
+
 class TestPlanarPositions(StateSpaceContract):
     space = PlanarPositions()
 
@@ -68,6 +93,12 @@ class TestPosesAmongPoses(PlanarSpacesContract):
 
     def camera_from_landmark(self, x: np.ndarray, o: np.ndarray, sensor: np.ndarray) -> np.ndarray:
         return turned(-o[2], level(x) + turned(x[2], sensor) - level(o))
+
+
+class TestPosesAmongObjects(TestPosesAmongPoses):
+    """Their own arithmetic for robot and objects at once, by which rows of both kinds are moved."""
+
+    spaces = POSES_IN_PLANE
 
 
 class TestPositionsAmongPositions(PlanarSpacesContract):
@@ -123,6 +154,26 @@ class TestSpatialPoses(StateSpaceContract):
         return state[:3] + rotation(state) @ point
 
 
+class TestSpatialObjects(TestSpatialPoses):
+    space = SpatialObjects()
+    largest_propagated = 1e-6
+
+    def test_a_turn_does_not_bend_a_shift(self, random: np.random.Generator) -> None:
+        x, t = self.states(random), self.tangents(random)
+        shifted = t * np.repeat([0.0, 1.0], 3)
+        np.testing.assert_allclose(self.space.retract(x, t)[:, :3], self.space.retract(x, shifted)[:, :3], atol=1e-12)
+
+    def test_the_prior_s_factors_are_the_gaussian_of_position_and_attitude(self, random: np.random.Generator) -> None:
+        mean, off = self.states(random, 1)[0], np.array([0.2, -0.4, 2.0, 0.5, 0.1, -0.3])
+        root = random.normal(size=(2, 3, 3))
+        spread = np.zeros((6, 6))
+        spread[:3, :3], spread[3:, 3:] = root @ np.swapaxes(root, 1, 2) + np.eye(3)
+        values = gtsam.Values()
+        self.space.insert(values, 0, self.space.retract(mean, off))
+        error = sum(factor.error(values) for factor in self.space.prior_factors(0, mean, spread))
+        assert abs(error - 0.5 * off @ np.linalg.solve(spread, off)) < 1e-6
+
+
 class TestSpatialPositions(StateSpaceContract):
     space = SpatialPositions()
 
@@ -147,6 +198,10 @@ class TestSpatialPosesAmongPoses(SpacesContract):
 
     def camera_from_landmark(self, x: np.ndarray, o: np.ndarray, sensor: np.ndarray) -> np.ndarray:
         return rotation(o).T @ (x[:3] + rotation(x) @ sensor - o[:3])
+
+
+class TestSpatialPosesAmongObjects(TestSpatialPosesAmongPoses):
+    spaces = POSES_IN_SPACE
 
 
 def test_a_pose_in_the_plane_moves_in_space_as_in_the_plane() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 from worlds.bags.bag_factory import Entry, map_prior, of_topic
+from worlds.bags.places import relative_positions
 from worlds.bags.raw_image import raw_image
 
 from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
@@ -91,6 +92,17 @@ def varied(message: Any) -> None:
     message.scores = 0.5 + 0.4 * np.sin(np.arange(len(message.labels)) + stamp_ns(message.header.stamp) / 1e9)
 
 
+def of_lidar(message: Any) -> None:
+    message.header.frame_id = "lidar"
+
+
+def beside_positions(entries: Entries) -> Entries:
+    """Boxes without pictures, each with the position of its object in the body frame."""
+    for number, entry in enumerate(of_topic(entries, topics.DETECTIONS)):
+        entry.message.positions = relative_positions(number).ravel()
+    return [each for each in entries if each.topic not in (topics.IMAGE_COMPRESSED, topics.DEPTH_COMPRESSED)]
+
+
 def emptied(message: Any) -> None:
     message.labels, message.track_ids = [], []
     message.boxes, message.scores = np.zeros(0), np.zeros(0)
@@ -130,6 +142,16 @@ def sparse(entries: Entries) -> Entries:
     """Every fourth odometry sample, of 0.4 m each."""
     dropped = [entry for n, entry in enumerate(of_topic(entries, topics.ODOMETRY)) if n % 4]
     return [entry for entry in entries if not any(entry is other for other in dropped)]
+
+
+def every_other(topic: str) -> Callable[[Entries], Entries]:
+    """Leave out every second message of a topic."""
+
+    def plant(entries: Entries) -> Entries:
+        dropped = of_topic(entries, topic)[1::2]
+        return [entry for entry in entries if not any(entry is other for other in dropped)]
+
+    return plant
 
 
 def renamed(entries: Entries) -> Entries:

@@ -3,11 +3,24 @@
 from dataclasses import replace
 
 import numpy as np
-from worlds.bags.bag_factory import OBJECTS, SPEED_M, Entry, frame_stamp, input_entries, odometry, of_topic
+from worlds.bags.bag_factory import (
+    OBJECTS,
+    OPTICAL,
+    SPEED_M,
+    T_BASE_CAMERA,
+    Entry,
+    frame_stamp,
+    input_entries,
+    odometry,
+    of_topic,
+    static_transform,
+)
 
+from semantic_slam.geometry.transform import inverse
 from semantic_slam.messages import topics
-from semantic_slam.messages.codec import to_message
+from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.perception.frame import Detections
+from semantic_slam.perception.places import in_body_frame
 
 NUM_FRAMES = 4
 
@@ -26,6 +39,15 @@ def place_entries(told: str, num_frames: int = NUM_FRAMES, track_ids: tuple[str,
         found = _detections(frame_stamp(k), relative_positions(k), told, track_ids)
         entries.append(Entry(topics.DETECTIONS, to_message(found), frame_stamp(k)))
     return sorted(entries, key=lambda entry: entry.stamp_ns)
+
+
+def told_by_sensor(entries: list[Entry], *, is_mounted: bool = True) -> list[Entry]:
+    """Positions as the camera's frame has them; ``is_mounted``: /tf_static tells where on the body that is."""
+    for entry in of_topic(entries, topics.DETECTIONS):
+        entry.message = to_message(in_body_frame(from_message(entry.message), inverse(T_BASE_CAMERA), OPTICAL))
+    start_ns = entries[0].stamp_ns
+    mount = Entry(topics.TF_STATIC, static_transform(start_ns, OPTICAL, T_BASE_CAMERA), start_ns)
+    return [mount, *entries] if is_mounted else entries
 
 
 def _detections(stamp_ns: int, positions: np.ndarray, told: str, track_ids: tuple[str, ...]) -> Detections:

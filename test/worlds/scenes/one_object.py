@@ -41,7 +41,7 @@ def extend(smoother: Smoother, extension: Extension) -> Smoother:
 def root(semantics: SemanticFactorMaker) -> Smoother:
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for key, mean, sigma in ((ROBOT[0], np.zeros(3), 0.1), (TARGET, OBJECT, 0.1)):
-        graph.add(MANIFOLD.prior_factor(key, mean, sigma**2 * np.eye(3)))
+        graph.add(MANIFOLD.prior_factors(key, mean, sigma**2 * np.eye(3))[0])
         MANIFOLD.insert(values, key, mean)
     return Smoother.of(SPACES, semantics, graph, values)
 

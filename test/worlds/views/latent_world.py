@@ -13,16 +13,15 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.inputs.planar_reader import PlanarReader
 from semantic_slam.inference.models.latent.observation import LatentObservation
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.semantics.descriptor_tables import DescriptorTables
 from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
-from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
-from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.problem import Problem
 
 MODEL = HarmonicModel()
-SPACES = Spaces.same(PlanarPoses())
+SPACES = POSES_IN_PLANE
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,12 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.planar.detection import PlanarDetection
-from semantic_slam.inference.models.planar.observation import PlanarObservation
+from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE, PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.states.gaussian import GaussianPrior
-from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
-from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem
 from semantic_slam.registry import ASSOCIATIONS
@@ -106,7 +104,7 @@ def problem_of(run: Run, method: Method, seed: int) -> Problem:
     uniform = np.full(len(class_names), 1.0 / max(len(class_names), 1))
     covariance = np.diag(scenario.object_variance)
     return Problem(
-        spaces=Spaces.same(PlanarPoses()),
+        spaces=POSES_IN_PLANE,
         model=PlanarObservation(model, PlanarVisibility(scenario.max_range_m, scenario.field_of_view_rad)),
         reader=PreparedSteps([_step(run, k, frame, model) for k, frame in enumerate(run.frames)]),
         robot=GaussianPrior(scenario.start_mean, np.diag(scenario.start_variance)),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.configuration import DetectionErrorsConfiguration
+from semantic_slam.inference.models.correlated_errors import share_of
 from semantic_slam.inference.states.outlier_counts import OutlierCounts
 
 
@@ -25,7 +26,7 @@ class HeavyTail:
         """Under what a hypothesis takes errors to be, updated by its ``counts``; None: no detection is an outlier."""
         if settings.outlier_share <= 0.0:
             return None
-        repeated = settings.correlated_share
+        repeated = share_of(settings)
         width = float(np.sqrt((settings.outlier_factor - repeated) / (1.0 - repeated)))
         return cls(counts.share(settings.outlier_share, settings.outlier_counts), width)
 

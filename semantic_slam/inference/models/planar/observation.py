@@ -29,12 +29,13 @@ from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.scored_views import ScoredViews
 from semantic_slam.inference.models.view_scores import ViewScores
 from semantic_slam.inference.states.gaussian import GaussianPrior
+from semantic_slam.inference.states.kinds.planar_objects import PlanarObjects
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces
 from semantic_slam.viewpoint.model import ViewpointModel
 from semantic_slam.viewpoint.outliers import OutlierScores
 
-POSES = Spaces.same(PlanarPoses())
+POSES_IN_PLANE = Spaces(PlanarPoses(), PlanarObjects())
 
 
 class PlanarObservation(ScoredViews):
@@ -120,7 +121,7 @@ class PlanarObservation(ScoredViews):
         if detection.has_range:
             return range_factor(detection, keys)
         collected = self.collect([detection])
-        return bearing_factor(POSES, lambda x, o: self.geometry(collected, x, o), Sighting(detection, keys))
+        return bearing_factor(POSES_IN_PLANE, lambda x, o: self.geometry(collected, x, o), Sighting(detection, keys))
 
     def bearing_sigma(self, x: Array, o: Array, covariance: Array, charts: Array) -> Array:
         """Standard deviation of the bearing, from the covariance of the object in the body frame."""

@@ -52,6 +52,10 @@ class RangePrior(GaussianPrior):
         """With the camera position of another ``robot`` (7,); the object starts at ``mean`` (s,)."""
         return replace(self, mean=mean, anchor=robot[:3] + so3.rotated(robot[3:], self.sensor))
 
+    def factors(self, space: StateSpace, key: int) -> list[Any]:
+        """GTSAM's factors of the prior: one, of the distance along the ray."""
+        return [self.factor(space, key)]
+
     def factor(self, space: StateSpace, key: int) -> Any:
         """GTSAM factor: deviation of the log distance from the anchor, in standard deviations."""
 

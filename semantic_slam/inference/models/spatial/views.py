@@ -12,11 +12,12 @@ from semantic_slam.geometry import se3, so3
 from semantic_slam.geometry.arrays import Array, squared_norms
 from semantic_slam.inference.models.repeated_rows import repeated
 from semantic_slam.inference.models.view_scores import Slopes
+from semantic_slam.inference.states.kinds.spatial_objects import SpatialObjects
 from semantic_slam.inference.states.kinds.spatial_poses import SpatialPoses
 from semantic_slam.inference.states.spaces import LEAST_DISTANCE_M, Spaces, viewpoints_of
 from semantic_slam.viewpoint.model import Viewpoints
 
-POSES_IN_SPACE = Spaces.same(SpatialPoses())
+POSES_IN_SPACE = Spaces(SpatialPoses(), SpatialObjects())
 LEAST_COSINE = 1e-3
 """Least cosine of an elevation in Jacobians of azimuths, which are unbounded right above an object."""
 

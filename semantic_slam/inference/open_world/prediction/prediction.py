@@ -10,7 +10,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.association.gating import PairDensities
 from semantic_slam.inference.evidence.keyframe_problem import PredictedBelief
-from semantic_slam.inference.models.correlated_errors import PredictedErrors
+from semantic_slam.inference.models.correlated_errors import PredictedErrors, share_of
 from semantic_slam.inference.models.step import AssociatedDetection
 from semantic_slam.inference.open_world.births import Birth
 from semantic_slam.inference.open_world.existence import LEAST_DETECTION_SHARE, LEAST_PROBABILITY
@@ -159,6 +159,6 @@ class Prediction:
         slope = np.zeros((3, self.local.num_errors))
         if self.errors is None:
             return born.noise, slope
-        share = self.errors.transition.white.settings.correlated_share
+        share = share_of(self.errors.transition.white.settings)
         slope[:, 2 * number : 2 * number + 2] = -np.sqrt(share) * born.by_error
         return born.noise - share * born.by_error @ born.by_error.T, slope

@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dpotrf, dpotri
 
 from semantic_slam.configuration import DetectionErrorsConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
-from semantic_slam.inference.models.correlated_errors import ErrorTransition
+from semantic_slam.inference.models.correlated_errors import ErrorTransition, share_of
 from semantic_slam.inference.models.noise.noise_settings import errors_under
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.smoothing.component import Component
@@ -142,7 +142,7 @@ def _errors(
             repeated[now, : now.start], repeated[: now.start, now] = cross, cross.T
             repeated[now, now] += cross[:, before] @ step.matrix.T
     kept = np.array([firsts[k] + 2 * n + part for k, n in rows for part in range(2)], dtype=int)
-    share = settings.correlated_share
+    share = share_of(settings)
     return np.asarray(share * repeated[np.ix_(kept, kept)] + (1.0 - share) * np.eye(len(kept)))
 
 

@@ -43,7 +43,7 @@ def deviations(
     robot, objects = _states(spaces, keys, values)
     told, told_robot = np.split(before, [-spaces.storage.robot])
     told = told.reshape(objects.shape)
-    if spaces.are_same:
+    if spaces.are_alike:
         found, by_robot, by_object = _of_poses(spaces, robot, objects, told)
     else:
         found, by_robot, by_object = _of_points(spaces, robot, objects, told)

@@ -36,7 +36,7 @@ def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2
     after a few overshoot: from then on a step after which the total error would be larger than before is halved,
     repeatedly. Raises RuntimeError when the system is indeterminate.
     """
-    factors = factors.in_one_part()
+    factors, factorization = factors.in_one_part(), isam.params().getFactorization()
     before: _Anew | None = None
     for time in range(MOST_TIMES):
         at = factors.charts.located(isam.getDelta().vector())
@@ -51,7 +51,7 @@ def relinearised(isam: gtsam.ISAM2, factors: LinearFactors) -> tuple[gtsam.ISAM2
             share *= 0.5
             anew = _Anew.about(_after(isam, factors, share), others, factors)
         before = anew
-        isam, factors = anew.held()
+        isam, factors = anew.held(factorization)
     return isam, factors
 
 
@@ -94,12 +94,12 @@ class _Anew:
         measured = sum(0.5 * float(squared_norms(own.constant + own.of.offset).sum()) for own in self.made)
         return measured + float(self.others.error(self.values))
 
-    def held(self) -> tuple[gtsam.ISAM2, LinearFactors]:
+    def held(self, factorization: str) -> tuple[gtsam.ISAM2, LinearFactors]:
         """An iSAM2 that holds the relinearised factors, with charts about the values."""
         graph = gtsam.NonlinearFactorGraph(self.others)
         for own in self.made:
             graph.push_back(own.factors())
-        fresh = single_step_isam(self.empty.charts.spaces, errors_repeat=True)
+        fresh = single_step_isam(self.empty.charts.spaces, errors_repeat=True, factorization=factorization)
         try:
             fresh.update(graph, self.values)
         except RuntimeError:  # too poorly conditioned for Cholesky

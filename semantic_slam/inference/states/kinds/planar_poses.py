@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import gtsam
 import numpy as np
 
-from semantic_slam.geometry import se2
+from semantic_slam.geometry import arc_moments, se2
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import covariance_from_planar, pose_vector_from_planar
 
@@ -104,6 +104,9 @@ class PlanarPoses:
     def covariances(self, states: Array, covariances: Array) -> Array:
         return covariance_from_planar(se2.rotate_covariance(states, covariances))
 
+    def moments(self, states: Array, covariances: Array) -> Array:
+        return covariance_from_planar(arc_moments.planar(states, covariances))
+
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         values.insert(key, gtsam.Pose2(*state.tolist()))
 
@@ -114,8 +117,8 @@ class PlanarPoses:
     def states(self, values: gtsam.Values) -> Array:
         return np.asarray(gtsam.utilities.extractPose2(values))
 
-    def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
-        return gtsam.PriorFactorPose2(key, gtsam.Pose2(*mean), gtsam.noiseModel.Gaussian.Covariance(covariance))
+    def prior_factors(self, key: int, mean: Array, covariance: Array) -> list[Any]:
+        return [gtsam.PriorFactorPose2(key, gtsam.Pose2(*mean), gtsam.noiseModel.Gaussian.Covariance(covariance))]
 
     def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
         noise = gtsam.noiseModel.Gaussian.Covariance(covariance)

@@ -90,11 +90,14 @@ class Positions:
         full[..., :size, :size] = covariances
         return full
 
+    def moments(self, states: Array, covariances: Array) -> Array:
+        return self.covariances(states, covariances)
+
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         values.insert(key, np.asarray(state))
 
-    def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
-        return self.prior(key, np.asarray(mean), gtsam.noiseModel.Gaussian.Covariance(covariance))
+    def prior_factors(self, key: int, mean: Array, covariance: Array) -> list[Any]:
+        return [self.prior(key, np.asarray(mean), gtsam.noiseModel.Gaussian.Covariance(covariance))]
 
     def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
         noise = gtsam.noiseModel.Gaussian.Covariance(covariance)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import gtsam
 import numpy as np
 
-from semantic_slam.geometry import se3, so3
+from semantic_slam.geometry import arc_moments, se3, so3
 from semantic_slam.geometry.arrays import Array
 
 
@@ -94,8 +94,11 @@ class SpatialPoses:
     def covariances(self, states: Array, covariances: Array) -> Array:
         return se3.covariance_along_parent(states, covariances)
 
+    def moments(self, states: Array, covariances: Array) -> Array:
+        return arc_moments.spatial(states, covariances)
+
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
-        values.insert(key, _pose(state))
+        values.insert(key, gtsam_pose(state))
 
     def state(self, values: gtsam.Values, key: int) -> Array:
         pose = values.atPose3(key)
@@ -105,14 +108,15 @@ class SpatialPoses:
         rows = np.asarray(gtsam.utilities.extractPose3(values))  # rotation row by row, then translation
         return np.concatenate([rows[:, 9:], so3.from_matrix(rows[:, :9].reshape(-1, 3, 3))], axis=1)
 
-    def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
-        return gtsam.PriorFactorPose3(key, _pose(mean), gtsam.noiseModel.Gaussian.Covariance(covariance))
+    def prior_factors(self, key: int, mean: Array, covariance: Array) -> list[Any]:
+        return [gtsam.PriorFactorPose3(key, gtsam_pose(mean), gtsam.noiseModel.Gaussian.Covariance(covariance))]
 
     def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
         noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
-        return gtsam.BetweenFactorPose3(key, next_key, _pose(control), noise)
+        return gtsam.BetweenFactorPose3(key, next_key, gtsam_pose(control), noise)
 
 
-def _pose(state: Array) -> gtsam.Pose3:
+def gtsam_pose(state: Array) -> gtsam.Pose3:
+    """GTSAM's pose of a state (7,)."""
     qx, qy, qz, qw = state[3:].tolist()
     return gtsam.Pose3(gtsam.Rot3.Quaternion(qw, qx, qy, qz), np.asarray(state[:3]))

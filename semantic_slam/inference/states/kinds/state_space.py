@@ -89,7 +89,10 @@ class StateSpace(StateArithmetic, Protocol):
         """(..., 7) pose vectors of the states, as messages have them."""
 
     def covariances(self, states: Array, covariances: Array) -> Array:
-        """(..., d, d) in the tangent spaces at the states to (..., 6, 6) along the axes of map."""
+        """(..., d, d) in the tangent spaces at the states to (..., 6, 6) along the axes of map, to first order."""
+
+    def moments(self, states: Array, covariances: Array) -> Array:
+        """(..., 6, 6) second moments about the states, along the axes of map: of robots, which err along arcs."""
 
     def insert(self, values: gtsam.Values, key: int, state: Array) -> None:
         """Insert one state (s,) into GTSAM values."""
@@ -100,8 +103,8 @@ class StateSpace(StateArithmetic, Protocol):
     def states(self, values: gtsam.Values) -> Array:
         """(n, s) of all variables of this type, by ascending key."""
 
-    def prior_factor(self, key: int, mean: Array, covariance: Array) -> Any:
-        """Gaussian prior; covariance in the tangent space at the mean."""
+    def prior_factors(self, key: int, mean: Array, covariance: Array) -> list[Any]:
+        """Factors of a Gaussian prior; covariance in the tangent space at the mean."""
 
     def between_factor(self, key: int, next_key: int, control: Array, covariance: Array) -> Any:
         """Motion model P(x_k | x_{k-1}, u)."""

@@ -176,8 +176,8 @@ RANGE, BEARING, SIGMAS = 3.0, 0.1, np.array([0.02, 0.005])
 DENSITY, DETECTED, CLUTTER, STAY = 1e-3, 0.8, 0.05, 30.0
 
 
-@pytest.mark.parametrize("moved_m", [0.0, 0.05, 0.4])
-def test_the_evidence_of_two_frames_is_that_of_all_explanations(moved_m: float) -> None:
+@pytest.mark.parametrize(("moved_m", "clutter"), [(0.0, 0.05), (0.05, 0.05), (0.4, 0.05), (1.1, 200.0)])
+def test_the_evidence_of_two_frames_is_that_of_all_explanations(moved_m: float, clutter: float) -> None:
     """Standing still, moving, or two different things: in closed form, in a region that nothing leaves."""
     settings = Configuration.of(
         association="open",
@@ -187,7 +187,7 @@ def test_the_evidence_of_two_frames_is_that_of_all_explanations(moved_m: float) 
             "merge_position_m": 0.0,
             "occluder_radius_m": 0.0,
             "detection_probability": DETECTED,
-            "clutter_per_frame": CLUTTER,
+            "clutter_per_frame": clutter,
             "birth_density": DENSITY,
             "min_range_m": 0.0,
             "max_range_m": 300.0,
@@ -203,7 +203,7 @@ def test_the_evidence_of_two_frames_is_that_of_all_explanations(moved_m: float) 
     engine, sure = Engine(settings), [1e-6, 1e-6, 1e-6]
     ranges = [RANGE, RANGE + moved_m]
     for k, reach in enumerate(ranges):
-        engine.process(
+        belief = engine.process(
             Keyframe.planar(k, motion_sigmas=sure, detections=[Detection(range_m=reach, bearing_rad=BEARING)])
         )
     expected = explanations(settings, ranges)
@@ -216,35 +216,53 @@ def test_the_evidence_of_two_frames_is_that_of_all_explanations(moved_m: float) 
         found[same if second.association == first.association else "other"] = np.exp(live.log_weight)
     for name, share in shares.items():
         assert found.get(name, 0.0) == pytest.approx(share, rel=5e-3, abs=1e-12)
+    exists, moves = first_object(settings, ranges, shares)
+    assert belief.existence[0] == pytest.approx(exists, rel=5e-3)
+    assert belief.moving[0] == pytest.approx(moves, rel=5e-3)
+
+
+def first_object(settings: Configuration, ranges: list[float], shares: dict[str, float]) -> tuple[float, float]:
+    """P(the first object exists), and P(it moves | it exists): one thing, or the first of two, missed since."""
+    seen_once = DETECTED * DENSITY / (DETECTED * DENSITY + clutter_density(settings))
+    exists_missed = seen_once * (1.0 - DETECTED) / (1.0 - seen_once * DETECTED)
+    by_size = sizes(settings, ranges)
+    there = {"stands": shares["stands"], "moves": shares["moves"], "other": shares["other"] * exists_missed}
+    moves = {"moves": 1.0 - by_size[0] / by_size.sum(), "other": SHARE * 2.0 / 3.0}  # one size of three is 0
+    exists = sum(there.values())
+    return exists, sum(there[name] * own for name, own in moves.items()) / exists
+
+
+def clutter_density(settings: Configuration) -> float:
+    """False alarms per square metre."""
+    return settings.open_world.clutter_per_frame / (np.pi * settings.open_world.max_range_m**2)
+
+
+def sizes(settings: Configuration, ranges: list[float]) -> np.ndarray:
+    """Per metre and radian, the density of the second place of something that moves, by the size of its speed."""
+    speeds, steady = np.array(settings.moving.speeds_m_s), settings.moving.steadiness_s
+    variances = 2.0 * (speeds * steady) ** 2 * (1.0 / steady + np.expm1(-1.0 / steady))
+    across = variances + SIGMAS[1] ** 2 * float(np.sum(np.square(ranges)))
+    return ranges[1] * gaussian(ranges[1] - ranges[0], 2.0 * SIGMAS[0] ** 2 + variances) * gaussian(0.0, across)
+
+
+def gaussian(offset: float, variance: np.ndarray | float) -> np.ndarray:
+    return np.exp(-0.5 * offset**2 / np.asarray(variance)) / np.sqrt(2.0 * np.pi * np.asarray(variance))
 
 
 def explanations(settings: Configuration, ranges: list[float]) -> dict[str, float]:
     """P(Z_1, Z_2, explanation) of one detection in each of two frames, straight ahead of each other."""
-    area = np.pi * settings.open_world.max_range_m**2
-    clutter = CLUTTER / area
+    area, clutter = np.pi * settings.open_world.max_range_m**2, clutter_density(settings)
     first = DETECTED * DENSITY + clutter
     exists = DETECTED * DENSITY / first
     unseen = max((1.0 - DETECTED) ** 1, settings.open_world.least_undetected_share)
     second = DETECTED * DENSITY * unseen + clutter
-    apart = ranges[1] - ranges[0]
-
-    def gaussian(offset: float, variance: float) -> float:
-        return float(np.exp(-0.5 * offset**2 / variance) / np.sqrt(2.0 * np.pi * variance))
-
-    def moved(variance: float) -> float:
-        """Per metre and radian, of a place that is elsewhere by so much along and across."""
-        across = variance + SIGMAS[1] ** 2 * float(np.sum(np.square(ranges)))
-        return ranges[1] * gaussian(apart, 2.0 * SIGMAS[0] ** 2 + variance) * gaussian(0.0, across)
-
-    stands = gaussian(apart, 2.0 * SIGMAS[0] ** 2) * gaussian(0.0, 2.0 * SIGMAS[1] ** 2)
-    speeds, steady = np.array(settings.moving.speeds_m_s), settings.moving.steadiness_s
-    driven = 2.0 * (speeds * steady) ** 2 * (1.0 / steady + np.expm1(-1.0 / steady))
+    stands = float(gaussian(ranges[1] - ranges[0], 2.0 * SIGMAS[0] ** 2) * gaussian(0.0, 2.0 * SIGMAS[1] ** 2))
     seen = exists * DETECTED
-    expected = np.exp(-2.0 * CLUTTER - DETECTED * DENSITY * area * (1.0 + unseen))
+    expected = np.exp(-2.0 * clutter * area - DETECTED * DENSITY * area * (1.0 + unseen))
     common = expected * first * ranges[0]
     return {
         "stands": common * seen * (1.0 - SHARE) * stands,
-        "moves": common * seen * SHARE * float(np.mean([moved(own) for own in driven])),
+        "moves": common * seen * SHARE * float(np.mean(sizes(settings, ranges))),
         "other": common * (1.0 - seen) * second * ranges[1],
     }
 

@@ -216,6 +216,20 @@ def test_kitti_is_judged_in_the_metre_of_its_labels_too(tmp_path: Path) -> None:
     assert longer["moving_recall_in_labels_metre"] is None
 
 
+@pytest.mark.parametrize("pairs", [[(0, 1)], [(0, 2), (1, 0)], [(0, 2), (1, 0), (2, 1)]])
+def test_the_distance_of_pairs_is_twice_the_least_energy_of_their_states(pairs: list[tuple[int, int]]) -> None:
+    """Of all states: their squared distance from the prediction, and that of the detections from them in sigmas."""
+    generator = np.random.default_rng(6)
+    residual, jacobian = generator.normal(scale=3.0, size=(3, 3, 2)), generator.normal(size=(3, 3, 2, 8))
+    root = generator.normal(size=(8, 8))
+    together = np.concatenate([jacobian[pair] for pair in pairs]) @ root  # of whitened states
+    told = np.concatenate([*(residual[pair] for pair in pairs), np.zeros(8)])
+    design = np.concatenate([together, np.eye(8)])
+    least = told - design @ np.linalg.lstsq(design, told)[0]
+    found = Innovations(residual, jacobian, root @ root.T).distance_squared(pairs)
+    assert found == pytest.approx(least @ least, rel=1e-9)
+
+
 def test_joint_compatibility_is_that_of_all_sets_of_pairs() -> None:
     """Against enumeration: most pairs that fit together, the closest of as many. Errors of the robot are shared."""
     generator = np.random.default_rng(5)
