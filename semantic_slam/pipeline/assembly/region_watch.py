@@ -41,7 +41,7 @@ class RegionWatch:
         if self._configuration.is_spatial:
             return stated, remedy
         if self._configuration.open_world.learn_region:
-            return "beyond open_world.learn_region_within_m", "raise it where they are of things, and not of a far wall"
+            return "beyond open_world.learn_region_within_m", "raise it if they are of things, and not of a far wall"
         return stated, f"set open_world.learn_region: true, or {remedy}"
 
     def news(self) -> list[str]:
