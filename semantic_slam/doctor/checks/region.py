@@ -1,6 +1,7 @@
 """Check of the sensor region, in the plane and in space: detections outside the configured one."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -108,9 +109,16 @@ def _ranges_to_set(known_m: Array, min_range_m: float, max_range_m: float) -> li
     """Range limits of the region that hold (N,) distances but for a few, where they do not."""
     if not len(known_m):
         return []
-    nearest_m, farthest_m = np.quantile(known_m, [1.0 - REACH, REACH])
-    nearer = [f"min_range_m near {nearest_m:.2g}"] if nearest_m < min_range_m else []
-    return nearer + ([f"max_range_m near {farthest_m:.2g}"] if farthest_m > max_range_m else [])
+    nearest_m = np.quantile(known_m, 1.0 - REACH, method="lower")
+    farthest_m = np.quantile(known_m, REACH, method="higher")
+    nearer = [f"min_range_m near {_two_digits(nearest_m, math.floor):g}"] if nearest_m < min_range_m else []
+    return nearer + ([f"max_range_m near {_two_digits(farthest_m, math.ceil):g}"] if farthest_m > max_range_m else [])
+
+
+def _two_digits(distance_m: float, rounded: Callable[[float], int]) -> float:
+    """A distance of two digits that leaves out nothing of what this one holds."""
+    unit = 10.0 ** (math.floor(math.log10(distance_m)) - 1) if distance_m > 0.0 else 1.0
+    return rounded(distance_m / unit) * unit
 
 
 def _in_space(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
