@@ -171,6 +171,7 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
 
     Raises InputError.
     """
+    from semantic_slam.inference.relocation.carried_spans import carried_line
     from semantic_slam.maps.map_file import read_map_prior
     from semantic_slam.pipeline.shared_run import run_shared
 
@@ -181,6 +182,8 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
     print(f"{summary.num_keyframes} keyframes of {summary.num_frames} frames")
     for reason, count in sorted(summary.dropped.items()):
         print(f"dropped: {reason} ({count})")
+    if summary.carried:
+        print(carried_line(summary.carried))
     return summary.fault
 
 

@@ -107,6 +107,12 @@ class OpenWorldConfiguration:
         "the region reaches as far as the detections so far let expect, in place of field_of_view_rad, direction_rad,"
         " min_range_m and max_range_m, which then bound nothing",
     )
+    learn_region_within_m: float = parameter(
+        0.0,
+        "learn_region: largest range of the region that is learned; detections beyond, such as false alarms on a far"
+        " wall, are left out; 0: none",
+        minimum=0.0,
+    )
     learn_scores: bool = parameter(
         False,
         "detectors' scores so far tell which objects are what the detector looks for; others are said not to exist",

@@ -32,7 +32,9 @@ class FrontEnd:
 
     def __init__(self, configuration: Configuration, found: InputTopics, preamble: Preamble) -> None:
         settings = configuration.perception
-        everywhere = replace(configuration.open_world, learn_region=True)  # what lies outside is looked at, too
+        everywhere = replace(
+            configuration.open_world, learn_region=True, learn_region_within_m=0.0
+        )  # what lies outside is looked at
         configuration = replace(configuration, open_world=everywhere)
         self.keyframes: list[Keyframe] = []
         self.camera_poses: list[Array] = []  # (7,) T_base_camera of each frame

@@ -14,9 +14,11 @@ from semantic_slam.evaluation.record import GroundTruth, Record
 from semantic_slam.evaluation.trajectory import Trajectory
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.protocol import LOST, RunConfiguration
+from semantic_slam.inference.relocation.carried_spans import Spans, spans_of
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.ground_truth import GroundTruthObjects
+from semantic_slam.messages.node_status import CARRIED_IN
 from semantic_slam.messages.standard import OdometryEstimate
 from semantic_slam.messages.typestore import deserialize
 from semantic_slam.perception.measurement import SemanticMeasurements
@@ -51,11 +53,14 @@ class _Collected:
     true_objects: GroundTruthObjects | None = None
     true_associations: dict[int, tuple[str, ...]] = field(default_factory=dict)
     dropped: dict[tuple[str, str], int] = field(default_factory=dict)  # (node, reason) -> newest count
+    carried: Spans = ()
     dropped_before: Counter[tuple[str, str]] = field(default_factory=Counter)  # likewise, by processes that ended
 
     def take(self, topic: str, type_name: str, raw: bytes) -> None:
         if topic == topics.DIAGNOSTICS:
-            self._count_dropped(_dropped(deserialize(raw, type_name)))
+            message = deserialize(raw, type_name)
+            self._count_dropped(_dropped(message))
+            self.carried = _carried(message) or self.carried
             return
         value = decode(raw, type_name)
         if isinstance(value, HybridBelief):
@@ -127,7 +132,16 @@ def read_record(path: str | Path) -> Record:
         raise InputError(f"{path}: holds no {topics.RUN_CONFIGURATION}; record that topic together with the beliefs")
     beliefs = tuple(found.beliefs[k] for k in sorted(found.beliefs))
     odometry = _trajectory(_believed(found.odometry))
-    return Record(found.run, beliefs, odometry, found.measurements, found.truth(), found.reasons(beliefs), fault)
+    return Record(
+        found.run,
+        beliefs,
+        odometry,
+        found.measurements,
+        found.truth(),
+        found.reasons(beliefs),
+        fault,
+        found.carried,
+    )
 
 
 def _trajectory(poses: dict[int, Any]) -> Trajectory:
@@ -157,3 +171,12 @@ def _dropped(message: Any) -> dict[tuple[str, str], int]:
             if word.rstrip(":") == DROPPED and item.value.isdigit():
                 counts[status.name, reason.strip() or DROPPED] = int(item.value)
     return counts
+
+
+def _carried(message: Any) -> Spans:
+    """Keyframes so far in which the robot was taken for carried, by one diagnostics message."""
+    values = [item.value for status in message.status for item in status.values if item.key == CARRIED_IN]
+    try:
+        return spans_of(values[-1]) if values else ()
+    except ValueError:
+        return ()

@@ -7,6 +7,7 @@ from typing import Any
 from semantic_slam.evaluation.trajectory import Trajectory
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.relocation.carried_spans import Spans
 from semantic_slam.messages.ground_truth import GroundTruthObjects
 from semantic_slam.perception.measurement import SemanticMeasurements
 
@@ -31,6 +32,7 @@ class Record:
     truth: GroundTruth | None
     dropped: dict[str, int] = field(default_factory=dict)  # unused inputs and dropped hypotheses, by reason
     fault: str = ""  # why the bag could not be read to its end
+    carried: Spans = ()  # keyframes in which the robot was taken for carried elsewhere
 
 
 def json_object(text: str) -> dict[str, Any]:

@@ -83,6 +83,11 @@ class HybridBelief(ObjectTable):
             for row, name in enumerate(self.object_names)
         )
 
+    @property
+    def noise(self) -> dict[str, float]:
+        """The inferred noise parameters by the names in the configuration."""
+        return dict(zip(self.noise_names, self.noise_values.tolist(), strict=True))
+
     def places_of(self, row: int) -> tuple[ObjectPlace, ...]:
         """Where the object in a row of the arrays may be, likeliest first."""
         rows = np.flatnonzero(self.place_objects == row)

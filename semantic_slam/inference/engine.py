@@ -34,6 +34,7 @@ from semantic_slam.inference.open_world.time_budget import TimeBudget
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool, RunConfiguration
 from semantic_slam.inference.pruning import Kinds, Pruned, affordable, most_of_a_kind, prune, widened
+from semantic_slam.inference.relocation.carried_spans import CarriedSpans
 from semantic_slam.inference.relocation.recovery import Recovery
 from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.revision.looking_back import Present
@@ -62,6 +63,7 @@ class Engine:
         "genuine",
         "reference",
         "recovery",
+        "carried_spans",
         "model_fit",
         "log_evidence",
         "_last_stamp_ns",
@@ -124,6 +126,7 @@ class Engine:
         )
         self.recovery = Recovery(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
         self.statement = Statement(self.problem, self.registry, self.genuine, self.recovery, self.alternatives)
+        self.carried_spans = CarriedSpans()
         self.model_fit = ModelFit()
         self.log_evidence = 0.0  # log P(Z_1:k) under the hypotheses kept, in nats
         self._last_stamp_ns: int | None = None  # of the newest keyframe; None before the first one
@@ -340,6 +343,7 @@ class Engine:
         log_reference = self.reference.log_density(step, belief) if self.reference is not None else np.nan
         log_evidence = kept.log_mass - candidates.log_found  # of this keyframe alone, without the mass found again
         self.recovery.note(log_reference - log_evidence)
+        self.carried_spans.note(step.index, self.carried)
         weights, outliers = np.exp(kept.log_weights), belief.outlier_probability
         if self.problem.detection_errors.outlier_share > 0.0:  # clutter, or of a known object but far from it
             outliers = np.nan_to_num(outliers) + weights @ candidates.outlier_probability[kept.kept]

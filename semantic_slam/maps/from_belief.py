@@ -2,13 +2,17 @@
 
 import hashlib
 import json
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from semantic_slam.errors import InputError
-from semantic_slam.geometry.arrays import Index
+from semantic_slam.evaluation.record import json_object
+from semantic_slam.geometry.arrays import Flags, Index
 from semantic_slam.geometry.object_coordinates import object_coordinates
 from semantic_slam.inference.belief import HybridBelief
+from semantic_slam.inference.belief_views import ObjectPlace
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior, parse_map_prior
 from semantic_slam.maps.as_prior import independent, saved_map_of_prior
@@ -18,11 +22,15 @@ from semantic_slam.maps.saved_map import MapObjects, Provenance, SavedMap
 
 MOVES = 0.5
 """Probability of motion above which an object is left out of maps."""
+LIKELIER = 0.5
+NEARLY = 1.0 - 1e-6
+ANY_HEADING_RAD2 = NEARLY * np.pi**2
+"""Least variance of the heading of a robot that was carried to new ground: odometry does not tell how it was turned."""
 
 
 def saved_map_of_belief(belief: HybridBelief, run: RunConfiguration) -> SavedMap:
     """Map with a single hypothesis of the marginals. Raises InputError where nothing is mapped."""
-    objects = map_objects(belief)
+    objects = map_objects(belief, run)
     return SavedMap(
         class_names=belief.class_names,
         objects=objects,
@@ -35,15 +43,44 @@ def saved_map_of_belief(belief: HybridBelief, run: RunConfiguration) -> SavedMap
     )
 
 
-def mapped_rows(belief: HybridBelief) -> Index:
+def mapped_rows(belief: HybridBelief, run: RunConfiguration) -> Index:
     """Rows of the belief's objects that go into a map: localised and static ones."""
+    rows = _static_rows(belief)
+    return rows[~_are_unplaced(belief, rows, run)]
+
+
+def num_unplaced(belief: HybridBelief, run: RunConfiguration) -> int:
+    """Number of static objects that are not in the map, as the robot is on new ground since it was carried."""
+    return len(_static_rows(belief)) - len(mapped_rows(belief, run))
+
+
+def _static_rows(belief: HybridBelief) -> Index:
     known = np.isfinite(belief.object_poses).all(axis=-1) & np.isfinite(belief.object_covariances).all(axis=(-2, -1))
     return np.flatnonzero(known & ~(belief.moving > MOVES))
 
 
-def map_objects(belief: HybridBelief) -> MapObjects:
+def _are_unplaced(belief: HybridBelief, rows: Index, run: RunConfiguration) -> Flags:
+    """(R,) whether objects are likelier in the frame of a robot on new ground, whose place in map is not known.
+
+    Such a frame may be turned by any angle, so all of its objects are stated about its origin.
+    """
+    revision: Mapping[str, Any] = json_object(run.configuration).get("revision", {})
+    is_turned = belief.pose_covariances[:, -1, -1] >= ANY_HEADING_RAD2
+    if not revision.get("carried_probability") or not np.exp(belief.log_weights) @ is_turned > LIKELIER:
+        return np.zeros(len(rows), dtype=bool)
+    least = NEARLY * float(revision["carried_m"]) ** 2
+    return np.array([_share_of_broad(belief.places_of(row), least) > LIKELIER for row in rows.tolist()], dtype=bool)
+
+
+def _share_of_broad(places: Sequence[ObjectPlace], least: float) -> float:
+    """Probability of places with a variance of at least ``least`` [m^2] in every direction of the plane."""
+    narrowest = [np.linalg.eigvalsh(np.asarray(own.covariance)[:2, :2])[0] for own in places]
+    return sum(own.probability for own, variance in zip(places, narrowest, strict=True) if variance >= least)
+
+
+def map_objects(belief: HybridBelief, run: RunConfiguration) -> MapObjects:
     """Marginals of the belief's mapped objects. Raises InputError where there are none."""
-    rows = mapped_rows(belief)
+    rows = mapped_rows(belief, run)
     if not len(rows):
         raise InputError("nothing was mapped, so there is no map to save; drive past objects first")
     return MapObjects(

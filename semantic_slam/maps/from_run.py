@@ -18,6 +18,7 @@ from semantic_slam.geometry.object_coordinates import object_coordinates
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.open_world.planar.region import region_of
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.reported.component_marginals import existence_of, held_as, mover_marginals
 from semantic_slam.inference.smoothing.component import Component
@@ -64,7 +65,7 @@ def saved_map_of_run(record: Record, keyframes: Iterable[Keyframe]) -> SavedMap:
 
 def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelief) -> SavedMap:
     """Map of an engine with in-process backends, at its newest belief. Raises InputError."""
-    rows = mapped_rows(belief)
+    rows = mapped_rows(belief, engine.run)
     if len(rows) > MOST_OBJECTS:
         raise InputError(
             f"{len(rows)} objects were mapped, a map file has {MOST_OBJECTS} at most; use the objects.json"
@@ -93,7 +94,7 @@ def saved_map_of_engine(engine: Engine, pool: InProcessPool, belief: HybridBelie
         sightings=_sightings(engine, int(belief.hypothesis_ids[chosen[0]]), ids),
         class_priors=class_priors_of(components, weights, ids, reported, engine.problem.class_shares),
     )
-    looks = _looks(engine, components[0])
+    looks = _looks(engine, belief, components[0])
     left_out = 1.0 - (1.0 - known.discarded_mass) * min(float(weights.sum()), 1.0)
     return replace(
         known,
@@ -131,15 +132,13 @@ def _sightings(engine: Engine, number: int, ids: Index) -> Array:
     return np.array([float(seen[own]) for own in ids.tolist()])
 
 
-def _looks(engine: Engine, component: Component) -> ViewedFrom:
-    """Poses from which a component has looked; empty in space, and where the sensor region is learned."""
-    world = engine.problem.open_world
-    if world.learn_region or component.spaces.name == SPATIAL:
+def _looks(engine: Engine, belief: HybridBelief, component: Component) -> ViewedFrom:
+    """Poses from which a component has looked, and the region as learned in the end; empty in space."""
+    if component.spaces.name == SPATIAL:
         return ViewedFrom()
-    path = component.path()[:, :3]
-    return ViewedFrom(
-        path=path, region=np.array([world.direction_rad, world.field_of_view_rad, world.min_range_m, world.max_range_m])
-    )
+    own = region_of(engine.problem.open_world, belief.noise)
+    bounds = np.array([own.direction_rad, own.field_of_view_rad, own.min_range_m, own.max_range_m])
+    return ViewedFrom(path=component.path()[:, :3], region=bounds)
 
 
 def _hypothesis(component: Component, ids: Index, reported: ReportedObjects) -> tuple[Array, Array, Array]:

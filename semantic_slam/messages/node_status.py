@@ -7,6 +7,10 @@ HARDWARE_ID = "semantic_slam"
 """Hardware id of all diagnostic statuses of our nodes."""
 
 
+CARRIED_IN = "carried in keyframes"
+"""Key of the value that names the keyframes in which the robot was taken for carried elsewhere."""
+
+
 def status_name(node: str, part: str) -> str:
     """Status name, such as ``robot1/classifier: input /robot1/odom`` for a part of ``/robot1/classifier``."""
     return f"{node.lstrip('/')}: {part}"

@@ -64,6 +64,9 @@ class Receiver(Protocol):
     def keyframe(self, keyframe: Keyframe) -> None:
         """Take a keyframe, which is to be inferred. Raises InputError if the run cannot go on."""
 
+    def say(self, line: str) -> None:
+        """Take a line for the console."""
+
 
 class FrontEnd:
     """Makes measurements and keyframes of a bag's messages, for a receiver.
@@ -74,7 +77,7 @@ class FrontEnd:
     def __init__(self, order: ReadingOrder, reader: BagReader) -> None:
         configuration, found, preamble = order.configuration, order.found, order.preamble
         self._perception, self._found, self._preamble = configuration.perception, found, preamble
-        self._reader, self._max_keyframes = reader, order.max_keyframes
+        self._bag, self._reader, self._max_keyframes = order.bag, reader, order.max_keyframes
         self._receiver: Receiver
         self._num_frames, self._num_keyframes = 0, 0
         self._frames = FrameAssembler(
@@ -175,12 +178,18 @@ class FrontEnd:
         self._measure(self._frames.take())
         self._pass_on(self._places.take())
         self._infer(self._keyframes.take())
+        self._tell()
 
     def _finish(self) -> None:
         """Process everything that still waits for later messages. Raises InputError."""
         self._measure(self._frames.flush())
         self._pass_on(self._places.flush())
         self._infer(self._keyframes.flush())
+        self._tell()
+
+    def _tell(self) -> None:
+        for line in self._keyframes.news():
+            self._receiver.say(f"{self._bag}: {line}")
 
     def _measure(self, frames: list[Frame]) -> None:
         for frame in frames:

@@ -117,6 +117,9 @@ class _Sender:
     def keyframe(self, keyframe: Keyframe) -> None:
         self._connection.send(("keyframe", keyframe))
 
+    def say(self, line: str) -> None:
+        self._connection.send(("say", line))
+
     def check(self) -> None:
         """Raises _StopError where the other process has said so, or ended."""
         if self._connection.poll():

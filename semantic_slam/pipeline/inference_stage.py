@@ -7,6 +7,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool
+from semantic_slam.inference.relocation.carried_spans import Spans
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.preamble import Preamble
@@ -30,6 +31,11 @@ class InferenceStage:
     def lost(self) -> Counter[str]:
         """Counts of hypotheses that had to be dropped, by reason."""
         return self._manager.lost if self._manager is not None else Counter()
+
+    @property
+    def carried(self) -> Spans:
+        """Keyframes in which the robot was taken for carried elsewhere."""
+        return self._manager.carried_spans.spans if self._manager is not None else ()
 
     def process(self, keyframe: Keyframe, writer: BagWriter) -> None:
         """Process a keyframe and write its belief, preceded by the run's configuration before the first one."""

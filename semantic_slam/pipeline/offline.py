@@ -19,6 +19,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool
+from semantic_slam.inference.relocation.carried_spans import Spans
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.interrupts import noted_interrupts
 from semantic_slam.messages import topics
@@ -42,6 +43,7 @@ class RunSummary:
     num_keyframes: int
     dropped: dict[str, int]  # counts of inputs not used and hypotheses dropped, by reason
     fault: InputError | None  # why the input ended early, if it did; everything before is in the belief bag
+    carried: Spans = ()  # keyframes in which the robot was taken for carried elsewhere
 
 
 def run_bag(
@@ -84,7 +86,7 @@ def run_bag(
     if not run.num_keyframes:
         reasons = "; ".join(f"{reason} ({n})" for reason, n in sorted(dropped.items())) or "no detections in it"
         raise run.fault or InputError(f"{bag}: not one keyframe could be made: {reasons}; correct the bag's messages")
-    return RunSummary(out_bag, run.num_frames, run.num_keyframes, dict(dropped), run.fault)
+    return RunSummary(out_bag, run.num_frames, run.num_keyframes, dict(dropped), run.fault, inference.carried)
 
 
 def _looked_through(bag: Path, reader: BagReader, configuration: Configuration) -> tuple[InputTopics, Preamble]:
@@ -140,6 +142,10 @@ class OfflineRun:
         self._inference.process(keyframe, self._writer)
         self.num_keyframes += 1
 
+    def say(self, line: str) -> None:
+        """Print a line above the bar of progress."""
+        tqdm.write(line)
+
     def conclude(self, reading: Reading | None) -> None:
         """Write the views of the last belief and, if it is known, what was dropped, as a diagnostics message."""
         self._inference.finish(self._writer)
@@ -147,4 +153,5 @@ class OfflineRun:
             return
         self.fault, stamp_ns = reading.fault, reading.last_stamp_ns
         self.dropped_by = {**reading.dropped_by, "hypotheses": self._inference.lost}
-        self._writer.write(topics.DIAGNOSTICS, dropped_message(stamp_ns, self.dropped_by), stamp_ns)
+        told = dropped_message(stamp_ns, self.dropped_by, self._inference.carried)
+        self._writer.write(topics.DIAGNOSTICS, told, stamp_ns)

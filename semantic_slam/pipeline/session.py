@@ -12,6 +12,7 @@ from semantic_slam.inference.building import problem_of
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.protocol import BackendPool, RunConfiguration
+from semantic_slam.inference.relocation.carried_spans import Spans
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.pipeline.assembly.keyframe_assembler import KeyframeAssembler
@@ -109,8 +110,8 @@ class Session:
         return self.assembler.dropped + self._unmeant.dropped + lost
 
     def news(self) -> list[str]:
-        """A line for each label that is left out of the run, once."""
-        return self._unmeant.news()
+        """Lines for the console, each once: labels that are left out of the run, and a region that does not fit."""
+        return [*self.assembler.news(), *self._unmeant.news()]
 
     @property
     def run(self) -> RunConfiguration:
@@ -123,6 +124,11 @@ class Session:
     def carried(self) -> float:
         """Probability that the robot was kidnapped (carried elsewhere) during the last keyframes."""
         return self._engine.carried if self._engine is not None else 0.0
+
+    @property
+    def carried_spans(self) -> Spans:
+        """Keyframes in which the robot was taken for carried elsewhere."""
+        return self._engine.carried_spans.spans if self._engine is not None else ()
 
     @property
     def num_without_label(self) -> int:

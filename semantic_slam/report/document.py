@@ -65,6 +65,8 @@ def report_document(analysis: Analysis) -> dict[str, Any]:
         "noise": noise_row(record.beliefs[-1]),
         "dropped": record.dropped,
     }
+    if record.carried:
+        document["carried"] = [list(span) for span in record.carried]
     if record.fault:
         document["fault"] = record.fault
     if analysis.evaluation:
@@ -153,7 +155,7 @@ def map_prior(record: Record) -> MapPrior:
     Those that no hypothesis has placed are left out, and those that move: they are elsewhere by then.
     """
     last = record.beliefs[-1]
-    rows, settings = mapped_rows(last), json_object(record.run.configuration).get("semantic_model", {})
+    rows, settings = mapped_rows(last, record.run), json_object(record.run.configuration).get("semantic_model", {})
     return MapPrior(
         tuple(
             ObjectPrior(

@@ -8,6 +8,8 @@ import numpy as np
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.model_fit import UNEXPLAINED
 from semantic_slam.inference.hypotheses import RECENT_KEYFRAMES
+from semantic_slam.inference.relocation.carried_spans import carried_line
+from semantic_slam.maps.from_belief import num_unplaced
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.shown.objects import CERTAIN, ObjectView
 from semantic_slam.report.wording import known, listed, number, percent
@@ -37,6 +39,14 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     used = {reason: count for reason, count in analysis.record.dropped.items() if count}
     if used:
         found.append("Dropped: " + ", ".join(f"{count} × {reason}" for reason, count in used.items()) + ".")
+    if carried := analysis.record.carried:
+        line = carried_line(carried)
+        found.append(f"{line[0].upper()}{line[1:]}.")
+    if count := num_unplaced(analysis.record.beliefs[-1], analysis.record.run):
+        found.append(
+            f"{count} object{'s have' if count > 1 else ' has'} no place on the map: the robot has not found out where"
+            " it is since it was carried."
+        )
     outside = [view.label for view in objects if not view.in_coverage]
     if outside:
         found.append(

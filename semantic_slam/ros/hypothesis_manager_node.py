@@ -311,7 +311,7 @@ class HypothesisManagerNode(PipelineNode):
         )
         for service in self._belief_services:
             service.update(update)
-        self._explanation = model_fit_status(belief, self._session.carried)
+        self._explanation = model_fit_status(belief, self._session.carried, self._session.carried_spans)
         self._belief_stamp_ns = belief.stamp_ns
         self._snapshots.count()
 

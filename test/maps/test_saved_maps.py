@@ -13,6 +13,7 @@ from safetensors.numpy import load_file, save_file
 from worlds.drives import moving_world
 from worlds.scenes.small_map import GIVEN, LOOSE, PLACES, keyframes, run_to_its_end, small_map
 
+from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.building import make_run_configuration, problem_of, start_of_run
 from semantic_slam.inference.engine import Engine
@@ -78,6 +79,21 @@ def test_what_stands_is_on_the_map_of_histories_in_which_it_may_move(tmp_path: P
     square = saved.hypotheses.covariances.reshape(-1, len(saved.objects.ids), 3, len(saved.objects.ids), 3)
     assert np.isfinite(square[:, own][:, :, :, own]).all()
     same_arrays(saved, read_map(tmp_path / "street.map"))
+
+
+def test_a_map_names_the_region_that_its_run_has_learned() -> None:
+    """By what a map has looked at and not seen, another one tells what is gone (``map diff``)."""
+    sight, world = Detection(range_m=3.0, bearing_rad=0.4), {"learn_region": True, "learn_region_within_m": 5.0}
+    engine = Engine(Configuration.of(association="open", semantic_model={"kind": "none"}, open_world=world))
+    for k in range(30):
+        belief = engine.process(Keyframe.planar(k, detections=[sight], motion_sigmas=(1e-3,) * 3))
+    assert isinstance(engine.pool, InProcessPool)
+    looks = saved_map_of_engine(engine, engine.pool, belief).looks
+    direction, angle, nearest, farthest = looks.region
+    assert len(looks.path) == 30 and direction == pytest.approx(0.4) and nearest < 3.0 < farthest < 5.0
+    assert angle == pytest.approx(belief.noise["open_world.field_of_view_rad"])
+    aside = np.array([[3.0 * np.cos(own), 3.0 * np.sin(own)] for own in (0.4, -0.4)])
+    assert looks.counts(aside).tolist() == [30, 0]
 
 
 def test_a_file_gives_the_map_back_to_the_last_bit(known: SavedMap, tmp_path: Path) -> None:

@@ -48,3 +48,21 @@ def test_the_weight_of_a_hypothesis_counts_once_in_that_of_what_it_sees(new_exis
     looks = looks_of(run.record, run.configuration)
     assert looks is not None and sorted(looks.weights) == pytest.approx(sorted(exact.values()))
     np.testing.assert_array_equal(looks.is_known, [[False, False], [True, True]])
+
+
+def test_looks_of_a_learned_region_are_those_of_the_same_region_stated() -> None:
+    """By the bounds of the last belief; a region that detections have not shown is as stated."""
+    run = run_of_two_hypotheses(1.0)
+    bounds = {"min_range_m": 0.5, "max_range_m": 4.0, "field_of_view_rad": 1.1, "direction_rad": 0.2}
+    names = tuple(f"open_world.{name}" for name in bounds)
+    told = {"noise_names": names, "noise_values": np.array([*bounds.values()]), "noise_sigmas": np.full(4, np.nan)}
+    first, last = run.record.beliefs
+    learned = looks_of(
+        replace(run.record, beliefs=(first, replace(last, **told))),
+        Configuration.of(association="open", open_world={"learn_region": True}),
+    )
+    stated = looks_of(run.record, Configuration.of(association="open", open_world=bounds))
+    assert learned is not None and stated is not None
+    for name, values in vars(stated).items():
+        np.testing.assert_array_equal(getattr(learned, name), values)
+    assert learned.field_of_view_rad == bounds["field_of_view_rad"]

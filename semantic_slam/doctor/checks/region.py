@@ -1,6 +1,7 @@
 """Check of the sensor region, in the plane and in space: detections outside the configured one."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -12,14 +13,13 @@ from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.spatial_reader import camera_of, points_of
-from semantic_slam.inference.open_world.planar.region import sensor_region
+from semantic_slam.inference.open_world.planar.region import is_left_out, sensor_region
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.assembly.points_input import are_outside, seen_from_camera
+from semantic_slam.pipeline.assembly.region_watch import MANY
 
 NAME = "region"
-SOME, MOST = 0.2, 0.8
-"""Share of all detections."""
 REACH = 0.99
 """Share of them that the remedy's numbers hold."""
 MUCH_NARROWER = 0.8
@@ -30,11 +30,26 @@ WIDEST_RAD = 3.0
 
 def check(summary: InputSummary) -> Iterator[Finding]:
     configuration, world = summary.configuration, summary.configuration.open_world
-    if not strategy_of(configuration).counts_misses or world.learn_region or summary.evidence.turn:
+    if not strategy_of(configuration).counts_misses or summary.evidence.turn:
         return
     told = [each.measurements for each in summary.keyframes if len(each.measurements)]
-    if told:
+    if told and world.learn_region:
+        yield from _learned(told, world)
+    elif told:
         yield from (_in_space if configuration.is_spatial else _in_plane)(told, world)
+
+
+def _learned(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
+    """Detections beyond the range up to which a region is learned."""
+    ranges_m = np.concatenate([each.ranges_m for each in told])
+    beyond = is_left_out(ranges_m, np.zeros(len(ranges_m)), world)
+    reach_m = float(np.quantile(ranges_m[beyond], REACH)) if beyond.any() else 0.0
+    yield from _finding(
+        beyond,
+        f"learned up to {world.learn_region_within_m:g} m",
+        f"reach to {reach_m:.3g} m",
+        f"set open_world.learn_region_within_m near {reach_m:.2g} if they are of things, and not of a far wall",
+    )
 
 
 def _in_plane(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
@@ -94,9 +109,16 @@ def _ranges_to_set(known_m: Array, min_range_m: float, max_range_m: float) -> li
     """Range limits of the region that hold (N,) distances but for a few, where they do not."""
     if not len(known_m):
         return []
-    nearest_m, farthest_m = np.quantile(known_m, [1.0 - REACH, REACH])
-    nearer = [f"min_range_m near {nearest_m:.2g}"] if nearest_m < min_range_m else []
-    return nearer + ([f"max_range_m near {farthest_m:.2g}"] if farthest_m > max_range_m else [])
+    nearest_m = np.quantile(known_m, 1.0 - REACH, method="lower")
+    farthest_m = np.quantile(known_m, REACH, method="higher")
+    nearer = [f"min_range_m near {_two_digits(nearest_m, math.floor):g}"] if nearest_m < min_range_m else []
+    return nearer + ([f"max_range_m near {_two_digits(farthest_m, math.ceil):g}"] if farthest_m > max_range_m else [])
+
+
+def _two_digits(distance_m: float, rounded: Callable[[float], int]) -> float:
+    """A distance of two digits that leaves out nothing of what this one holds."""
+    unit = 10.0 ** (math.floor(math.log10(distance_m)) - 1) if distance_m > 0.0 else 1.0
+    return rounded(distance_m / unit) * unit
 
 
 def _in_space(told: list[SemanticMeasurements], world: OpenWorldConfiguration) -> Iterator[Finding]:
@@ -133,10 +155,10 @@ def _remedy_in_space(region: SpatialRegion, width_rad: float, height_rad: float,
 
 def _finding(outside: Flags, region: str, reach: str, remedy: str) -> Iterator[Finding]:
     """A finding where many of the detections are ``outside`` (N,)."""
-    if outside.mean() <= SOME:
+    if outside.mean() < MANY:
         return
     yield Finding(
-        Severity.ERROR if outside.mean() > MOST else Severity.WARNING,
+        Severity.ERROR,
         NAME,
         f"{int(outside.sum())} of the first {len(outside)} detections lie outside of open_world's region ({region}) and"
         f" are not used, they {reach}",

@@ -40,6 +40,7 @@ class PlanarReader:
         *,
         bias_means: ArrayLike | None = None,
         learns_region: bool = False,
+        region_within_m: float = 0.0,
         words: WordReader | None = None,
         vectors: VectorReader | None = None,
     ):
@@ -48,6 +49,7 @@ class PlanarReader:
         self._features, self.noise = FeatureReader(num_features, feature_names), noise or ConfiguredNoise()
         self._words, self._vectors = words, vectors
         self._sensed: list[SensedRegion | None] | None = [] if learns_region else None  # after each keyframe
+        self._most_m = region_within_m or float("inf")
 
     def step(self, keyframe: Keyframe) -> Step:
         """The step of a keyframe. Raises InputError when the measurements' features do not match the class models."""
@@ -76,7 +78,7 @@ class PlanarReader:
             return None
         del self._sensed[keyframe.index :]  # the newest keyframe may be read again
         measurements, before = keyframe.measurements, self._sensed[-1] if self._sensed else None
-        self._sensed.append(SensedRegion.of(measurements.ranges_m, measurements.bearings_rad, before))
+        self._sensed.append(SensedRegion.of(measurements.ranges_m, measurements.bearings_rad, before, self._most_m))
         return self._sensed[-1]
 
     def _motion(self, keyframe: Keyframe) -> Motion:

@@ -20,6 +20,8 @@ LEAST_WIDTH_RAD, MOST_WIDTH_RAD = 0.5, 2.0 * np.pi
 """Bounds of the full angle, whose prior is log-uniform between them."""
 LEAST_DEPTH_M = 1.0
 """Least difference between the largest and smallest range."""
+RANGES, ANGLES = ("min_range_m", "max_range_m"), ("field_of_view_rad", "direction_rad")
+"""Names of the bounds, as in the configuration."""
 
 
 @dataclass(frozen=True)
@@ -36,16 +38,18 @@ class SensedRegion:
     leftmost_rad: float
     num_ranges: int  # detections with a range
     num_bearings: int  # detections
+    most_m: float = float("inf")  # range beyond which detections are left out
 
     @classmethod
-    def of(cls, ranges_m: Array, bearings_rad: Array, before: Self | None = None) -> Self | None:
-        """With (D,) more detections; a NaN range is a bearing alone. None until there was one with a range."""
+    def of(
+        cls, ranges_m: Array, bearings_rad: Array, before: Self | None = None, most_m: float = float("inf")
+    ) -> Self | None:
+        """With (D,) more detections; a NaN range is a bearing alone. None until there was one."""
         known = ranges_m[np.isfinite(ranges_m)]
         if before is None:
-            if not len(known):
+            if not len(bearings_rad):
                 return None
-            first = float(bearings_rad[0])
-            before = cls(float(known[0]), float(known[0]), first, 0.0, 0.0, 0, 0)
+            before = cls(float("inf"), 0.0, float(bearings_rad[0]), 0.0, 0.0, 0, 0, most_m)
         turns = wrap_angle(bearings_rad - before.origin_rad)
         return replace(
             before,
@@ -57,16 +61,31 @@ class SensedRegion:
             num_bearings=before.num_bearings + len(turns),
         )
 
+    def bounds(self) -> dict[str, float]:
+        """What detections tell of the region by the names of its configuration parameters; bearings alone: no range."""
+        names = (*(RANGES if self.num_ranges else ()), *ANGLES)
+        return {name: getattr(self, name) for name in names}
+
     def named(self) -> dict[str, float]:
-        """The region by the names of its configuration parameters."""
-        names = ("min_range_m", "max_range_m", "field_of_view_rad", "direction_rad")
-        return {f"open_world.{name}": getattr(self, name) for name in names}
+        """The :meth:`bounds`, as a belief names them."""
+        return {f"open_world.{name}": bound for name, bound in self.bounds().items()}
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the detections are so many that the region is not expected to go on beyond its margins."""
+        least = max(self._spread_rad, LEAST_WIDTH_RAD)
+        is_wide = _width(self._spread_rad, self.num_bearings) > min(least + 2.0 * MARGIN_RAD, MOST_WIDTH_RAD)
+        return not is_wide and (not self.num_ranges or 1.0 + 1.0 / self.num_ranges <= RANGE_MARGIN**2)
 
     @property
     def field_of_view_rad(self) -> float:
         """Full angle W: 1 / E[1 / W], the inverse of the expected uniform density in it; with margins."""
-        spread = self.leftmost_rad - self.rightmost_rad
+        spread = self._spread_rad
         return min(max(_width(spread, self.num_bearings), spread + 2.0 * MARGIN_RAD), MOST_WIDTH_RAD)
+
+    @property
+    def _spread_rad(self) -> float:
+        return self.leftmost_rad - self.rightmost_rad
 
     @property
     def direction_rad(self) -> float:
@@ -82,7 +101,7 @@ class SensedRegion:
     @property
     def max_range_m(self) -> float:
         """Largest range, with its margin."""
-        return max(float(np.sqrt(self._largest_squared)), self.min_range_m + LEAST_DEPTH_M)
+        return min(max(float(np.sqrt(self._largest_squared)), self.min_range_m + LEAST_DEPTH_M), self.most_m)
 
     @property
     def _largest_squared(self) -> float:

@@ -84,7 +84,7 @@ class Recovery:
         if not self.is_on:
             return
         self._num_expected += 1
-        if self._is_too_late:
+        if self._is_too_late or not self._is_region_known:
             self._misfit = None
         elif self._new_ground is not None or self._replay.steps[-1].detections:  # a fixed map needs detections
             self._judge(log_ratio)
@@ -94,6 +94,12 @@ class Recovery:
     def _is_too_late(self) -> bool:
         """Whether no new suspects are noted: without a map, beyond ``revision.horizon``, since each costs replays."""
         return not self._replay.problem.map_ids and self._num_noted >= self._horizon
+
+    @property
+    def _is_region_known(self) -> bool:
+        """Whether what is missed tells where the robot is, and not how little of the sensor's region is learned yet."""
+        sensed = self._replay.steps[-1].sensed if self._replay.problem.open_world.learn_region else None
+        return sensed is None or bool(sensed.is_settled)
 
     def _judge(self, log_ratio: float) -> None:
         """Start or extend a suspect where the newest keyframe was unexpected; else end the run of such keyframes."""

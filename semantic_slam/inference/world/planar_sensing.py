@@ -102,6 +102,7 @@ def _reader(settings: SensingSettings) -> PlanarReader:
         ConfiguredNoise(configuration.odometry, configuration.perception),
         bias_means=bias_means(configuration.odometry),
         learns_region=configuration.open_world.learn_region,
+        region_within_m=configuration.open_world.learn_region_within_m,
         words=WordReader(settings.labels) if settings.labels else None,
         vectors=VectorReader(settings.vector_dimensions) if settings.vector_dimensions else None,
     )

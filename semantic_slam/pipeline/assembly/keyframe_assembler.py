@@ -25,7 +25,7 @@ from semantic_slam.geometry.transform import between
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.models.noise.clock_offset import OFFSETS
-from semantic_slam.inference.open_world.planar.region import sensor_region
+from semantic_slam.inference.open_world.planar.region import is_left_out
 from semantic_slam.messages import topics
 from semantic_slam.messages.ground_truth import GroundTruthAssociations
 from semantic_slam.messages.sensor import odometry_sample, plain_frame
@@ -36,6 +36,7 @@ from semantic_slam.perception.boxes.same_outline import joined
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.perception.usable_measurements import usable, with_scores
 from semantic_slam.pipeline.assembly.points_input import PointsInput
+from semantic_slam.pipeline.assembly.region_watch import RegionWatch
 from semantic_slam.pipeline.gravity.gravity_by_imu import GravityByImu, ImuSource
 from semantic_slam.pipeline.gravity.imu_use import unused_because
 from semantic_slam.pipeline.gravity.level import level_at
@@ -58,6 +59,7 @@ class KeyframeAssembler:
         "dropped",
         "policy",
         "_tracks",
+        "_watch",
         "_odometry",
         "_measurements",
         "_identities",
@@ -89,7 +91,8 @@ class KeyframeAssembler:
         self._has_identities, self._passes_over = has_identities, passes_over
         self._tracks = BoxTracks() if tracks_tell(configuration) else None
         self._in_space = PointsInput(configuration, self.dropped) if configuration.is_spatial else None
-        self._region = sensor_region(configuration.open_world)
+        self._world = configuration.open_world
+        self._watch = RegionWatch(configuration)
         self._odometry = OdometryBuffer(self.dropped, with_slopes=configuration.odometry.estimate_bias)
         self._measurements: StampedBuffer[SemanticMeasurements] = StampedBuffer(topics.MEASUREMENTS, self.dropped)
         self._identities: StampedBuffer[tuple[str, ...]] = StampedBuffer(topics.GROUND_TRUTH_ASSOCIATIONS, self.dropped)
@@ -151,6 +154,10 @@ class KeyframeAssembler:
     def add_identities(self, identities: GroundTruthAssociations) -> None:
         """Take the object ids of the detections of one frame, used with ``association: given``."""
         self._identities.add(identities.stamp_ns, identities.object_ids)
+
+    def news(self) -> list[str]:
+        """Lines for the console, each once."""
+        return self._watch.news()
 
     @property
     def num_waiting(self) -> int:
@@ -308,17 +315,17 @@ class KeyframeAssembler:
         return last is None or driven[0] - last[0] >= policy.distance_m or driven[1] - last[1] >= policy.angle_rad
 
     def _inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """Without detections outside the open world's region, unless that region is learnt.
+        """Without detections outside the open world's region, or beyond the range up to which it is learned.
 
         Outside it new objects could not be distinguished from known ones.
         """
         if not self._association.counts_misses:
             return measurements
-        if self._configuration.open_world.learn_region:
-            return measurements
-        if self._in_space is not None:
-            return self._in_space.inside(measurements)
-        outside = ~self._region.holds(measurements.ranges_m, measurements.bearings_rad)
+        if self._in_space is not None and not self._world.learn_region:
+            outside = self._in_space.outside(measurements)
+        else:
+            outside = is_left_out(measurements.ranges_m, measurements.bearings_rad, self._world)
+        self._watch.count(len(outside), int(outside.sum()))
         if not outside.any():
             return measurements
         self.dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())

@@ -1,6 +1,6 @@
 """Filters the measurements of a 3D run.
 
-Usable are those with a 3D position or a direction from the camera, inside the camera's region.
+Usable are those with a 3D position or a direction from the camera; whether it is inside the camera's region is told.
 """
 
 from collections import Counter
@@ -48,13 +48,9 @@ class PointsInput:
                 kept &= ~faulty
         return measurements if kept.all() else measurements.take(np.flatnonzero(kept))
 
-    def inside(self, measurements: SemanticMeasurements) -> SemanticMeasurements:
-        """Without detections outside the camera's region; see :func:`are_outside`."""
-        outside = are_outside(measurements, self._region)
-        if not outside.any():
-            return measurements
-        self._dropped[f"{topics.MEASUREMENTS}: detections outside the region of open_world"] += int(outside.sum())
-        return measurements.take(np.flatnonzero(~outside))
+    def outside(self, measurements: SemanticMeasurements) -> Flags:
+        """(D,) which detections lie outside the camera's region; see :func:`are_outside`."""
+        return are_outside(measurements, self._region)
 
 
 def are_outside(measurements: SemanticMeasurements, region: SpatialRegion) -> Flags:

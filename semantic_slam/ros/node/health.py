@@ -9,7 +9,9 @@ from tempfile import gettempdir
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.evidence.model_fit import UNEXPLAINED, WINDOW_KEYFRAMES
+from semantic_slam.inference.relocation.carried_spans import Spans, spans_text
 from semantic_slam.messages import topics
+from semantic_slam.messages.node_status import CARRIED_IN
 
 SILENT_AFTER_S = 3.0
 WAITING = "waiting for"
@@ -123,12 +125,16 @@ def repeated_status(repeated: Counter[str]) -> Status:
     return Status("repeated", Level.OK, text, {f"repeated: {topic}": str(n) for topic, n in sorted(repeated.items())})
 
 
-def model_fit_status(belief: HybridBelief | None, carried: float = 0.0) -> Status:
-    """Whether the newest belief explains its data; ``carried``: probability that the robot was kidnapped recently."""
+def model_fit_status(belief: HybridBelief | None, carried: float = 0.0, spans: Spans = ()) -> Status:
+    """Whether the newest belief explains its data; ``carried``: probability that the robot was kidnapped recently.
+
+    ``spans``: the keyframes so far in which it was taken for that.
+    """
     if belief is None:
         return Status("explanation", Level.OK, "no keyframe so far")
     names = ("log_evidence", "innovation_nees", "unexplained", "discarded_mass_window")
     values = {name: f"{getattr(belief, name):.4g}" for name in names} | {"carried": f"{carried:.4g}"}
+    values |= {CARRIED_IN: spans_text(spans)} if spans else {}
     if carried > UNEXPLAINED:
         text = f"the robot was carried elsewhere lately ({carried:.0%}); see that the pose is where it stands"
         return Status("explanation", Level.WARN, text, values)

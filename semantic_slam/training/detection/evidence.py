@@ -27,7 +27,17 @@ class RunLooks:
     @property
     def of_one_view(self) -> bool:
         """Whether all runs have the same field of view, as needed to compare directions."""
-        return len({own.field_of_view_rad for own in self.runs if own is not None}) == 1
+        return len(self._fields_of_view) == 1
+
+    @property
+    def field_of_view_rad(self) -> float:
+        """The field of view of runs :attr:`of_one_view`."""
+        (width,) = self._fields_of_view
+        return width
+
+    @property
+    def _fields_of_view(self) -> set[float]:
+        return {own.field_of_view_rad for own in self.runs if own is not None}
 
     def log_evidence(self, rates: DetectionRates, shares: Array | None = None) -> Array:
         """(B, F, G) log evidence of each stretch given the earlier ones; ``shares``: see :func:`log_evidence`."""

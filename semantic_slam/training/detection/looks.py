@@ -17,7 +17,7 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.inference.association.strategy import strategy_of
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.open_world.planar.region import SensorRegion, sensor_region
+from semantic_slam.inference.open_world.planar.region import SensorRegion, region_of
 from semantic_slam.inference.states.direction_shares import even_directions
 from semantic_slam.training.sightings import existence_if_detected
 
@@ -56,14 +56,15 @@ class Looks:
 
 
 def looks_of(record: Record, settings: Configuration) -> Looks | None:
-    """Looks of the final hypotheses; None where the run has no configured region in which misses count.
+    """Looks of the final hypotheses; None where misses do not count. A region that was learned is that at the end.
 
     None, too, for a run in space: what is in view here is that of a robot in the plane.
     """
     beliefs = record.beliefs
-    if not strategy_of(settings).counts_misses or settings.open_world.learn_region or settings.is_spatial:
+    if not strategy_of(settings).counts_misses or settings.is_spatial:
         return None
     last = beliefs[-1]
+    region = region_of(settings.open_world, last.noise)
     kept = (last.existence >= LEAST_EXISTENCE) & np.isfinite(last.object_poses).all(axis=1)
     ids, existence = last.object_ids[kept].astype(int), last.existence[kept]
     if not len(ids):
@@ -73,9 +74,7 @@ def looks_of(record: Record, settings: Configuration) -> Looks | None:
         return None
     by_object = np.asarray(np.bincount(columns, weights, minlength=len(ids)), dtype=np.float64)
     exists = existence_if_detected(existence, by_object)
-    seen = [
-        np.array(own)[:, columns] for own in zip(*_seen(record, sensor_region(settings.open_world), ids), strict=True)
-    ]
+    seen = [np.array(own)[:, columns] for own in zip(*_seen(record, region, ids), strict=True)]
     in_view, ranges, off_centre = seen
     is_known = np.zeros_like(detected)
     is_known[1:] = np.logical_or.accumulate(detected, axis=0)[:-1]
@@ -86,7 +85,7 @@ def looks_of(record: Record, settings: Configuration) -> Looks | None:
         in_view=np.where(detected, np.maximum(in_view, LEAST_SHARE), in_view),
         ranges_m=ranges,
         off_centre_rad=off_centre,
-        field_of_view_rad=settings.open_world.field_of_view_rad,
+        field_of_view_rad=region.field_of_view_rad,
     )
 
 

@@ -78,7 +78,7 @@ def learned(runs: Sequence[Looks | None], settings: OpenWorldConfiguration, num_
     has_directions = looks.of_one_view and by_direction >= alike + LEAST_GAIN
     values, without = UNTOLD, (UNTOLD,) * len(runs)
     if (by_direction if has_directions else alike) >= before + LEAST_GAIN:
-        width = settings.field_of_view_rad if has_directions else None
+        width = looks.field_of_view_rad if has_directions else None
         every = np.ones((len(runs), num_stretches), dtype=bool)
         values = _likeliest(told, every, width)
         if len(runs) > 1:

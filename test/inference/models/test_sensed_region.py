@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from semantic_slam.configuration import OpenWorldConfiguration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.sensed_region import (
     LEAST_WIDTH_RAD,
@@ -12,6 +13,7 @@ from semantic_slam.inference.models.sensed_region import (
     RANGE_MARGIN,
     SensedRegion,
 )
+from semantic_slam.inference.open_world.planar.region import sensor_region
 
 
 def region_of(ranges_m: list[float] | Array, bearings_rad: list[float] | Array) -> SensedRegion:
@@ -77,8 +79,43 @@ def test_detections_are_taken_in_keyframe_by_keyframe() -> None:
     assert SensedRegion.of(ranges[2:], bearings[2:], first) == SensedRegion.of(ranges, bearings)
 
 
-def test_bearings_alone_show_no_region() -> None:
-    assert SensedRegion.of(np.array([np.nan]), np.array([0.3])) is None
+def test_bearings_alone_show_the_sides_of_a_region_and_leave_its_ranges_as_stated() -> None:
+    bearings = np.random.default_rng(2).uniform(-1.2, 0.4, size=500)
+    own, stated = region_of(np.full(500, np.nan), bearings), sensor_region(OpenWorldConfiguration())
+    found = stated.reaching(own)
+    assert own.named().keys() == {"open_world.field_of_view_rad", "open_world.direction_rad"}
+    assert (found.min_range_m, found.max_range_m) == (stated.min_range_m, stated.max_range_m)
+    assert found.field_of_view_rad == pytest.approx(1.6 + 2.0 * MARGIN_RAD, rel=0.02)
+    assert SensedRegion.of(np.zeros(0), np.zeros(0)) is None
+
+
+def test_a_first_range_after_bearings_bounds_the_ranges() -> None:
+    bearing = region_of([np.nan], [0.3])
+    later = SensedRegion.of(np.array([2.5]), np.array([0.1]), bearing)
+    assert later is not None
+    assert (later.nearest_m, later.farthest_m, later.num_ranges, later.num_bearings) == (2.5, 2.5, 1, 2)
+
+
+@pytest.mark.parametrize("spread", [0.6, 0.9, 1.6])
+def test_a_region_is_settled_once_it_is_expected_to_end_within_its_margins(spread: float) -> None:
+    """Without the bound of a whole turn, n detections let expect (n + 1) / (n - 1) of the width that they span."""
+    settled = int(np.ceil(1.0 + spread / MARGIN_RAD - 1e-9))
+    found = [region_of(np.full(n, 3.0), np.linspace(0.0, spread, n)).is_settled for n in range(5, 40)]
+    assert found == [n >= settled for n in range(5, 40)]
+
+
+def test_narrow_and_whole_regions_are_settled_by_their_ranges() -> None:
+    for spread in (0.0, 2.0 * np.pi - 1e-6):
+        found = [region_of(np.full(n, 3.0), np.linspace(0.0, spread, n)).is_settled for n in (4, 5, 40)]
+        assert found[::2] == [False, True]
+    assert region_of(np.full(40, np.nan), np.linspace(0.0, 1.0, 40)).is_settled
+
+
+def test_a_region_is_not_learned_beyond_the_range_up_to_which_detections_are_used() -> None:
+    ranges, bearings = np.array([2.0, 4.8]), np.zeros(2)
+    own = SensedRegion.of(ranges[1:], bearings[1:], SensedRegion.of(ranges[:1], bearings[:1], most_m=5.0))
+    assert own is not None and own.max_range_m == 5.0
+    assert region_of(ranges, bearings).max_range_m == pytest.approx(4.8 * np.sqrt(1.5))
 
 
 def test_a_sensor_that_looks_all_around_has_no_sides() -> None:

@@ -15,6 +15,7 @@ from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.revision.replay import Replay
 from semantic_slam.inference.states.lineage import Lineage, LineageStep
 from semantic_slam.inference.world.carried import NEW_GROUND, new_grounds
+from semantic_slam.maps.from_belief import mapped_rows, num_unplaced
 from semantic_slam.maps.from_run import saved_map_of_engine
 
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([40.0, 3.0, 0.4])
@@ -83,6 +84,18 @@ def test_what_lies_anywhere_is_on_no_map(driven: tuple[Engine, list[HybridBelief
     assert isinstance(engine.pool, InProcessPool)
     with pytest.raises(InputError, match="where on its map"):
         saved_map_of_engine(engine, engine.pool, beliefs[-1])
+
+
+def test_neither_is_it_in_objects_json(driven: tuple[Engine, list[HybridBelief]]) -> None:
+    """A later run would have them all at one point; kept is what lies on the map, by whichever hypothesis."""
+    engine, beliefs = driven
+    for belief in beliefs:
+        spread = np.sqrt(belief.object_covariances[:, 0, 0])
+        np.testing.assert_array_equal(mapped_rows(belief, engine.run), np.flatnonzero(spread < 0.2))
+        assert num_unplaced(belief, engine.run) == (spread > 0.95 * WIDTH_M).sum()
+    assert num_unplaced(beliefs[-1], engine.run) == len(ELSEWHERE)
+    wide = replace(beliefs[0], object_covariances=beliefs[0].object_covariances + 100.0 * np.eye(6))
+    assert num_unplaced(wide, engine.run) == 0, "where the robot knows its heading, what it hardly knows is placed"
 
 
 def test_such_a_history_weighs_what_a_first_keyframe_does() -> None:

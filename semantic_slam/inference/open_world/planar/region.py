@@ -1,5 +1,6 @@
 """The sensor's region (field of view and range limits), and occlusion."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,9 +12,10 @@ from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.models.noise.noise_settings import NoiseSettings
 from semantic_slam.inference.models.planar.depth_ranges import WIDEST_RAD, covered, distance_per_depth, off_axis
-from semantic_slam.inference.models.sensed_region import SensedRegion
+from semantic_slam.inference.models.sensed_region import ANGLES, RANGES, SensedRegion
 from semantic_slam.inference.open_world.margins import NOT_DETECTED, Margins
 
+BOUNDS = (*RANGES, *ANGLES)
 NO_SCAN = np.zeros((0, 2))
 EXACT = np.zeros((1, 2))
 LEAST_SIGMA = 1e-6
@@ -81,15 +83,7 @@ class SensorRegion:
 
     def reaching(self, sensed: SensedRegion | None) -> Self:
         """The region with the bounds learned from detections; unchanged where they are not learned."""
-        if sensed is None:
-            return self
-        return replace(
-            self,
-            min_range_m=sensed.min_range_m,
-            max_range_m=sensed.max_range_m,
-            field_of_view_rad=sensed.field_of_view_rad,
-            direction_rad=sensed.direction_rad,
-        )
+        return self if sensed is None else replace(self, **sensed.bounds())
 
     def contains(self, relative: Array, covariance: Array) -> Array:
         """(...,) probability that objects at ``relative`` (..., 2) in the body frame, with (..., 2, 2), lie inside.
@@ -189,3 +183,16 @@ def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
         direction_rad=settings.direction_rad,
         occluder_radius_m=settings.occluder_radius_m,
     )
+
+
+def region_of(settings: OpenWorldConfiguration, learned: Mapping[str, float]) -> SensorRegion:
+    """The region with bounds that a run has ``learned``, by their names in its beliefs; otherwise as configured."""
+    told = {name: float(learned[f"open_world.{name}"]) for name in BOUNDS if f"open_world.{name}" in learned}
+    return replace(sensor_region(settings), **told)
+
+
+def is_left_out(ranges_m: Array, bearings_rad: Array, settings: OpenWorldConfiguration) -> Flags:
+    """(D,) which detections a run leaves out: outside the stated region, or beyond that which is learned."""
+    if not settings.learn_region:
+        return ~sensor_region(settings).holds(ranges_m, bearings_rad)
+    return np.asarray(ranges_m > (settings.learn_region_within_m or np.inf))
