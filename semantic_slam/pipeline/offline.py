@@ -85,7 +85,8 @@ def run_bag(
     dropped = sum(run.dropped_by.values(), Counter[str]())
     if not run.num_keyframes:
         reasons = "; ".join(f"{reason} ({n})" for reason, n in sorted(dropped.items())) or "no detections in it"
-        raise run.fault or InputError(f"{bag}: not one keyframe could be made: {reasons}; correct the bag's messages")
+        remedy = "correct the bag's messages, or the configuration: semantic_slam doctor says which, and how"
+        raise run.fault or InputError(f"{bag}: not one keyframe could be made: {reasons}; {remedy}")
     return RunSummary(out_bag, run.num_frames, run.num_keyframes, dict(dropped), run.fault, inference.carried)
 
 
