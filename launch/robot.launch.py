@@ -30,10 +30,12 @@ def start_nodes(context):
         journal=text("journal"),
         resume=is_true("resume"),
         autostart=is_true("autostart"),
+        map_frame=text("map_frame"),
     )
     sensors = Sensors(
         has_images=is_true("has_images"),
         has_depth=is_true("has_depth"),
+        has_moving_camera=is_true("has_moving_camera"),
         has_imu=is_true("has_imu"),
         detections_type=text("detections_type"),
         odom_frame=text("odom_frame"),
@@ -57,6 +59,9 @@ def generate_launch_description():
             DeclareLaunchArgument("remap", default_value="", description="FROM:=TO of input topics, by spaces"),
             DeclareLaunchArgument("has_images", default_value="true", description="false: detections tell places"),
             DeclareLaunchArgument("has_depth", default_value="true", description="false: no depth camera"),
+            DeclareLaunchArgument(
+                "has_moving_camera", default_value="false", description="true: /tf tells where it is"
+            ),
             DeclareLaunchArgument("has_imu", default_value="false", description="true: topic imu measures gravity"),
             DeclareLaunchArgument(
                 "detections_type", default_value="", description="type of topic detections; empty: DetectionArray"
@@ -69,6 +74,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 "autostart", default_value="true", description="false: nodes wait to be configured and activated"
             ),
+            DeclareLaunchArgument("map_frame", default_value="", description="frame of beliefs and TF; empty: map"),
             DeclareLaunchArgument("namespace", default_value="", description="of all nodes, for one robot of several"),
             OpaqueFunction(function=start_nodes),
         ]

@@ -87,7 +87,9 @@ def test_the_offline_example_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(sys, "argv", ["examples/offline.py", "bags/aliased_room", str(tmp_path / "belief")])
+    monkeypatch.setattr(
+        sys, "argv", ["examples/offline.py", "bags/aliased_room", str(tmp_path / "belief"), "--max-keyframes", "5"]
+    )
     runpy.run_path("examples/offline.py", run_name="__main__")
     told = capsys.readouterr().out.splitlines()
     assert told[-9] == "5 keyframes, dropped: {}"

@@ -74,7 +74,7 @@ class PerceptionConfiguration:
     box_centre_share: float = parameter(
         0.1,
         "state_space: spatial: standard deviation of a box's centre as a share of its larger side, besides"
-        " sigma_bearing_rad; twice 0.1 beside the right box a box overlaps with it by two thirds",
+        " sigma_bearing_rad; with 0.1, a box two standard deviations off still overlaps the right one by two thirds",
         minimum=0.0,
         maximum=1.0,
     )

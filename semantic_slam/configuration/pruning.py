@@ -19,8 +19,9 @@ class PruningConfiguration:
     )
     place_m: float = parameter(
         0.0,
-        "hypotheses whose robots are farther apart, or that began under different noises, are of different kinds, to"
-        " which half of max_hypotheses goes in turn: variants of one do not crowd out another; 0: all are of one kind",
+        "hypotheses whose robots are nearer to each other, and that began under the same noise, are of one kind. Half"
+        " of max_hypotheses is dealt out to the kinds in turn, so that many variants of one place do not displace another;"
+        " 0: all are of one kind",
         minimum=0.0,
     )
     max_pairs: int = parameter(

@@ -28,6 +28,7 @@ from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.pipeline.front_end import FrontEnd, Reading, ReadingOrder
 from semantic_slam.pipeline.front_end_process import FrontEndProcess
 from semantic_slam.pipeline.gravity.imu_use import left_out
+from semantic_slam.pipeline.idle_parameters import idle_parameters
 from semantic_slam.pipeline.inference_stage import InferenceStage
 from semantic_slam.pipeline.input_topics import InputTopics, find_topics
 from semantic_slam.pipeline.preamble import Preamble, find_map_prior, read_preamble
@@ -97,6 +98,8 @@ def _looked_through(bag: Path, reader: BagReader, configuration: Configuration) 
     if found.has_places_alone:
         depth = f"; {found.depth} is not used without" if found.depth else ""
         print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell{depth}")
+    for idle in idle_parameters(configuration):
+        print(f"{bag}: {idle.line}")
     if told := left_out(configuration, reader.topics):
         print(f"{bag}: {told}")
     preamble = read_preamble(reader)

@@ -8,6 +8,7 @@ from rclpy.node import Node
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
 from semantic_slam.inference.world.map_prior import MapPrior
+from semantic_slam.pipeline.idle_parameters import idle_parameters
 from semantic_slam.pipeline.session import CHANGEABLE
 from semantic_slam.ros.node.parameters import (
     declare_changeable,
@@ -38,6 +39,8 @@ class ManagerParameters:
     def declared(cls, node: Node) -> Self:
         """Declare the parameters of ``node`` and read their values. Raises InputError, also for unknown names."""
         configuration = declare_configuration(node, CHANGEABLE)
+        for idle in idle_parameters(configuration):
+            node.get_logger().warning(idle.line)
         num_backends = declare_fixed(node, "backends", 1)
         if num_backends < 1:
             raise InputError(f"parameter backends is {num_backends}; at least one backend is needed")

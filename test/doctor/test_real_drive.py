@@ -24,4 +24,4 @@ def test_parked_cars_are_too_far_away_for_rooms_alone(
         summary, faults = summarise_bag(bag, load_configuration(configuration_file(name)), None)
         found = [*faults, *examine(summary)]
         assert [finding.check for finding in found] == checks
-    assert "max_range_m near 70" in found[0].remedy
+    assert "learn_region_within_m near 71" in found[0].remedy

@@ -8,7 +8,7 @@ from semantic_slam.errors import InputError
 from semantic_slam_lab.documentation.fill import Tables, filled
 from semantic_slam_lab.documentation.headline import headline
 from semantic_slam_lab.documentation.messages import messages_page
-from semantic_slam_lab.documentation.parameters import parameters_page
+from semantic_slam_lab.documentation.parameters import default_file, parameters_page
 from semantic_slam_lab.documentation.results import results_page
 from semantic_slam_lab.documentation.studies.rooms import ROOMS, VICTORIA_PARK
 from semantic_slam_lab.documentation.writing.kept_results import KeptResults, keep, read_kept
@@ -23,6 +23,7 @@ def pages(root: Path) -> dict[Path, str]:
     """Every page with generated content below ``root``, a checkout, and what it has to say. Raises InputError."""
     results = read_kept(root / "docs" / "results")
     made = {root / "docs" / name: GENERATED + text for name, text in _whole_pages(root, results).items()}
+    made[root / "config" / "default.yaml"] = default_file()
     by_hand = [path for pattern in FILLED for path in sorted(root.glob(pattern)) if path not in made]
     return made | {path: filled(path.read_text(encoding="utf-8"), results, TABLES) for path in by_hand}
 

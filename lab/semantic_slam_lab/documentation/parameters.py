@@ -1,4 +1,4 @@
-"""docs/parameters.md, from the dataclasses of the configuration."""
+"""docs/parameters.md and config/default.yaml, from the dataclasses of the configuration."""
 
 import dataclasses
 import json
@@ -27,14 +27,41 @@ what stands below `/**`; they refuse a file that addresses nodes by name. The ef
 Parameters of single nodes (`compressed`, `backends`, …) are on the page about [ROS](ros.md).
 """
 
+FILE = """# Every parameter of semantic_slam with its default: a ROS 2 parameter file, and --config of the commands.
+# Metres, radians, seconds, nats. Copy it, keep what you change. Written by `make docs`.
+/**:
+  ros__parameters:
+"""
+
+
+def default_file() -> str:
+    """YAML of all parameters with their defaults, in the order of the page, each with what it means."""
+    alone, groups = _fields()
+    lines = [f"    {_line(item, default)}" for item, default in alone]
+    for name, group in groups:
+        lines += [f"    {name}:", *(f"      {_line(item, default)}" for item, default in _leaves(group))]
+    return FILE + "\n".join(lines) + "\n"
+
+
+def _line(item: Any, default: Any) -> str:
+    choices = item.metadata.get("choices", ())
+    names = choices.own_names if isinstance(choices, Registry) else choices
+    among = f" ({' | '.join(names)})" if names else ""
+    return f"{item.name}: {_shown(default)}  # {item.metadata['description']}{among}"
+
 
 def parameters_page() -> str:
     """Markdown of all parameters: first those without a group, then a section for each group."""
-    fields = dataclasses.fields(Configuration)
-    alone = [(item, _default(item)) for item in fields if not dataclasses.is_dataclass(_default(item))]
-    groups = [(item.name, _default(item)) for item in fields if dataclasses.is_dataclass(_default(item))]
+    alone, groups = _fields()
     sections = [f"## {name}\n\n{_table(f'{name}.', _leaves(group))}" for name, group in groups]
     return "\n".join([INTRODUCTION, _table("", alone), *sections])
+
+
+def _fields() -> tuple[list[tuple[Any, Any]], list[tuple[str, Any]]]:
+    """Parameters without a group, and groups by name."""
+    fields = dataclasses.fields(Configuration)
+    alone = [(item, _default(item)) for item in fields if not dataclasses.is_dataclass(_default(item))]
+    return alone, [(item.name, _default(item)) for item in fields if dataclasses.is_dataclass(_default(item))]
 
 
 def _leaves(group: Any) -> list[tuple[Any, Any]]:

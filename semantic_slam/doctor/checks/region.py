@@ -48,7 +48,8 @@ def _learned(told: list[SemanticMeasurements], world: OpenWorldConfiguration) ->
         beyond,
         f"learned up to {world.learn_region_within_m:g} m",
         f"reach to {reach_m:.3g} m",
-        f"set open_world.learn_region_within_m near {reach_m:.2g} if they are of things, and not of a far wall",
+        f"set open_world.learn_region_within_m near {_two_digits(reach_m, math.ceil):g} if they are of things, and not"
+        " of a far wall",
     )
 
 

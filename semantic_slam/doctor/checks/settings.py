@@ -3,16 +3,19 @@
 from collections.abc import Iterator
 
 from semantic_slam.class_models.kind import class_model_kind
-from semantic_slam.doctor.finding import Finding, error, of_fault
+from semantic_slam.doctor.finding import Finding, error, of_fault, warning
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.errors import InputError
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.pipeline.detector_labels import with_labels
+from semantic_slam.pipeline.idle_parameters import idle_parameters
 
 NAME = "configuration"
 
 
 def check(summary: InputSummary) -> Iterator[Finding]:
+    for idle in idle_parameters(summary.configuration):
+        yield warning(NAME, *idle)
     kind = class_model_kind(summary.configuration.semantic_model)
     has_boxes = summary.detections.num_messages > 0
     if kind.embeddings is not None and has_boxes and not summary.detections.has_embeddings:

@@ -52,7 +52,8 @@ class RunOptions:
 
     ``record``: belief bag to write, "" for none; an existing one is replaced only with ``overwrite``. ``journal``: the
     manager's journal folder, "" for none: then the manager's death ends the run. ``resume``: continue journal and
-    belief bag of an interrupted run. ``autostart`` False: the nodes wait for lifecycle transitions.
+    belief bag of an interrupted run. ``autostart`` False: the nodes wait for lifecycle transitions. ``map_frame``: of
+    beliefs and TF, "" for "map".
     """
 
     backends: int = 1
@@ -61,6 +62,7 @@ class RunOptions:
     journal: str = ""
     resume: bool = False
     autostart: bool = True
+    map_frame: str = ""
 
     def checked(self, configuration: Configuration, inputs: Sequence[Path | None]) -> "RunOptions":
         """Options that can be followed: ``record`` does not overwrite the run's ``inputs``. Raises InputError.
@@ -113,11 +115,12 @@ class Sensors:
     """What a live robot has.
 
     ``detections_type``: message type of topic detections, "" for DetectionArray. ``odom_frame``: frame of an odometry
-    that comes by /tf alone, "" where topic odom has it.
+    that comes by /tf alone, "" where topic odom has it. ``has_moving_camera``: /tf tells where the camera is.
     """
 
     has_images: bool = True
     has_depth: bool = True
+    has_moving_camera: bool = False
     has_imu: bool = False
     detections_type: str = ""
     odom_frame: str = ""
@@ -140,6 +143,7 @@ def robot_set(
     configured = common | changed_parameters(configuration)
     nodes = _manager_and_backends(configured | {"map_prior": map_prior, "has_imu": sensors.has_imu}, common, options)
     classifier = configured | {"has_images": sensors.has_images, "has_depth": sensors.has_depth}
+    classifier |= {"has_moving_camera": True} if sensors.has_moving_camera else {}
     classifier |= {"detections_type": sensors.detections_type} if sensors.detections_type else {}
     nodes.append(NodeSpec("classifier_node", "classifier", classifier))
     if sensors.odom_frame:
@@ -152,6 +156,7 @@ def _manager_and_backends(manager: dict[str, Any], common: dict[str, Any], optio
     """The manager first; without a journal its death ends the run."""
     restarts = {"resume": True} if options.journal else None
     manager = manager | {"backends": options.backends, "journal": options.journal, "resume": options.resume}
+    manager |= {"map_frame": options.map_frame} if options.map_frame else {}
     return [
         NodeSpec("hypothesis_manager_node", "hypothesis_manager", manager, again=restarts),
         *(NodeSpec("backend_node", f"backend_{n}", common | {"backend_id": n}) for n in range(options.backends)),

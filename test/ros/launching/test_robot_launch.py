@@ -14,7 +14,7 @@ from semantic_slam.ros.launching.node_set import NodeSpec, RunOptions, Sensors, 
 REQUIRED = {"config", "journal"}
 OPTIONAL = {"map_prior": "", "backends": "2", "record": "", "overwrite": "false", "resume": "false", "remap": ""}
 OPTIONAL |= {"has_images": "true", "has_depth": "true", "has_imu": "false", "detections_type": ""}
-OPTIONAL |= {"odom_frame": "", "autostart": "true", "namespace": ""}
+OPTIONAL |= {"has_moving_camera": "false", "odom_frame": "", "map_frame": "", "autostart": "true", "namespace": ""}
 
 
 @pytest.fixture
@@ -145,3 +145,13 @@ def test_the_normal_end_of_no_node_ends_the_launch_but_bad_input_does(
     nodes = launch_file["start_nodes"](context)
     assert all(node.on_exit(SimpleNamespace(returncode=0), context)[0].kind == "LogInfo" for node in nodes)
     assert all(node.on_exit(SimpleNamespace(returncode=2), context)[0].kind == "Shutdown" for node in nodes)
+
+
+def test_a_robot_of_several_has_a_map_frame_and_a_camera_on_a_joint(configuration: Path) -> None:
+    options = RunOptions(journal="journal", map_frame="robot1/map")
+    specs = by_name(robot_set(configuration, options, sensors=Sensors(has_moving_camera=True)))
+    assert specs["hypothesis_manager"].parameters["map_frame"] == "robot1/map"
+    assert specs["classifier"].parameters["has_moving_camera"] is True
+    plain = by_name(robot_set(configuration, RunOptions(journal="journal")))
+    assert "map_frame" not in plain["hypothesis_manager"].parameters
+    assert "has_moving_camera" not in plain["classifier"].parameters

@@ -1,0 +1,54 @@
+"""Parameters that somebody has set and nobody reads: others stand in their place."""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+from semantic_slam.class_models.kind import class_model_kind
+from semantic_slam.configuration import Configuration
+
+REPLACED = {
+    "detection_probability": "detection_probabilities",
+    "miss_persistence": "miss_persistences",
+    "clutter_per_frame": "clutters_per_frame",
+    "birth_density": "birth_densities",
+}
+"""Rate of ``open_world`` -> the list of its values that takes its place where it is not empty."""
+LEARNED = ("field_of_view_rad", "direction_rad")
+"""What ``open_world.learn_region`` takes the place of, whatever detections measure."""
+
+
+class Idle(NamedTuple):
+    """A parameter without effect: which and why, and what to set in its place."""
+
+    what: str
+    remedy: str
+
+    @property
+    def line(self) -> str:
+        return f"{self.what}; {self.remedy}"
+
+
+def idle_parameters(configuration: Configuration) -> Iterator[Idle]:
+    """Parameters that differ from their defaults, and change nothing in a run with this configuration."""
+    world = configuration.open_world
+    for one, several in REPLACED.items():
+        if getattr(world, several) and _is_set(world, one):
+            what = f"open_world.{one} has no effect beside {several}, which takes its place"
+            yield Idle(what, f"set the values of open_world.{several}, or [] for this one alone")
+    for name in LEARNED if world.learn_region and not configuration.is_spatial else ():
+        if _is_set(world, name):
+            yield Idle(
+                f"open_world.{name} has no effect with learn_region: true", "set learn_region: false to state it"
+            )
+    model = configuration.semantic_model
+    if _is_set(model, "likelihood_tempering") and not class_model_kind(model).repeats_errors:
+        what = f"semantic_model.likelihood_tempering has no effect with kind: {model.kind}"
+        instead = "set label_accuracy or repeat_shares" if model.kind == "detector" else "remove it"
+        yield Idle(what, instead)
+
+
+def _is_set(settings: Any, name: str) -> bool:
+    """Whether a parameter of a section differs from its default."""
+    default = next(own.default for own in fields(settings) if own.name == name)
+    return bool(getattr(settings, name) != default)
