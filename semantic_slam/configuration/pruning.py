@@ -20,8 +20,8 @@ class PruningConfiguration:
     place_m: float = parameter(
         0.0,
         "hypotheses whose robots are nearer to each other, and that began under the same noise, are of one kind. Half"
-        " of max_hypotheses is dealt out to the kinds in turn, so that many variants of one place do not displace another;"
-        " 0: all are of one kind",
+        " of max_hypotheses is dealt out to the kinds in turn, so that many variants of one place do not displace"
+        " another; 0: all are of one kind",
         minimum=0.0,
     )
     max_pairs: int = parameter(
