@@ -1,7 +1,8 @@
 """Evidence by importance samples from a mixture of Laplace modes and the prior, in whitened coordinates.
 
 The points are a fixed low-discrepancy set with its mirror image about every mode: neighbours in the enumeration get
-the same points, so that their errors cancel in the weights, and nothing depends on who draws them or when.
+the same points, so that their errors cancel in the weights, and nothing depends on who draws them or when. A proposal
+that was adapted is sampled with other points than those that it was fitted to, which it would seem to suit too well.
 """
 
 from collections.abc import Sequence
@@ -95,6 +96,16 @@ class Samples:
         return largest + np.log(total / len(logs)), weights / total
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """N points drawn from a mixture for one problem, and the logs of two densities there."""
+
+    mixture: Gaussians
+    y: Array  # (N, n)
+    log_joint: Array  # (N,) of the integrand times the prior's density
+    log_proposal: Array  # (N,) of the mixture
+
+
 def effective_share(log_weights: Array) -> Array:
     """(...,) effective sample size over the number N of samples, from (..., N); 0 where none has any weight."""
     largest = log_weights.max(axis=-1, keepdims=True)
@@ -115,50 +126,92 @@ def proposal(modes: Array, hessians: Array, log_evidence: Array) -> Gaussians:
 def adapted(mixture: Gaussians, samples: Samples) -> Gaussians:
     """The proposal mixture adapted to its samples: each mode gets the weighted moments of its part, the prior stays.
 
-    Moments of few effective samples are shrunk towards the Gaussian they were drawn from. A mode without samples stays
-    as it is, and so does one whose covariance is numerically singular: a mode where the robot stands on an object is
-    that sharp.
+    Moments of few effective samples in many dimensions are mostly sampling error, and a covariance with that error is
+    too narrow in some directions, where samples then miss the tails: moments are shrunk towards the Gaussian that was
+    there before. A mode without samples stays where it is, and so does one of which the moments are singular.
     """
     alone = mixture.without_prior()
     _, weights = samples.part()
     parts = np.exp(alone.log_responsibilities(samples.y)) * weights  # (M, N)
     totals = np.maximum(parts.sum(axis=1), 1e-12)
-    size = samples.y.shape[1]
     means: Array = alone.means.copy()
     roots: Array = alone.roots.copy()
     for row, (part, total) in enumerate(zip(parts, totals, strict=True)):
         effective = float(part.sum()) ** 2 / max(float(part @ part), 1e-300)
-        trust = effective / (effective + size)
-        centre = part @ samples.y / total
-        spread = samples.y - centre
         with suppress(np.linalg.LinAlgError):
-            before = np.linalg.inv(roots[row] @ roots[row].T)
-            covariance = trust * (spread * (part / total)[:, None]).T @ spread + (1.0 - trust) * before
-            roots[row] = np.linalg.cholesky(np.linalg.inv(WIDENED * covariance))
-            means[row] = trust * centre + (1.0 - trust) * means[row]
+            whitened = (samples.y - means[row]) @ roots[row]
+            shift, root = _shrunk_moments(whitened, part / total, effective)
+            means[row] += np.linalg.solve(roots[row].T, shift)
+            roots[row] = roots[row] @ root
     shares: Array = (1.0 - LEAST_MODE_SHARE) * totals / totals.sum() + LEAST_MODE_SHARE / len(totals)
     return Gaussians(means, roots, np.log((1.0 - PRIOR_SHARE) * shares)).with_prior()
 
 
-def draw(targets: Targets, mixtures: Sequence[Gaussians], num_samples: int) -> list[Samples]:
-    """``num_samples`` points for each of K problems, weighed against its whole mixture (balance heuristic).
+def _shrunk_moments(whitened: Array, weights: Array, effective: float) -> tuple[Array, Array]:
+    """Mean (n,) and root (n, n) of the precision of weighted samples (N, n), shrunk towards a standard normal, widened.
+
+    Raises LinAlgError.
+    """
+    size = whitened.shape[1]
+    mean = weights @ whitened
+    spread = whitened - mean
+    differs = (spread * weights[:, None]).T @ spread - np.eye(size)
+    covariance = np.eye(size) + _trust(differs, size * (size + 1), effective) * differs
+    return _trust(mean, size, effective) * mean, np.linalg.cholesky(np.linalg.inv(WIDENED * covariance))
+
+
+def _trust(difference: Array, error: float, effective: float) -> float:
+    """Factor on a difference of moments: the share of its sum of squares that is no sampling error (James and Stein).
+
+    ``error``: the expected one of a single sample. Since the difference itself may be of a few samples, the factor is
+    not more than their number allows.
+    """
+    if effective <= 1.0:
+        return 0.0
+    found = max(float((difference**2).sum()), 1e-300)
+    return min(max(0.0, 1.0 - error / effective / found), effective / (effective + len(difference)))
+
+
+def draw(
+    targets: Targets, mixtures: Sequence[Gaussians], num_samples: int, firsts: Sequence[int] | None = None
+) -> list[Drawn]:
+    """``num_samples`` points for each of K problems, drawn from its mixture.
 
     Half of them are the mirror images of the others, and each Gaussian of a mixture needs at least one such pair.
+    ``firsts`` (K,): number of the quasi-random point with which each begins; None: all with the first.
     """
     total = num_samples // 2
     points = np.empty((len(mixtures), 2 * total, mixtures[0].means.shape[-1]))
     log_proposal = np.empty(points.shape[:2])
-    alike: dict[tuple[int, ...], list[int]] = {}
-    for row, mixture in enumerate(mixtures):
-        alike.setdefault(_pairs(mixture, total), []).append(row)
-    for counts, rows in alike.items():
+    drawn: list[Gaussians] = list(mixtures)
+    alike: dict[tuple[int, tuple[int, ...]], list[int]] = {}
+    for row, (mixture, first) in enumerate(zip(mixtures, firsts or [0] * len(mixtures), strict=True)):
+        alike.setdefault((first, _pairs(mixture, total)), []).append(row)
+    for (first, counts), rows in alike.items():
         means, roots = (np.array([getattr(mixtures[row], part) for row in rows]) for part in ("means", "roots"))
-        points[rows] = _points(means, roots, counts)
-        drawn = Gaussians(means, roots, np.log(np.array(counts) / total))
-        log_proposal[rows] = finite_log_sum_exp(drawn.log_densities(points[rows]), axis=-2)
-    log_weights = targets.log_target(points.reshape(-1, points.shape[-1])).reshape(log_proposal.shape) - log_proposal
-    log_weights -= 0.5 * squared_norms(points) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
-    return [Samples(*pair) for pair in zip(points, log_weights, strict=True)]
+        points[rows] = _points(means, roots, counts, first)
+        together = Gaussians(means, roots, np.log(np.array(counts) / total))
+        log_proposal[rows] = finite_log_sum_exp(together.log_densities(points[rows]), axis=-2)
+        for at, row in enumerate(rows):
+            drawn[row] = Gaussians(means[at], roots[at], together.log_shares)
+    log_joint = targets.log_target(points.reshape(-1, points.shape[-1])).reshape(log_proposal.shape)
+    log_joint -= 0.5 * squared_norms(points) + 0.5 * points.shape[-1] * np.log(2.0 * np.pi)
+    return [Drawn(*own) for own in zip(drawn, points, log_joint, log_proposal, strict=True)]
+
+
+def weighed(sets: Sequence[Drawn]) -> Samples:
+    """The samples of one problem from several mixtures, each weighed against all of these (balance heuristic).
+
+    A mixture that misses a tail does no harm where another has it (deterministic mixture: Veach and Guibas, 1995; Owen
+    and Zhou, 2000), so that none is chosen. To keep the one with the most even weights would prefer what misses tails.
+    """
+    if len(sets) == 1:
+        return Samples(sets[0].y, sets[0].log_joint - sets[0].log_proposal)
+    y, log_joint = np.concatenate([own.y for own in sets]), np.concatenate([own.log_joint for own in sets])
+    log_proposal = [
+        np.log(len(own.y) / len(y)) + finite_log_sum_exp(own.mixture.log_densities(y), axis=-2) for own in sets
+    ]
+    return Samples(y, log_joint - np.logaddexp.reduce(log_proposal, axis=0))
 
 
 def _pairs(mixture: Gaussians, total: int) -> tuple[int, ...]:
@@ -173,11 +226,15 @@ def _pairs(mixture: Gaussians, total: int) -> tuple[int, ...]:
     return tuple(counts.tolist())
 
 
-def _points(means: Array, roots: Array, pairs: tuple[int, ...]) -> Array:
-    """(K, N, n) points of K mixtures (K, M, n), with ``pairs`` (M,) antithetic pairs from each Gaussian."""
+def _points(means: Array, roots: Array, pairs: tuple[int, ...], first: int) -> Array:
+    """(K, N, n) points of K mixtures (K, M, n), with ``pairs`` (M,) antithetic pairs from each Gaussian.
+
+    Each Gaussian begins with quasi-random point number ``first``.
+    """
     parts, inverse = [], np.linalg.inv(roots)
     for number, count in enumerate(pairs):
-        half, centre = normal_points(count, means.shape[-1]) @ inverse[:, number], means[:, number, None]
+        half = normal_points(first + count, means.shape[-1])[first:] @ inverse[:, number]
+        centre = means[:, number, None]
         parts += [centre + half, centre - half]
     return np.concatenate(parts, axis=1)
 

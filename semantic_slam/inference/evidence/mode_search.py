@@ -14,6 +14,7 @@ from semantic_slam.geometry.arrays import Array, Index, broadcast_copy, squared_
 from semantic_slam.geometry.levenberg_marquardt import LevenbergMarquardt
 from semantic_slam.inference.evidence.importance import (
     PRIOR_SHARE,
+    Drawn,
     Gaussians,
     Samples,
     adapted,
@@ -21,6 +22,7 @@ from semantic_slam.inference.evidence.importance import (
     effective_share,
     normal_points,
     proposal,
+    weighed,
 )
 from semantic_slam.inference.evidence.laplace import Mode, mode_at
 from semantic_slam.inference.evidence.posterior_mode import PosteriorMode, SampledMoments, WindowSamples
@@ -54,8 +56,8 @@ MAX_MODES = 4
 NEGLIGIBLE = 7.0
 """Nats below the best at which a mode is dropped; its region goes to the others."""
 POOR = 0.6
-"""Effective sample share below which the proposal is adapted to the samples."""
-MAX_ADAPTATIONS, MORE_ADAPTATIONS = 3, 1
+"""Effective samples, as a share of the number drawn at a time, below which the proposal is adapted to draw more."""
+MAX_ADAPTATIONS = 3
 """Largest number of adaptations of the proposal with the first part of the samples, and with all of them."""
 FIRST_SHARE = 0.25
 """Fraction of the samples that is drawn first; all are drawn where these do not suffice."""
@@ -185,38 +187,52 @@ def _sampled(
     windows: Sequence[Window], problem: WindowProblem, modes: Sequence[Mode], count: int
 ) -> tuple[list[Gaussians], list[Samples]]:
     """Samples and their proposal mixtures: a first part of ``count``, or all where that does not suffice."""
-    mixtures = [proposal(mode.y, mode.hessian, mode.log_evidence) for mode in modes]
+    sampling = _Sampling(windows, problem, [proposal(mode.y, mode.hessian, mode.log_evidence) for mode in modes])
     first = max(int(np.ceil(FIRST_SHARE * count)), FEWEST_FIRST)
-    everything = np.arange(len(windows))
-    samples, shares = _adapting(windows, problem, mixtures, everything, first, MAX_ADAPTATIONS)
+    samples, shares = sampling.adapting(np.arange(len(windows)), first)
     coarse = np.flatnonzero((shares < GOOD) & (first < count))
     if len(coarse):
-        more, _ = _adapting(windows, problem, mixtures, coarse, count, MORE_ADAPTATIONS)
+        more, _ = sampling.adapting(coarse, count)
         for row, better in zip(coarse, more, strict=True):
             samples[row] = better
-    return mixtures, samples
+    return sampling.mixtures, samples
 
 
-def _adapting(
-    windows: Sequence[Window], problem: WindowProblem, mixtures: list[Gaussians], rows: Index, count: int, times: int
-) -> tuple[list[Samples], Array]:
-    """Samples of windows ``rows``, weighed with the regions of their modes, and their effective shares.
+class _Sampling:
+    """Sampling of K windows from proposal mixtures, which are adapted in place where they fit their targets poorly."""
 
-    Proposal mixtures that fit their target poorly are adapted in place.
-    """
-    samples, shares, pending = dict[int, Samples](), np.zeros(len(windows)), rows
-    for left in reversed(range(times + 1)):
-        for row, drawn in zip(
-            pending, draw(problem.select(pending), [mixtures[r] for r in pending], count), strict=True
-        ):
-            samples[row] = Samples(drawn.y, drawn.log_weights + windows[row].log_share(problem, drawn.y))
-        shares[pending] = effective_share(np.array([samples[row].log_weights for row in pending]))
-        pending = pending[(shares[pending] > 0.0) & (shares[pending] < POOR)]
-        if not left or not len(pending):
-            break
-        for row in pending:
-            mixtures[row] = adapted(mixtures[row], samples[row])
-    return [samples[row] for row in rows], shares[rows]
+    def __init__(self, windows: Sequence[Window], problem: WindowProblem, mixtures: list[Gaussians]):
+        self._windows, self._problem, self.mixtures = windows, problem, mixtures
+        self._fitted = [0] * len(windows)  # number of quasi-random points that each mixture was fitted to
+
+    def adapting(self, rows: Index, count: int) -> tuple[list[Samples], Array]:
+        """Samples of windows ``rows``, weighed with the regions of their modes, and their effective shares.
+
+        ``count`` are drawn, and as many anew after each adaptation; all of these together are weighed.
+        """
+        sets: dict[int, list[Drawn]] = {row: [] for row in rows.tolist()}
+        samples, shares, pending = dict[int, Samples](), np.zeros(len(self._windows)), rows
+        for number in range(1 + MAX_ADAPTATIONS):
+            for row in pending.tolist() if number else []:
+                self.mixtures[row] = adapted(self.mixtures[row], samples[row])
+                self._fitted[row] += count // 2
+            for row, own in zip(pending.tolist(), self._drawn(pending, count), strict=True):
+                sets[row].append(own)
+                samples[row] = weighed(sets[row])
+                shares[row] = effective_share(samples[row].log_weights)
+            pending = pending[(shares[pending] > 0.0) & ((1 + number) * shares[pending] < POOR)]
+            if not len(pending):
+                break
+        return [samples[row] for row in rows.tolist()], shares[rows]
+
+    def _drawn(self, rows: Index, count: int) -> list[Drawn]:
+        some = rows.tolist()
+        mixtures, fitted = [self.mixtures[row] for row in some], [self._fitted[row] for row in some]
+        drawn = draw(self._problem.select(rows), mixtures, count, fitted)
+        return [
+            replace(own, log_joint=own.log_joint + self._windows[row].log_share(self._problem, own.y))
+            for row, own in zip(some, drawn, strict=True)
+        ]
 
 
 def _search(problem: WindowProblem, start: Array) -> tuple[Mode, Index]:

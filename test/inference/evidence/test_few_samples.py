@@ -10,7 +10,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
-from semantic_slam.inference.evidence.importance import Gaussians, draw
+from semantic_slam.inference.evidence.importance import Gaussians, draw, weighed
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
@@ -33,7 +33,7 @@ class _EvenMixture:
 def test_a_pair_of_each_gaussian_has_the_integral_of_their_even_mixture(shares: list[float]) -> None:
     """Five pairs for five Gaussians can only be one of each, and their even mixture is sampled without error."""
     mixture = Gaussians(MEANS, np.broadcast_to(np.eye(2), (5, 2, 2)), np.log(shares))
-    (samples,) = draw(_EvenMixture(), [mixture], 2 * len(MEANS))
+    samples = weighed(draw(_EvenMixture(), [mixture], 2 * len(MEANS)))
     assert samples.y.shape == (2 * len(MEANS), 2)
     np.testing.assert_allclose(samples.log_weights, LOG_EVIDENCE, atol=1e-12)
 

@@ -66,7 +66,12 @@ def _with_births(storage: Layout, prediction: Prediction) -> tuple[Array, Array]
 
 
 def _without_attitudes(predicted: PredictedBelief, landmark: StateSpace) -> PredictedBelief:
-    """Objects with fixed headings, or attitudes: no measurement depends on them, and wide angles bend positions."""
+    """Objects with fixed headings, or attitudes, on which no measurement depends.
+
+    In space beliefs are the same without this, to 1e-14. In the plane they are not where odometry is poor (0.15 m and
+    0.1 rad a keyframe): log evidence by up to 2e-4, small weights by 2 %, headings by 0.09 rad, however well modes
+    converge.
+    """
     turns = np.delete(np.arange(landmark.tangent_size), landmark.position_rows)
     if not len(turns):
         return predicted
