@@ -105,7 +105,8 @@ class OpenWorldConfiguration:
     learn_region: bool = parameter(
         False,
         "the region reaches as far as the detections so far let expect, in place of field_of_view_rad, direction_rad,"
-        " min_range_m and max_range_m, which then bound nothing; bearings alone tell no ranges: then the last two hold",
+        " min_range_m and max_range_m, which then bound nothing; bearings alone tell no ranges: then the last two hold."
+        " direction_rad stays the axis of ranges that are depths",
     )
     learn_region_within_m: float = parameter(
         0.0,

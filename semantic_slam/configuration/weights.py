@@ -15,7 +15,8 @@ class WeightsConfiguration:
     num_samples: int = parameter(1000, "sampled: prior samples per candidate (the thesis's 1000)", minimum=1)
     importance_samples: int = parameter(
         1024,
-        "importance: samples of a candidate whose history is not Gaussian; a quarter where those suffice",
+        "importance: samples of a candidate whose history is not Gaussian, drawn at a time: a quarter where those"
+        " suffice, up to four times as many where they are drawn anew, nearer to its posterior",
         minimum=16,
     )
     screening_samples: int = parameter(

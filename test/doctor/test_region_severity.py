@@ -28,7 +28,7 @@ def test_one_in_ten_is_an_error(tmp_path: Path) -> None:
     (found,) = of_region(tmp_path, 9)
     assert found.severity is Severity.ERROR
     assert found.what.startswith(f"{NUM_FRAMES} of the first {10 * NUM_FRAMES} detections lie outside")
-    assert found.remedy.endswith("or open_world.learn_region: true")
+    assert found.remedy.endswith("or learn_region: true with learn_region_within_m")
 
 
 @pytest.mark.parametrize("world", [{"max_range_m": FAR_M + 0.1}, {"learn_region": True}])

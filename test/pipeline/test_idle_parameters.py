@@ -46,6 +46,22 @@ def test_a_rate_or_region_that_another_parameter_replaces_is_named(values: dict[
     assert found.what.startswith(f"open_world.{name} has no effect") and found.remedy == remedy
 
 
+def test_the_direction_along_which_ranges_may_be_depths_is_not_idle() -> None:
+    assert not list(idle_parameters(changed("uncalibrated", "open_world", direction_rad=0.7)))
+    (found,) = idle_parameters(changed("detector", "open_world", direction_rad=0.7))
+    assert "direction_rad" in found.what
+
+
+def test_a_bound_of_a_region_that_is_not_learned_is_named() -> None:
+    (found,) = idle_parameters(changed("detector", "open_world", learn_region=False))
+    assert "learn_region_within_m" in found.what and found.remedy == "set max_range_m"
+
+
+def test_rates_are_not_told_to_be_set_where_no_rates_are_read() -> None:
+    whole = to_dict(changed("detector", "open_world", clutter_per_frame=5.0))
+    assert not list(idle_parameters(from_dict({**whole, "association": "given"})))
+
+
 def test_a_tempering_that_the_kind_does_not_read_is_named() -> None:
     (found,) = idle_parameters(changed("detector", "semantic_model", likelihood_tempering=50.0))
     assert "kind: detector" in found.what and "repeat_shares" in found.remedy

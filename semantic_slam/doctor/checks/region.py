@@ -103,7 +103,8 @@ def _remedy_in_plane(world: OpenWorldConfiguration, bearings_rad: Array, seen: _
         wanted.append(f"field_of_view_rad near {min(around_rad, 2.0 * np.pi):.2f}")
     wanted += _ranges_to_set(known_m, world.min_range_m, world.max_range_m)
     named = " and ".join(filter(None, [", ".join(wanted[:-1]), *wanted[-1:]]))
-    return f"set open_world.{named}, as far as the sensor sees, or open_world.learn_region: true"
+    learned = "" if world.detection_by_direction else ", or learn_region: true with learn_region_within_m"
+    return f"set open_world.{named}, as far as the sensor sees{learned}"
 
 
 def _ranges_to_set(known_m: Array, min_range_m: float, max_range_m: float) -> list[str]:

@@ -42,7 +42,9 @@ class RegionWatch:
             return stated, remedy
         if self._configuration.open_world.learn_region:
             return "beyond open_world.learn_region_within_m", "raise it if they are of things, and not of a far wall"
-        return stated, f"set open_world.learn_region: true, or {remedy}"
+        if self._configuration.open_world.detection_by_direction:
+            return stated, remedy
+        return stated, f"set open_world.learn_region: true and learn_region_within_m, or {remedy}"
 
     def news(self) -> list[str]:
         """The line, once."""

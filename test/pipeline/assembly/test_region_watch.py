@@ -35,7 +35,7 @@ def test_it_is_said_once_as_soon_as_there_are_enough() -> None:
     before, (line,), after = told((ENOUGH - 10, 3), (10, 1), (50, 50))
     assert before == after == []
     assert line.startswith(f"4 of the first {ENOUGH} detections lie outside of the region that open_world states")
-    assert "set open_world.learn_region: true, or" in line
+    assert "set open_world.learn_region: true and learn_region_within_m, or" in line
 
 
 def test_fewer_than_a_tenth_are_no_news() -> None:
