@@ -16,9 +16,9 @@ from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.maps.as_prior import independent, joint_covariance
 from semantic_slam.maps.common_classes import over_common_classes
 from semantic_slam.maps.comparison import SURE, Comparison
-from semantic_slam.maps.differences import gone
 from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
+from semantic_slam.maps.merged_existence import merged_existence
 from semantic_slam.maps.merged_objects import MergedRows, merged_objects
 from semantic_slam.maps.saved_map import Provenance, SavedMap, ViewedFrom, have_common_ancestor
 
@@ -50,7 +50,7 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
     rows = _rows(comparison)
     together = _fused(_stacked(comparison), rows, len(one.objects), comparison.ours.frames)
     own = _blocks(together.covariance)[rows.kept]
-    objects = merged_objects(_without_gone(comparison), other, rows, together.states[rows.kept], own)
+    objects = merged_objects(one, other, rows, together.states[rows.kept], own, merged_existence(comparison, rows))
     kept = (3 * rows.kept[:, None] + np.arange(3)).ravel()
     joint = together.covariance[np.ix_(kept, kept)]
     return SavedMap(
@@ -85,14 +85,6 @@ def _check(one: SavedMap, other: SavedMap) -> None:
     spaces = {known.descriptor_space for known in (one, other) if known.objects.descriptors.shape[1]}
     if len(spaces) > 1:
         raise InputError(f"the maps' descriptors are of different spaces ({', '.join(sorted(spaces))}); use one model")
-
-
-def _without_gone(comparison: Comparison) -> SavedMap:
-    """First map with existence reduced where the second one indicates that objects are gone."""
-    existence = comparison.old.objects.existence.copy()
-    for row, number in enumerate(comparison.ours.rows.tolist()):
-        existence[number] *= 1.0 - gone(comparison, row)[0]
-    return replace(comparison.old, objects=replace(comparison.old.objects, existence=np.clip(existence, 0.0, 1.0)))
 
 
 def _rows(comparison: Comparison) -> MergedRows:
