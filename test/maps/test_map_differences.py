@@ -140,6 +140,19 @@ def test_changes_are_told_in_lines_and_numbers() -> None:
     assert {own["kind"] for own in changes_as_json(told)["old"]} == {"same", "gone", "displaced"}
 
 
+def test_what_was_displaced_to_one_of_several_places_has_no_distance() -> None:
+    """Three lamps came 6 m from where one is missing: each is less likely it than that it is gone, all together not."""
+    turns = np.array([0.3, 2.4, 4.5])
+    places = ROOM[4] + 6.0 * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(3)])
+    poses = np.vstack([np.delete(ROOM, 4, axis=0), places])
+    told = told_of(room(), room(poses, (0, 0, 1, 1, 2, 3, 2, 2, 2), first=20), True)
+    own = told.old[4]
+    assert (own.kind, own.new_id) == ("displaced", None) and np.isnan(own.distance_m)
+    lines = change_lines(told)
+    assert "nan" not in "\n".join(lines) and lines[6].endswith("object_4, to one of several")
+    assert changes_as_json(told)["old"][4]["distance_m"] is None
+
+
 def test_merged_gaussians_are_the_product_of_both() -> None:
     """All objects the same: informations add up, but for the floor between the two maps."""
     one, other = room(), room(ROOM + np.array([0.05, -0.02, 0.01]), first=20)
