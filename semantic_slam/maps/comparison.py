@@ -43,12 +43,12 @@ class Comparison:
             raise InputError("one of the maps is of the plane, the other of space; name two of one state_space")
         same_frame = are_of_one_frame(old, new) if same_frame is None else same_frame
         names = [name for name in old.class_names if name in new.class_names]
-        rows = compared_rows(new)
+        known, rows = compared_rows(old), compared_rows(new)
         if new.provenance.started_from == old.map_id:
             rows = rows[~_only_told(old, new, rows)]
-        ours, theirs = Landmarks.of(old, names, compared_rows(old)), Landmarks.of(new, names, rows)
-        if not len(ours) or not len(theirs):
+        if not len(known) or not len(rows):
             raise InputError("one of the maps has no object that is known to exist; compare maps with objects")
+        ours, theirs = Landmarks.of(old, names, known), Landmarks.of(new, names, rows)
         # Used until the alignment is known: whether its place was looked at hardly affects an object's counterpart.
         log_absent = np.log(1.0 - ours.existence + ours.existence * (GONE_SHARE + LEAST_UNSEEN))
         if same_frame:

@@ -176,6 +176,14 @@ def test_a_merged_map_has_what_was_displaced_where_it_is_now() -> None:
     assert both.has_cross_covariances
 
 
+def test_a_map_without_objects_is_refused_in_one_line_alone(recwarn: pytest.WarningsRecorder) -> None:
+    empty = with_id(saved_map_of_prior(MapPrior(())))
+    for pair in ((room(), empty), (empty, room())):
+        with pytest.raises(InputError, match="compare maps with objects"):
+            Comparison.of(*pair)
+    assert not recwarn.list
+
+
 def test_a_map_is_not_merged_with_one_that_holds_it() -> None:
     one = room()
     later = with_id(replace(second(), provenance=Provenance(started_from=one.map_id)))
