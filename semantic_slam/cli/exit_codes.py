@@ -1,9 +1,10 @@
-"""Maps errors to exit codes: 0 success, 2 bad input or usage, 1 internal error, 130 interrupted."""
+"""Maps errors to exit codes: 0 success, 2 bad input or usage, 1 internal error, 130 interrupted, 141 nobody reads."""
 
 import argparse
 import atexit
 import errno
 import os
+import select
 import sys
 import traceback
 from collections.abc import Callable
@@ -15,7 +16,8 @@ from semantic_slam.errors import InputError, one_line
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Error numbers of a full disk, an exceeded quota or a file-size limit."""
-DONE, FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAULT, BAD_INPUT, INTERRUPTED, UNREAD = 0, 1, 2, 130, 141
+"""Exit codes; the last two are those of programs that a shell sees end by SIGINT, and by SIGPIPE."""
 
 
 def program() -> str:
@@ -37,13 +39,15 @@ class CommandParser(argparse.ArgumentParser):
 def exit_code(command: Callable[[], None]) -> int:
     """Run ``command`` and return its exit code; bad input prints one line to stderr, internal errors a traceback."""
     try:
-        command()
+        _run(command)
     except InputError as error:
         print(one_line(error), file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
     except OSError as fault:
+        if isinstance(fault, BrokenPipeError) and _silence_unread():
+            return UNREAD
         if fault.errno not in FULL:
             traceback.print_exc()
         else:
@@ -55,6 +59,41 @@ def exit_code(command: Callable[[], None]) -> int:
         traceback.print_exc()
         return FAULT
     return DONE
+
+
+def _run(command: Callable[[], None]) -> None:
+    """Run ``command`` and write out what it printed, so that a reader who has left is noticed here."""
+    try:
+        command()
+    except SystemExit:  # as after --help
+        _write_out()
+        raise
+    _write_out()
+
+
+def _write_out() -> None:
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _silence_unread() -> bool:
+    """Whether the reader of what is printed has left, as ``head`` does; what is left is then written to nowhere.
+
+    Pipes within the program break, too: those are faults.
+    """
+    unread = [number for number in (1, 2) if _has_no_reader(number)]
+    for number in unread:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, number)
+        os.close(nowhere)
+    return bool(unread)
+
+
+def _has_no_reader(number: int) -> bool:
+    """Whether a file descriptor is a pipe or socket whose other end is closed."""
+    poll = select.poll()
+    poll.register(number, 0)
+    return any(event & (select.POLLERR | select.POLLHUP) for _, event in poll.poll(0))
 
 
 def _is_of_an_interrupt(fault: BaseException | None) -> bool:

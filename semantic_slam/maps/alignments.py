@@ -1,15 +1,19 @@
 """Frame alignment of two maps: in place, or from proposed object correspondences.
 
 Every pair of objects with headings proposes an alignment; for point objects, two pairs at equal distance do. The
-evidence over all objects decides; what remains ambiguous stays a mixture.
+evidence over all objects decides between them, and whether the maps are of one place at all; what remains ambiguous
+stays a mixture.
 """
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy.special import expit, logit
 
 from semantic_slam.geometry import se2
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.maps.common_place import log_odds_of_one_place
 from semantic_slam.maps.correspondence import Correspondence, corresponding
 from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.landmarks import Landmarks
@@ -22,21 +26,30 @@ APART_M, APART_RAD = 0.3, 0.1
 """Alignments closer than this count as one."""
 UNLIKELY = 12.0
 """Log-likelihood gap [nats] to the best beyond which an alignment is dropped."""
+ONE_PLACE_SHARE = 0.1
+"""Prior probability that two maps of unknown alignment have a place in common: a wrong merge cannot be taken back."""
 
 
-def in_place(
-    old: Landmarks, new: Landmarks, log_absent: Array, *, is_continued: bool
-) -> list[tuple[float, Correspondence]]:
+@dataclass(frozen=True, kw_only=True)
+class Alignments:
+    """Ways in which two maps may be of one place."""
+
+    one_place: float  # probability that they are of one place, and lie in one of these ways
+    of_one_place: tuple[tuple[float, Correspondence], ...]  # with their probabilities given that, most likely first
+
+
+def in_place(old: Landmarks, new: Landmarks, log_absent: Array, *, is_continued: bool) -> Alignments:
     """Alignment of maps in one frame, each off by its own initial pose error; ``is_continued``: new came from old."""
     size = old.frames.size
     covariance = old.frame + new.frame + 1e-6 * np.eye(size)
     start = Alignment(T_old_new=np.zeros(size), covariance=covariance, centre=old.centre)
     prior = np.asarray(np.linalg.inv(covariance))
-    return [(1.0, corresponding(old, new, log_absent, start, prior, is_continued=is_continued))]
+    own = corresponding(old, new, log_absent, start, prior, is_continued=is_continued)
+    return Alignments(one_place=1.0, of_one_place=((1.0, own),))
 
 
-def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[float, Correspondence]]:
-    """Alignments with their probabilities, most likely first; empty where no objects can correspond."""
+def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> Alignments:
+    """Alignments by the objects in common; none where no objects can correspond."""
     proposals = _proposals(old, new)
     scored = sorted(((_score(old, new, log_absent, own), n) for n, own in enumerate(proposals)), reverse=True)
     found: list[Correspondence] = []
@@ -44,12 +57,19 @@ def aligned(old: Landmarks, new: Landmarks, log_absent: Array) -> list[tuple[flo
         own = corresponding(old, new, log_absent, proposals[number], np.zeros((old.frames.size,) * 2))
         if not any(_are_one(old.frames, own, other) for other in found):
             found.append(own)
-    found = sorted(found, key=lambda own: -own.log_evidence)
+    return _weighed([(log_odds_of_one_place(old, new, log_absent, own), own) for own in found])
+
+
+def _weighed(found: list[tuple[float, Correspondence]]) -> Alignments:
+    """Probabilities of alignments from their log odds against different places."""
     if not found:
-        return []
-    kept = [own for own in found if own.log_evidence > found[0].log_evidence - UNLIKELY]
-    weights = np.exp(np.array([own.log_evidence for own in kept]) - kept[0].log_evidence)
-    return list(zip((weights / weights.sum()).tolist(), kept, strict=True))
+        return Alignments(one_place=0.0, of_one_place=())
+    found = sorted(found, key=lambda own: -own[0])
+    log_odds = np.array([log_odds for log_odds, _ in found if log_odds > found[0][0] - UNLIKELY])
+    log_sum = float(np.logaddexp.reduce(log_odds))
+    weights = np.exp(log_odds - log_sum).tolist()
+    kept = tuple((weight, own) for weight, (_, own) in zip(weights, found, strict=False))
+    return Alignments(one_place=float(expit(log_sum + logit(ONE_PLACE_SHARE))), of_one_place=kept)
 
 
 def _score(old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment) -> float:

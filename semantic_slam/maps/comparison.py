@@ -14,6 +14,8 @@ from semantic_slam.maps.landmarks import Landmarks, compared_rows
 from semantic_slam.maps.likelihood import DISPLACED_SHARE, GONE_SHARE
 from semantic_slam.maps.saved_map import SavedMap
 
+SURE = 0.9
+"""Smallest probability at which two maps are taken to be of one place, and an alignment is accepted for a merge."""
 SEEN_IN_A_LOOK = 0.3
 """Default probability that an object in the sensor's region is detected, occlusion included."""
 PLACED_M = 1.0
@@ -30,6 +32,7 @@ class Comparison:
     new: SavedMap
     ours: Landmarks  # n
     theirs: Landmarks  # m
+    one_place: float  # probability that both are of one place, on which all others are conditioned
     alignments: tuple[tuple[float, Correspondence], ...]  # with their probabilities, most likely first
     same_frame: bool  # else aligned by object correspondences
 
@@ -40,12 +43,12 @@ class Comparison:
             raise InputError("one of the maps is of the plane, the other of space; name two of one state_space")
         same_frame = are_of_one_frame(old, new) if same_frame is None else same_frame
         names = [name for name in old.class_names if name in new.class_names]
-        rows = compared_rows(new)
+        known, rows = compared_rows(old), compared_rows(new)
         if new.provenance.started_from == old.map_id:
             rows = rows[~_only_told(old, new, rows)]
-        ours, theirs = Landmarks.of(old, names, compared_rows(old)), Landmarks.of(new, names, rows)
-        if not len(ours) or not len(theirs):
+        if not len(known) or not len(rows):
             raise InputError("one of the maps has no object that is known to exist; compare maps with objects")
+        ours, theirs = Landmarks.of(old, names, known), Landmarks.of(new, names, rows)
         # Used until the alignment is known: whether its place was looked at hardly affects an object's counterpart.
         log_absent = np.log(1.0 - ours.existence + ours.existence * (GONE_SHARE + LEAST_UNSEEN))
         if same_frame:
@@ -53,9 +56,28 @@ class Comparison:
             found = in_place(ours, theirs, log_absent, is_continued=is_continued)
         else:
             found = aligned(ours, theirs, log_absent)
-        if not found:
+        if not found.of_one_place:
             raise InputError("the maps cannot be aligned: no object of one may be one of the other; name other maps")
-        return cls(old=old, new=new, ours=ours, theirs=theirs, alignments=tuple(found), same_frame=same_frame)
+        if found.one_place < SURE:
+            raise InputError(
+                f"maps {old.map_id} and {new.map_id} have too little in common to be of one place for sure, P ="
+                f" {found.one_place:.2f}; name maps that have more objects in common, or --same-frame if they are of"
+                " one frame"
+            )
+        return cls(
+            old=old,
+            new=new,
+            ours=ours,
+            theirs=theirs,
+            one_place=found.one_place,
+            alignments=found.of_one_place,
+            same_frame=same_frame,
+        )
+
+    @property
+    def alignment_probability(self) -> float:
+        """Probability that the maps are of one place and lie as the most likely alignment has it."""
+        return self.one_place * self.alignments[0][0]
 
     @property
     def best(self) -> Correspondence:

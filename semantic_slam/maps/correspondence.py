@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.association.murty import k_best
+from semantic_slam.inference.association.murty import KBest, k_best
 from semantic_slam.maps.landmarks import Landmarks
 from semantic_slam.maps.likelihood import Alignment, Pairs, pairs
 
@@ -22,7 +22,6 @@ class Correspondence:
     pairs: Pairs
     same: Array  # (n, m) probabilities: same object, not moved
     displaced: Array  # (n, m)
-    log_evidence: float
 
     @property
     def vacated(self) -> Array:
@@ -44,16 +43,21 @@ def corresponding(
     return found
 
 
+def likeliest(log_pairs: Array, log_absent: Array) -> KBest:
+    """Likeliest assignments, by log weights (n, m) of pairs; columns from m on are old objects without counterpart."""
+    count, size = log_pairs.shape
+    cost = np.full((count, size + count), np.inf)
+    cost[:, :size] = np.where(log_pairs > log_absent[:, None] - NEVER, -log_pairs, np.inf)
+    cost[np.arange(count), size + np.arange(count)] = -log_absent
+    return k_best(cost, MOST_ASSIGNMENTS)
+
+
 def _assigned(
     old: Landmarks, new: Landmarks, log_absent: Array, alignment: Alignment, vacated: Array, is_continued: bool
 ) -> Correspondence:
     likelihoods = pairs(old, new, alignment, vacated, is_continued=is_continued)
     both = np.logaddexp(likelihoods.log_same, likelihoods.log_displaced)
-    count = len(old)
-    cost = np.full((count, len(new) + count), np.inf)
-    cost[:, : len(new)] = np.where(both > log_absent[:, None] - NEVER, -both, np.inf)
-    cost[np.arange(count), len(new) + np.arange(count)] = -log_absent
-    best = k_best(cost, MOST_ASSIGNMENTS)
+    best, count = likeliest(both, log_absent), len(old)
     log_sum = float(np.logaddexp.reduce(-best.costs))
     weights = np.exp(-best.costs - log_sum)
     matched = np.zeros((count, len(new) + count))
@@ -65,7 +69,6 @@ def _assigned(
         pairs=likelihoods,
         same=matched * np.exp(likelihoods.log_same - both),
         displaced=matched * np.exp(likelihoods.log_displaced - both),
-        log_evidence=log_sum,
     )
 
 

@@ -57,7 +57,7 @@ def difference(comparison: Comparison) -> MapDifference:
         new=tuple(_new_object(comparison, column) for column in range(len(comparison.theirs))),
         T_old_new=comparison.best.alignment.T_old_new,
         same_frame=comparison.same_frame,
-        alignment_probability=comparison.alignments[0][0],
+        alignment_probability=comparison.alignment_probability,
     )
 
 

@@ -38,6 +38,7 @@ class Pairs:
     log_displaced: Array
     offset: Array  # (n, m, 3) from where it was to where it is, the coordinates [m, rad] of the old frame
     covariance: Array  # (n, m, 3, 3) of the offset
+    log_unmatched: Array  # (m,) log density of new objects at the new ones' places
 
 
 def pairs(old: Landmarks, new: Landmarks, alignment: Alignment, vacated: Array, *, is_continued: bool = False) -> Pairs:
@@ -64,20 +65,27 @@ def pairs(old: Landmarks, new: Landmarks, alignment: Alignment, vacated: Array, 
     if is_continued:
         instead = np.where(old.ids[:, None] == new.ids, np.maximum(instead, in_place), instead)
     replacing = REPLACED_SHARE * vacated @ np.exp(instead + _log_other_class(old, new))
-    there = np.log(new.existence) - np.log(np.exp(log_new_density(old)) + replacing)
+    log_unmatched = np.log(np.exp(log_new_density(old)) + replacing)
+    there = np.log(new.existence) - log_unmatched
     return Pairs(
         log_same=stays + there + alike + in_place,
         log_displaced=moves + there + alike + _log_moved(away, spread_away),
         offset=offset,
         covariance=total,
+        log_unmatched=log_unmatched,
     )
 
 
 def log_new_density(old: Landmarks) -> float:
     """Log density of new objects per square metre, in space per cubic metre; as many appear as disappear."""
-    places = old.states[:, : old.frames.num_axes]
-    low, high = places.min(axis=0) - SURROUNDINGS_M, places.max(axis=0) + SURROUNDINGS_M
+    low, high = surroundings(old)
     return float(np.log(GONE_SHARE * max(old.existence.sum(), 1.0) / np.prod(high - low)))
+
+
+def surroundings(known: Landmarks) -> tuple[Array, Array]:
+    """Least and largest coordinates (2,) [m] of the box in which a map is expected to hold objects; (3,) in space."""
+    places = known.states[:, : known.frames.num_axes]
+    return places.min(axis=0) - SURROUNDINGS_M, places.max(axis=0) + SURROUNDINGS_M
 
 
 def _log_normal(offset: Array, covariance: Array) -> Array:

@@ -4,14 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit, logit
 
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.maps.class_priors import class_evidence, known_priors
 from semantic_slam.maps.saved_map import MapObjects, SavedMap, have_common_ancestor
-
-SURELY_NOT = 1e-9
-"""Least probability of existence, and of not existing, that is taken for known: log odds stay finite."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,8 +19,10 @@ class MergedRows:
     kept: Index  # (N,) the first map's objects at their current places, then those only in the second
 
 
-def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Array, covariances: Array) -> MapObjects:
-    """Build N merged objects at coordinates ``states`` (N, 3) with ``covariances`` (N, 3, 3)."""
+def merged_objects(
+    one: SavedMap, other: SavedMap, rows: MergedRows, states: Array, covariances: Array, existence: Array
+) -> MapObjects:
+    """Build N merged objects at coordinates ``states`` (N, 3) with ``covariances`` (N, 3, 3); ``existence`` (N,)."""
     count, first = len(one.objects), len(one.objects)
     partner, share = dict((*rows.same, *rows.displaced)), _share(one, other)
     later = [int(row) - first for row in rows.kept[count:].tolist()]
@@ -38,7 +36,7 @@ def merged_objects(one: SavedMap, other: SavedMap, rows: MergedRows, states: Arr
         names=names,
         poses=one.coordinates.poses(states),
         covariances=one.coordinates.pose_covariances(covariances),
-        existence=np.array([_existence(one.objects, other.objects, i, j, share) for i, j in sources]),
+        existence=existence,
         class_probabilities=classes,
         class_priors=priors,
         descriptors=np.array(means),
@@ -65,14 +63,6 @@ def _numbers(one: MapObjects, other: MapObjects, later: list[int]) -> tuple[Inde
         ids.append(number)
         names.append(str(number) if name in names else name)
     return np.array(ids, dtype=np.int64), tuple(names)
-
-
-def _existence(one: MapObjects, other: MapObjects, i: int, j: int, share: float) -> float:
-    """Probability that either run's object exists; each has the ``share`` of its log odds of what both know alike."""
-    existence = np.array([objects.existence[row] for objects, row in ((one, i), (other, j)) if row >= 0])
-    if len(existence) == 2 and share < 1.0:
-        return float(expit(share * logit(np.clip(existence, SURELY_NOT, 1.0 - SURELY_NOT)).sum()))
-    return float(1.0 - np.prod(1.0 - existence))
 
 
 def _sightings(one: MapObjects, other: MapObjects, i: int, j: int) -> float:

@@ -15,15 +15,13 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.maps.as_prior import independent, joint_covariance
 from semantic_slam.maps.common_classes import over_common_classes
-from semantic_slam.maps.comparison import Comparison
-from semantic_slam.maps.differences import gone
+from semantic_slam.maps.comparison import SURE, Comparison
 from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
+from semantic_slam.maps.merged_existence import merged_existence
 from semantic_slam.maps.merged_objects import MergedRows, merged_objects
 from semantic_slam.maps.saved_map import Provenance, SavedMap, ViewedFrom, have_common_ancestor
 
-SURE = 0.9
-"""Smallest probability of an alignment that is accepted."""
 HALF = 0.5
 """Smallest probability at which two objects are taken as one."""
 ANYWHERE_M, ANYWHERE_RAD = 30.0, 1.0
@@ -43,7 +41,7 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
     _check(one, other)
     one, other = over_common_classes(one, other)
     comparison = Comparison.of(one, other, same_frame)
-    probability, best = comparison.alignments[0]
+    probability = comparison.alignment_probability
     if probability < SURE:
         raise InputError(
             f"maps {one.map_id} and {other.map_id} cannot be aligned for sure, the likeliest way has probability"
@@ -52,7 +50,7 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
     rows = _rows(comparison)
     together = _fused(_stacked(comparison), rows, len(one.objects), comparison.ours.frames)
     own = _blocks(together.covariance)[rows.kept]
-    objects = merged_objects(_without_gone(comparison), other, rows, together.states[rows.kept], own)
+    objects = merged_objects(one, other, rows, together.states[rows.kept], own, merged_existence(comparison, rows))
     kept = (3 * rows.kept[:, None] + np.arange(3)).ravel()
     joint = together.covariance[np.ix_(kept, kept)]
     return SavedMap(
@@ -60,7 +58,7 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
         objects=objects,
         hypotheses=replace(independent(objects, one.coordinates), covariances=joint[None]),
         has_cross_covariances=True,
-        looks=_looks(one.looks, other.looks, best.alignment.T_old_new),
+        looks=_looks(one.looks, other.looks, comparison.best.alignment.T_old_new),
         discarded_mass=1.0 - (1.0 - one.discarded_mass) * (1.0 - other.discarded_mass),
         descriptor_space=one.descriptor_space or other.descriptor_space,
         state_space=one.state_space,
@@ -87,14 +85,6 @@ def _check(one: SavedMap, other: SavedMap) -> None:
     spaces = {known.descriptor_space for known in (one, other) if known.objects.descriptors.shape[1]}
     if len(spaces) > 1:
         raise InputError(f"the maps' descriptors are of different spaces ({', '.join(sorted(spaces))}); use one model")
-
-
-def _without_gone(comparison: Comparison) -> SavedMap:
-    """First map with existence reduced where the second one indicates that objects are gone."""
-    existence = comparison.old.objects.existence.copy()
-    for row, number in enumerate(comparison.ours.rows.tolist()):
-        existence[number] *= 1.0 - gone(comparison, row)[0]
-    return replace(comparison.old, objects=replace(comparison.old.objects, existence=np.clip(existence, 0.0, 1.0)))
 
 
 def _rows(comparison: Comparison) -> MergedRows:

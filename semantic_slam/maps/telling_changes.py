@@ -20,7 +20,7 @@ def change_lines(difference: MapDifference) -> list[str]:
     lines.append(f"{'':9}  {'P':>6}  {'object':>10}  {'now':>10}  name")
     for own in difference.old:
         now = "-" if own.new_id is None else str(own.new_id)
-        away = f", by {own.distance_m:.2f} +- {own.sigma_m:.2f} m" if own.kind == "displaced" else ""
+        away = _away(own) if own.kind == "displaced" else ""
         lines.append(
             f"{own.kind:9}  {own.probabilities[own.kind]:6.3f}  {own.object_id:10d}  {now:>10}  {own.name}{away}"
         )
@@ -29,6 +29,11 @@ def change_lines(difference: MapDifference) -> list[str]:
             place = ", ".join(f"{value:.2f}" for value in new.position)
             lines.append(f"{'new':9}  {new.probability:6.3f}  {'-':>10}  {new.object_id:10d}  {new.name}, at {place} m")
     return lines
+
+
+def _away(own: OldObject) -> str:
+    """How far an object was displaced; without a distance where more than one object may be it."""
+    return ", to one of several" if own.new_id is None else f", by {own.distance_m:.2f} +- {own.sigma_m:.2f} m"
 
 
 def changes_as_json(difference: MapDifference) -> dict[str, Any]:

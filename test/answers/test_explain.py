@@ -6,6 +6,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from worlds.scenes.planar_world import make_world
 
 from semantic_slam.answers.explain.explanation import compared_classes, explanation_of
@@ -218,3 +219,39 @@ def test_a_run_that_cannot_be_repeated_is_an_error_with_a_remedy():
         replay(other, told.keyframes, [0])
     with pytest.raises(InputError, match=r"keyframe 4: .*not those recorded"):
         replay(told.record, told.keyframes[:-1], [0])
+
+
+@pytest.mark.parametrize("observation", ["points", "range_bearing"])
+def test_views_in_space_are_from_where_the_camera_is_above_the_object(observation):
+    """A camera that looks 45 degrees down, mounted 0.5 m ahead of the body, whose tilt lowers it: by hand, in map.
+
+    A body starts with a heading that nobody has measured, so that directions are off the x axis of map, too.
+    """
+    tilt, mounting = Rotation.from_euler("y", 45.0, degrees=True), np.array([0.5, 0.0, 0.0])
+    own = Configuration.of(
+        association="open",
+        observation=observation,
+        state_space="spatial",
+        semantic_model={"kind": "detector", "labels": ["chair", "cup", "tv"]},
+        open_world={"field_of_view_rad": 1.4, "vertical_field_of_view_rad": 1.2},
+        initial_pose={"mean": [0.0, 0.0, 0.0, 0.0, np.pi / 4.0, 0.0], "sigma": [0.01] * 6},
+    )
+    place, keyframes, cameras = np.array([2.0, 0.0, -2.0]), [], []
+    for k in range(4):
+        cameras.append(np.array([0.0, 0.3 * k, 0.0]) + tilt.apply(mounting))
+        seen = tilt.inv().apply(place - cameras[-1])
+        motion = np.array([0.0, 0.3 if k else 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        level = np.append(mounting, [0.0, 0.0, 0.0, 1.0])
+        detections = [Detection.in_space(seen, T_body_sensor=level, label="chair", score=0.7)]
+        optical = np.append(mounting, [-0.5, 0.5, -0.5, 0.5])
+        keyframes.append(Keyframe.spatial(k, motion=motion, detections=detections, T_body_camera=optical))
+    told = recorded(make_run_configuration(own, None, *initial_pose_of(own), stamp_ns=0), keyframes)
+    explained = explanation_of(told.record, told.run, int(told.record.beliefs[-1].object_ids[0]))
+    views = explained.histories[0].views
+    assert len(views) == 4 and not any(view.from_front for view in views)
+    expected = np.array(cameras) - place
+    np.testing.assert_allclose([v.range_m for v in views], np.linalg.norm(expected, axis=1), atol=0.05)
+    azimuths = np.arctan2(expected[:, 1], expected[:, 0])
+    off = [v.direction_rad for v in views] - azimuths
+    np.testing.assert_allclose(np.angle(np.exp(1j * off)), 0.0, atol=0.05)
+    assert "off the x axis of map" in "\n".join(lines_of(explained))

@@ -1,5 +1,6 @@
 """Errors become exit codes in one place."""
 
+import os
 import subprocess
 import sys
 
@@ -61,6 +62,32 @@ def test_an_interrupt_within_code_that_is_executed_from_text_is_130_too():
     ended = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60)
     assert (ended.returncode, ended.stderr) == (130, "")
     assert ended.stdout.splitlines() == ["begun", "all others are done"]
+
+
+UNREAD = """
+from semantic_slam.cli.exit_codes import run_main
+def command():
+    for number in range(LINES):
+        print("a line of what is printed", number)
+    LAST
+run_main(command)
+"""
+
+
+@pytest.mark.parametrize(("lines", "last"), [(1, "pass"), (100_000, "pass"), (1, "raise SystemExit(0)")])
+def test_a_command_whose_reader_leaves_ends_without_a_word(lines, last):
+    """Whether what is left fits into a buffer that is written at the end or not; a shell knows 141 from SIGPIPE."""
+    text = UNREAD.replace("LINES", str(lines)).replace("LAST", last)
+    reader, writer = os.pipe()
+    os.close(reader)
+    ended = subprocess.run([sys.executable, "-c", text], stdout=writer, stderr=subprocess.PIPE, timeout=60)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (141, b"")
+
+
+def test_a_pipe_that_breaks_within_is_a_fault(capfd):
+    assert leave(raising(BrokenPipeError(32, "Broken pipe"))) == 1
+    assert "BrokenPipeError" in capfd.readouterr().err
 
 
 def test_wrong_usage_is_one_line(capsys):

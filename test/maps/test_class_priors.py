@@ -103,7 +103,7 @@ def test_two_runs_from_one_map_do_not_count_its_classes_twice(room: SavedMap) ->
 
 
 def test_two_runs_from_one_map_do_not_count_twice_that_a_thing_exists(room: SavedMap) -> None:
-    """Both were told that it hardly does, and looked elsewhere; runs of their own each add to it."""
+    """Both were told that it hardly does, and looked elsewhere; runs of their own that place it alike agree on it."""
     doubted = []
     for own in (room, furnished(5)):
         existence = own.objects.existence.copy()
@@ -113,7 +113,7 @@ def test_two_runs_from_one_map_do_not_count_twice_that_a_thing_exists(room: Save
     both = merged(*map(with_id, origin), "", same_frame=True)
     assert both.objects.existence[row_of(both, "odd")] == pytest.approx(0.2, abs=1e-3)
     apart = merged(*doubted, "", same_frame=True)
-    assert apart.objects.existence[row_of(apart, "odd")] == pytest.approx(0.36, abs=1e-3)
+    assert apart.objects.existence[row_of(apart, "odd")] > 0.8
 
 
 def test_what_the_map_at_the_start_says_is_evidence_that_later_maps_hold(room: SavedMap) -> None:

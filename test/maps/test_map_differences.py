@@ -140,6 +140,19 @@ def test_changes_are_told_in_lines_and_numbers() -> None:
     assert {own["kind"] for own in changes_as_json(told)["old"]} == {"same", "gone", "displaced"}
 
 
+def test_what_was_displaced_to_one_of_several_places_has_no_distance() -> None:
+    """Three lamps came 6 m from where one is missing: each is less likely it than that it is gone, all together not."""
+    turns = np.array([0.3, 2.4, 4.5])
+    places = ROOM[4] + 6.0 * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(3)])
+    poses = np.vstack([np.delete(ROOM, 4, axis=0), places])
+    told = told_of(room(), room(poses, (0, 0, 1, 1, 2, 3, 2, 2, 2), first=20), True)
+    own = told.old[4]
+    assert (own.kind, own.new_id) == ("displaced", None) and np.isnan(own.distance_m)
+    lines = change_lines(told)
+    assert "nan" not in "\n".join(lines) and lines[6].endswith("object_4, to one of several")
+    assert changes_as_json(told)["old"][4]["distance_m"] is None
+
+
 def test_merged_gaussians_are_the_product_of_both() -> None:
     """All objects the same: informations add up, but for the floor between the two maps."""
     one, other = room(), room(ROOM + np.array([0.05, -0.02, 0.01]), first=20)
@@ -161,6 +174,14 @@ def test_a_merged_map_has_what_was_displaced_where_it_is_now() -> None:
     np.testing.assert_allclose(both.objects.poses[4, :2], ROOM[4, :2] + [0.7, -0.4], atol=0.05)
     assert both.objects.existence[1] < 0.1 < 0.9 < both.objects.existence[7]
     assert both.has_cross_covariances
+
+
+def test_a_map_without_objects_is_refused_in_one_line_alone(recwarn: pytest.WarningsRecorder) -> None:
+    empty = with_id(saved_map_of_prior(MapPrior(())))
+    for pair in ((room(), empty), (empty, room())):
+        with pytest.raises(InputError, match="compare maps with objects"):
+            Comparison.of(*pair)
+    assert not recwarn.list
 
 
 def test_a_map_is_not_merged_with_one_that_holds_it() -> None:

@@ -8,10 +8,10 @@ import numpy as np
 from semantic_slam.answers.explain.ledger import ClassLedger
 from semantic_slam.answers.explain.outlier_views import OutlierViews
 from semantic_slam.answers.explain.replayed_run import ReplayedRun
+from semantic_slam.evaluation.seen_from import seen_from
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector, wrap_angle
 from semantic_slam.inference.belief import HybridBelief
-from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.perception.measurement import SemanticMeasurements
 
 KNOWN_HEADING_RAD = 0.5
@@ -25,9 +25,9 @@ class Sighting:
     keyframe: int
     stamp_ns: int
     detection: int  # index within the keyframe
-    direction_rad: float  # from the object to the camera, counter-clockwise
+    direction_rad: float  # from the object to the camera, counter-clockwise about the vertical
     from_front: bool  # direction relative to the object's front, not to the map's x axis
-    range_m: float
+    range_m: float  # between object and camera; in space with their heights
     mutual_information: float  # nats, between class and network weights; NaN: not sampled by the models
     in_coverage: bool  # the class models know such images
     no_object: float  # probability that it is of no known object; NaN in an open world
@@ -48,20 +48,17 @@ def sightings(
     """All views of the object of a ledger, along its history."""
     last = run.keyframes[-1].belief
     row = last.object_ids.tolist().index(ledger.object_id)
-    place = planar_from_pose_vector(last.object_poses[row])
-    sigma = float(np.sqrt(last.object_covariances[row, 5, 5]))
-    from_front = bool(np.isfinite(sigma) and sigma < KNOWN_HEADING_RAD)
+    place, from_front = last.object_poses[row], _has_front(last, row)
+    heading = float(planar_from_pose_vector(place)[2]) if from_front else 0.0
     found = []
     for k in np.flatnonzero(ledger.is_view).tolist():
         belief, own = run.keyframes[k].belief, ledger.steps[k]
         assert own is not None  # the object has views
         association = [run.on_map(n) for n in own.association]
         measured = measurements.get(belief.stamp_ns)
-        robot = planar_from_pose_vector(own.pose)
-        sensor = measured.sensor_position[:2] if measured is not None else np.zeros(2)
-        direction = float(camera_bearing(robot[None], place[None], sensor)[0])
-        if from_front:
-            direction = float(wrap_angle(direction - place[2]))
+        sensor = measured.sensor_position if measured is not None else np.zeros(3)
+        azimuth, _, distance = seen_from(own.pose, place[:3], sensor, in_space=not last.planar)
+        direction = float(wrap_angle(np.array(azimuth - heading))) if from_front else azimuth
         for detection in (d for d, n in enumerate(association) if n == ledger.object_id):
             found.append(
                 Sighting(
@@ -70,7 +67,7 @@ def sightings(
                     detection=detection,
                     direction_rad=direction,
                     from_front=from_front,
-                    range_m=_range(robot, place, sensor),
+                    range_m=distance,
                     mutual_information=_of_object(belief, belief.mutual_information, ledger.object_id),
                     in_coverage=measured is None or _in_coverage(measured, int(belief.detection_ids[detection])),
                     no_object=float(belief.outlier_probability[detection]),
@@ -80,11 +77,11 @@ def sightings(
     return tuple(found)
 
 
-def _range(robot: Array, place: Array, sensor: Array) -> float:
-    """Planar distance [m] between camera and object."""
-    cosine, sine = np.cos(robot[2]), np.sin(robot[2])
-    camera = robot[:2] + np.array([[cosine, -sine], [sine, cosine]]) @ sensor
-    return float(np.hypot(*(place[:2] - camera)))
+def _has_front(belief: HybridBelief, row: int) -> bool:
+    """Whether the heading of an object is known; points of space have none, and state a variance of 0."""
+    variance = float(belief.object_covariances[row, 5, 5])
+    is_point = variance == 0.0 and not belief.planar
+    return not is_point and bool(np.sqrt(variance) < KNOWN_HEADING_RAD)
 
 
 def _of_object(belief: HybridBelief, values: Array, object_id: int) -> float:
