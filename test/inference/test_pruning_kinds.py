@@ -45,7 +45,7 @@ def test_posterior_modes_of_a_robot_on_a_known_map_are_of_one_kind() -> None:
     row = MapPrior(tuple(ObjectPrior.planar(n, 2.0 * n, 1.0, sigma_m=0.1, sigma_rad=0.1) for n in range(4)))
     live = []
     for place_m in (0.0, 1000.0):  # without kinds; with one place for all
-        pruning = {"ratio": 30.0, "kind_ratio": 1e6, "place_m": place_m}
+        pruning = {"ratio": 100.0, "kind_ratio": 1e6, "place_m": place_m}
         engine = Engine(
             Configuration.of(semantic_model={"kind": "none"}, pruning=pruning),
             row,
