@@ -30,6 +30,7 @@ from itertools import count
 from pathlib import Path
 
 from semantic_slam.errors import InputError
+from semantic_slam.pipeline.journal.run_difference import difference
 from semantic_slam.pipeline.journal.segment import Record, Segment, sync_folder
 
 FILE, NEXT_FILE, NEW_FILE, LOCK_FILE = "journal", "journal.next", "journal.new", "journal.lock"
@@ -147,9 +148,12 @@ class Journal(NoJournal):
             sync_folder(self._folder)
             return b""
         if first is not None and first != Record(RUN, self._run.encode()):
+            told = (
+                difference(first.data.decode("utf-8", "replace"), self._run) if first.name == RUN else "no first record"
+            )
             raise InputError(
-                f"{file.path}: is of another run (its configuration, map, input or version differ); name another"
-                " journal, or remove this one"
+                f"{file.path}: is of another run ({told}): restore that, name another journal, or set this one aside by"
+                " resume:=false"
             )
         second = Record(SNAPSHOT, b"") if number == 0 else file.read()
         if first is None or second is None or second.name != SNAPSHOT:

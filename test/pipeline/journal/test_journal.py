@@ -1,5 +1,6 @@
 """A run whose manager is killed anywhere goes on from its journal, to the bit; what is torn or another's is told."""
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -281,7 +282,7 @@ def test_a_damaged_journal_that_cannot_be_kept_is_not_touched(tmp_path: Path, mo
 
 def test_a_journal_of_another_run_or_of_a_living_process_is_refused_and_can_be_set_aside(tmp_path: Path) -> None:
     filled(tmp_path)
-    with pytest.raises(InputError, match=r"is of another run .* name another journal, or remove this one"):
+    with pytest.raises(InputError, match=r"is of another run .* name another journal, or set this one aside by"):
         Journal(tmp_path, "another run")
     journal = journal_in(tmp_path)
     with pytest.raises(InputError, match="another process goes on from it"):
@@ -289,6 +290,30 @@ def test_a_journal_of_another_run_or_of_a_living_process_is_refused_and_can_be_s
     journal.close()
     anew = Journal(tmp_path, "another run", resume=False)
     assert anew.next is None and (tmp_path / "journal.old").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"version": "0.3.0"}, r"\(its version is 0.2.0, not 0.3.0\)"),
+        ({"source": "drive.mcap"}, r"\(its input is none, not drive.mcap\)"),
+        ({"map_prior": "f00"}, r"\(its map differs\)"),
+        ({"configuration": {"odometry": {"sigma": 2.0}, "pruning": {}}}, r"\(its configuration differs in odometry\)"),
+        ({"map_prior": "f00", "version": "0.3"}, r"\(its map differs, its version is 0.2.0, not 0.3\)"),
+    ],
+)
+def test_what_differs_between_a_journal_and_the_run_is_named(
+    changes: dict[str, Any], told: str, tmp_path: Path
+) -> None:
+    run = {
+        "configuration": {"odometry": {"sigma": 1.0}, "pruning": {}},
+        "map_prior": "0ff",
+        "source": "",
+        "version": "0.2.0",
+    }
+    Journal(tmp_path, json.dumps(run)).close()
+    with pytest.raises(InputError, match=told):
+        Journal(tmp_path, json.dumps(run | changes))
 
 
 def test_a_journal_that_does_not_fit_what_is_asked_is_refused(tmp_path: Path) -> None:
