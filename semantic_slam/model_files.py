@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 
 from semantic_slam.errors import InputError, one_line
 
@@ -36,10 +36,13 @@ class ModelFormat:
     older: tuple[int, ...] = ()  # older schema versions that can still be read; the description names the version
 
     def write(self, path: Path, arrays: Mapping[str, NDArray[Any]], description: Mapping[str, Any]) -> None:
-        """Write contiguous arrays with their description."""
+        """Write contiguous arrays with their description, under the permissions that new files have. Raises OSError.
+
+        What ``safetensors`` writes by itself only its user may read.
+        """
         told = {"schema_version": self.schema_version, "kind": self.kind, **description}
         path.parent.mkdir(parents=True, exist_ok=True)
-        save_file(dict(arrays), str(path), metadata={METADATA_KEY: json.dumps(told, sort_keys=True)})
+        path.write_bytes(save(dict(arrays), {METADATA_KEY: json.dumps(told, sort_keys=True)}))
 
     def read(self, path: Path) -> tuple[Arrays, dict[str, Any]]:
         """Arrays and description of a file. Raises InputError naming the file, the fault and the remedy."""

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+import yaml
 from rosbags.rosbag2.reader import DirectoryReader
 
 from semantic_slam.bag.names import absolute
@@ -40,6 +41,22 @@ def check_files(folder: Path, told: Iterable[str], found: Iterable[str]) -> None
         raise InputError(f"{folder}: {METADATA} names {twice[0]} {times[twice[0]]} times; {REINDEX}")
     if missed := sorted(name for name in found if not {name, Path(name).stem} & set(times)):
         raise InputError(f"{folder}: {METADATA} does not name {missed[0]}; {REINDEX}, or move that file away")
+
+
+def missing_files(folder: Path, found: Iterable[str]) -> list[str]:
+    """Names of storage files told by metadata.yaml that are not among those ``found``.
+
+    None where it cannot be read, or where it does not tell all that were found: then files were renamed.
+    """
+    try:
+        told = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
+        names = [str(name) for name in told["rosbag2_bagfile_information"]["relative_file_paths"]]
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError):
+        return []
+    there = set(found)
+    return (
+        [name for name in names if Path(name).name not in there] if there <= {Path(name).name for name in names} else []
+    )
 
 
 def differences(told: Contents, found: Contents) -> str:

@@ -22,14 +22,23 @@ from semantic_slam.bag.definitions import extended_typestore, is_ours, older_typ
 from semantic_slam.bag.indexed_source import IndexedSource
 from semantic_slam.bag.installed_definitions import register_installed
 from semantic_slam.bag.mcap_stream import McapStream, RawMessage
-from semantic_slam.bag.metadata_check import METADATA, REINDEX, Contents, check_files, contents_told, differences
+from semantic_slam.bag.metadata_check import (
+    METADATA,
+    REINDEX,
+    Contents,
+    check_files,
+    contents_told,
+    differences,
+    missing_files,
+)
 from semantic_slam.bag.names import absolute
 from semantic_slam.bag.older_messages import current_bytes
 from semantic_slam.bag.storage import parts_of_one, storage_files
-from semantic_slam.errors import InputError, one_line
+from semantic_slam.errors import InputError, one_line, shortened
 from semantic_slam.messages.typestore import typestore
 
 REMEDY = "give a rosbag2 folder, a .mcap or a .db3"
+ROS_1 = ".bag"
 _announced: set[str] = set()
 """Notices about bags already printed by this process, which may open a bag many times."""
 
@@ -59,6 +68,9 @@ class BagReader:
         self._announces = announces
         if not self.path.exists():
             raise InputError(f"{self.path}: no such bag; {REMEDY}")
+        if self.path.suffix == ROS_1 and self.path.is_file():
+            convert = f"rosbags-convert --src {self.path} --dst {self.path.with_suffix('')}"
+            raise InputError(f"{self.path}: a bag of ROS 1; convert it with {convert}, and give that folder")
         self.damage = ""  # why the bag cannot be read completely
         self.unfinished = ""  # set when the recorder was killed but all written data can be read
         self._stack = ExitStack()
@@ -255,7 +267,15 @@ class BagReader:
             _announced.add(notice)
             print(notice, file=sys.stderr)
 
+    def _missing_files(self) -> list[str]:
+        return missing_files(self.path, (item.name for item in storage_files(self.path)))
+
     def _truncated(self, reason: str, given: int) -> TruncatedBagError:
+        if self._is_storage_whole and (missing := self._missing_files()):
+            return TruncatedBagError(
+                f"{self.path}: {shortened(missing)} missing, of the files in {METADATA}; the {given} messages of the"
+                " others were used; put what is missing beside them"
+            )
         if self._is_storage_whole:
             return TruncatedBagError(
                 f"{self.path}: {METADATA} cannot be used ({reason}); the {given} messages of its storage were used;"

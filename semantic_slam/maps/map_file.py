@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors import SafetensorError
 
 from semantic_slam.configuration.configuration import STATE_SPACES
 from semantic_slam.errors import InputError, one_line
@@ -47,8 +46,8 @@ def write_map(path: Path, saved: SavedMap) -> SavedMap:
     try:
         FORMAT.write(beside, *packed(known))
         os.replace(beside, path)
-    except SafetensorError as fault:
-        raise InputError(f"{path}: cannot be written ({one_line(fault)}); name another place") from None
+    except OSError as fault:
+        raise InputError(f"{path}: cannot be written ({fault.strerror}); name another place") from None
     finally:
         beside.unlink(missing_ok=True)
     return known

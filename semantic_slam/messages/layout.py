@@ -90,7 +90,8 @@ def _unpacked(type_name: str, name: str, shape: Shape, value: Any, sizes: dict[s
     if math.prod(expected) != len(value):
         raise MessageError(
             f"{type_name}.{name}: {len(value)} values, expected shape {_text(shape, sizes)};"
-            " send every array with as many rows as the message's definition says"
+            " send every array with as many rows as the message's definition says",
+            f"array {name} of another length",
         )
     if element_types(type_name)[name] == "string":
         return tuple(value)

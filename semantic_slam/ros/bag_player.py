@@ -77,6 +77,10 @@ class BagPlayer(PipelineNode):
         self._credit = Credit(declare_fixed(self, "window", 4), STALL_S)
         self._resumes = declare_fixed(self, "resume", False)
         refuse_undeclared(self)
+        if self._rate < 0.0:
+            raise InputError(
+                f"bag_player: parameter rate is {self._rate:g}; give 0 for lock-step, 1 for real time, or more"
+            )
         if not bag:
             raise InputError("bag_player: parameter bag is empty; name the bag to replay")
         self._bag = Path(bag)

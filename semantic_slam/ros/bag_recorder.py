@@ -1,6 +1,7 @@
 """Node ``bag_recorder``: records beliefs and their inputs into a belief bag, like that of the offline pipeline.
 
-Each further session of the manager goes into a bag of its own: BAG_2, BAG_3 and so on.
+Each further session of the manager goes into a bag of its own: BAG_2, BAG_3 and so on. So does what a manager
+publishes after it went back to an earlier keyframe, as from a damaged journal.
 
 Parameters:
   bag        folder of the belief bag
@@ -79,7 +80,8 @@ class BagRecorder(PipelineNode):
         self._stamp_ns = 0  # for messages without a stamp: of the newest belief; before the first, the newest of all
         self._num_beliefs, self._belief_stamp_ns = 0, -1
         self._ahead: Ahead | None = None
-        self._has_gap = False  # beliefs may have been missed, while not active or dead, since the last recorded one
+        self._has_gap = False  # beliefs may have been missed since the last recorded one: not active, dead, not there
+        self._run: Any = None  # newest configuration received of the run that is recorded
         self._run_id = ""
         self._next_run: Any = None  # configuration of another session whose first belief has not arrived yet
         self._ends_at_ns: int | None = None  # stamp of the replay's last belief
@@ -98,12 +100,12 @@ class BagRecorder(PipelineNode):
 
     def _begin(self, path: Path, unfinished: Path | None, overwrite: bool) -> None:
         """Open the bag; ``unfinished`` is one that a killed recorder left, whose messages are taken over."""
+        self._bag, self._has_gap = path, not self.lossless
         if unfinished is None:
             self._claim = claimed_bag(path, (), overwrite, LEAVE_OF_NODES)
             self._writer = BagWriter(self._claim.__enter__())
             self._writer.__enter__()
             return
-        self._has_gap = not self.lossless
         self._claim = claimed_again(path, unfinished)
         earlier = Continuation(self._claim.__enter__())
         self._writer = BagWriter(unfinished)
@@ -185,6 +187,8 @@ class BagRecorder(PipelineNode):
             return
         if topic == topics.BELIEF and self._is_of_next_run(message):
             self._begin_session()
+        elif topic == topics.BELIEF and self._is_of_another_history(message):
+            self._begin_history(message)
         if topic == topics.BELIEF and not self._is_due(int(message.keyframe), stamp_ns):
             self._repeats.forget(absolute(topic), _key(topic, data))  # not used: it may arrive again in its turn
             return
@@ -200,6 +204,7 @@ class BagRecorder(PipelineNode):
         """Whether this announces another run than the recorded one; beliefs of the recorded one may still arrive."""
         self._run_id = self._run_id or str(run.run_id)
         self._next_run = run if run.run_id != self._run_id else None
+        self._run = run if self._next_run is None else self._run
         return self._next_run is not None
 
     def _is_of_next_run(self, belief: Any) -> bool:
@@ -211,15 +216,40 @@ class BagRecorder(PipelineNode):
 
     def _begin_session(self) -> None:
         """Start another bag, with the messages of the new session that have already arrived."""
-        run, self._next_run = self._next_run, None
-        self._finish_bag()
-        self._run_id, self._stamp_ns, self._num_beliefs, self._belief_stamp_ns = str(run.run_id), 0, 0, -1
+        self._run, self._next_run = self._next_run, None
+        self._run_id = str(self._run.run_id)
         place = free_session(self._path)
         self.get_logger().info(f"another session begins: {place}")
+        self._begin_bag(place, header_stamp_ns(self._run))
+
+    def _begin_bag(self, place: Path, first_stamp_ns: int) -> None:
+        """Finish the bag and begin another one, with the inputs received from ``first_stamp_ns`` on."""
+        self._finish_bag()
+        self._stamp_ns, self._num_beliefs, self._belief_stamp_ns = 0, 0, -1
         self._begin(place, None, overwrite=False)
-        first_stamp_ns = header_stamp_ns(run)
         for item in self._inputs.of_session(first_stamp_ns):
             self._write_raw(item.topic, item.data, item.stamp_ns or first_stamp_ns)
+
+    def _is_of_another_history(self, belief: Any) -> bool:
+        """Whether a live manager states a recorded keyframe anew, of a later time than all that are recorded.
+
+        What a restarted manager publishes again has the stamp that it had. The first keyframe may be that of a session
+        whose announcement is still on its way.
+        """
+        if self.lossless or self._next_run is not None or belief.keyframe >= self._num_beliefs:
+            return False
+        announced = self._belief_stamp_ns < (header_stamp_ns(self._run) if self._run is not None else 0)
+        return header_stamp_ns(belief) > self._belief_stamp_ns and bool(belief.keyframe or announced)
+
+    def _begin_history(self, belief: Any) -> None:
+        """Start another bag at this belief: the recorded ones from its keyframe on are of a history that is gone."""
+        index, former, place = int(belief.keyframe), self._bag, free_session(self._path)
+        self.get_logger().warning(
+            f"{former}: what it has from keyframe {index} on is of a history that is gone, as the manager went back to"
+            f" an earlier keyframe; what comes is recorded in {place}"
+        )
+        self._begin_bag(place, header_stamp_ns(belief))
+        self._num_beliefs = index
 
     def _is_repeated(self, topic: str, data: bytes) -> bool:
         """Whether a replay resumed after a crash sends a message that is already recorded."""
@@ -236,7 +266,9 @@ class BagRecorder(PipelineNode):
             return False
         self._refuse_ahead()
         if keyframe != self._num_beliefs:
-            self.get_logger().warning(f"keyframes {self._num_beliefs} to {keyframe - 1} were not recorded")
+            text = f"{self._bag}: keyframes {self._num_beliefs} to {keyframe - 1} were not recorded"
+            remedy = "" if self._num_beliefs else "; for all of them start this node before the run, or call ~/reset"
+            self.get_logger().warning(f"{text}{remedy}")
         self._num_beliefs, self._belief_stamp_ns, self._has_gap = keyframe + 1, stamp_ns, False
         return True
 

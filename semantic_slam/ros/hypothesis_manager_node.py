@@ -111,9 +111,9 @@ class HypothesisManagerNode(PipelineNode):
         waits = self.lossless
         imu = imu_source(self, self._configuration, self._transforms, waits=waits) if parameters.has_imu else None
         self._has_imu = imu is not None
-        journal = open_journal(
-            parameters.journal, self._configuration, self._map_prior, parameters.source, resume=parameters.resume
-        )
+        of_run = (self._configuration, self._map_prior, parameters.source)
+        say = self.get_logger().warning
+        journal = open_journal(parameters.journal, *of_run, resume=parameters.resume, say=say)
         self._journal = EventJournal(journal, self._handlers())
         self._snapshots = Snapshots(journal, self._configuration.history, self._pool)
         self._pool_of_run = JournaledPool(self._pool, journal)
@@ -255,6 +255,7 @@ class HypothesisManagerNode(PipelineNode):
         if self._session.num_keyframes:
             text = f"{self._session.num_keyframes} keyframes of the journal are there again"
             self.get_logger().info(f"{text}, {of_snapshot} of them from a snapshot" if of_snapshot else text)
+        self._journal.recovered(self._session.num_keyframes)
         if self._belief is not None and not self.lossless:
             self._publisher.repeat(self._belief)  # the last belief may not have reached anybody
         self._is_recovering = False

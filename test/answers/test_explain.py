@@ -23,6 +23,7 @@ from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.maps.from_run import saved_map_of_run
 
 PLACES = {"a": (3.0, -1.0), "b": (3.0, 1.0), "c": (4.0, 0.0)}
 WORDS = (
@@ -255,3 +256,14 @@ def test_views_in_space_are_from_where_the_camera_is_above_the_object(observatio
     off = [v.direction_rad for v in views] - azimuths
     np.testing.assert_allclose(np.angle(np.exp(1j * off)), 0.0, atol=0.05)
     assert "off the x axis of map" in "\n".join(lines_of(explained))
+
+
+def test_a_bag_whose_recorder_was_started_during_the_run_is_not_said_to_be_of_another_version():
+    told = of_world()
+    late = replace(told.record, beliefs=told.record.beliefs[2:])
+    keyframes = [replace(keyframe, index=n) for n, keyframe in enumerate(told.keyframes[2:])]
+    with pytest.raises(InputError, match=r"begins with keyframe 2, .* ask ~/explain of the running manager"):
+        replay(late, keyframes, ())
+    with pytest.raises(InputError, match=r"begins with keyframe 2, .* save with --marginals"):
+        saved_map_of_run(late, keyframes)
+    assert replay(late, told.keyframes, ()).is_same  # where all that was measured is there, beliefs may be missing

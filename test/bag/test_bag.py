@@ -264,6 +264,7 @@ def test_damage_inside_a_chunk_is_named_after_the_messages_before_it(tmp_path):
         ("no.mcap", None, "no such bag"),
         ("a.mcap", b"not an mcap", "no mcap file"),
         ("a.txt", b"x", "not a readable bag"),
+        ("a.bag", b"#ROSBAG V2.0\n", r"a bag of ROS 1; convert it with rosbags-convert --src \S+a.bag --dst \S+a, and"),
     ],
 )
 def test_what_is_no_bag_is_named(tmp_path, name, content, text):

@@ -283,6 +283,15 @@ def test_metadata_that_name_a_file_that_is_missing_end_reading(tmp_path: Path) -
     assert "lost.mcap" in found.fault and "the 30 messages of its storage were used; write it anew" in found.fault
 
 
+def test_a_part_that_is_missing_is_to_be_put_back_and_not_left_out_of_the_metadata(tmp_path: Path) -> None:
+    bag = closed(tmp_path / "bag")
+    whole = read(bag)
+    found = read(changed(bag, "paths:\n  - bag.mcap", "paths:\n  - bag.mcap\n  - bag_1.mcap"))
+    assert found.messages == whole.messages
+    assert "bag_1.mcap missing, of the files in metadata.yaml; the 30 messages of the others were used" in found.fault
+    assert "reindex" not in found.fault
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

@@ -104,6 +104,24 @@ def test_a_file_gives_the_map_back_to_the_last_bit(known: SavedMap, tmp_path: Pa
     assert (again.provenance, again.class_names) == (known.provenance, known.class_names)
 
 
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_a_map_has_the_permissions_of_any_new_file(known: SavedMap, tmp_path: Path, umask: int, mode: int) -> None:
+    """Else no other user could read what a manager saves that runs as root."""
+    before = os.umask(umask)
+    try:
+        write_map(tmp_path / "room.map", known)
+    finally:
+        os.umask(before)
+    assert (tmp_path / "room.map").stat().st_mode & 0o777 == mode
+
+
+def test_a_map_that_cannot_be_written_is_one_line(known: SavedMap, tmp_path: Path) -> None:
+    (tmp_path / ".room.map.unfinished").symlink_to("/dev/full")
+    with pytest.raises(InputError, match=r"room.map: cannot be written \(No space left on device\); name another"):
+        write_map(tmp_path / "room.map", known)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("part", ["class", "object"])
 def test_a_name_that_no_reader_would_take_is_refused_before_the_map_is_written(
     known: SavedMap, tmp_path: Path, part: str

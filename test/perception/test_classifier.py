@@ -1,6 +1,7 @@
 """The classifier: keyed dropout, what is dropped and why, uncertainty measures."""
 
 import hashlib
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -213,6 +214,15 @@ def test_wrong_weights_are_named(tmp_path: Path, content: bytes | None) -> None:
     with pytest.raises(InputError, match=r"weights\.safetensors: ") as error:
         build_classifier(Configuration(perception=PerceptionConfiguration(network=str(path))))
     assert "\n" not in str(error.value)
+
+
+def test_a_trained_network_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
+    before = os.umask(0o022)
+    try:
+        save_compact_network(CompactNetwork(len(NAMES)), NAMES, {}, tmp_path / "network.safetensors")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "network.safetensors").stat().st_mode & 0o777 == 0o644
 
 
 def test_the_shipped_network_is_small_and_describes_itself() -> None:

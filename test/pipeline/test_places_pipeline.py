@@ -160,4 +160,13 @@ def test_detections_of_different_lengths_are_counted():
     message = of_topic(place_entries("ranges"), topics.DETECTIONS)[0].message
     message.ranges_m = message.ranges_m[:1]
     assembler.add_detections(message)
-    assert (assembler.take(), assembler.dropped) == ([], {"detections: arrays of different lengths": 1})
+    told = "detections: arrays of different lengths (ranges_m: 1 values, expected shape (D=2))"
+    assert (assembler.take(), assembler.dropped) == ([], {told: 1})
+    message.ranges_m = message.ranges_m[:0]
+    message.class_names = ["chair", "cup"]
+    message.class_scores = np.ones(2)
+    assembler.add_detections(message)
+    message.class_scores = np.ones(3)  # told as the first one of this field
+    assembler.add_detections(message)
+    scores = "detections: arrays of different lengths (class_scores: 2 values, expected shape (D=2 x C=2))"
+    assert assembler.dropped == {told: 1, scores: 2}

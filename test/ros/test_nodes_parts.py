@@ -1,6 +1,7 @@
 """The parts of the nodes that need no ROS graph: order of rounds, flow control, play list, plain views."""
 
 import threading
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from semantic_slam.messages.sensor import TransformTree
 from semantic_slam.messages.standard import OdometryEstimate, header_stamp_ns
 from semantic_slam.messages.typestore import deserialize, serialize
 from semantic_slam.pipeline.plain_views import MarkersView, pose_view
-from semantic_slam.ros.node.health import Level, model_fit_status
+from semantic_slam.ros.node.health import Level, model_fit_status, repeated_status
 from semantic_slam.ros.node.run_inputs import map_prior_of
 from semantic_slam.ros.publishing.frames import Frames
 from semantic_slam.ros.publishing.transforms import Transforms
@@ -283,3 +284,10 @@ def test_a_belief_that_cannot_explain_its_data_or_does_not_know_is_a_warning(une
     carried = model_fit_status(belief, 0.98)
     assert carried.level == Level.WARN and "carried elsewhere lately (98%)" in carried.message
     assert model_fit_status(None).level == Level.OK
+
+
+def test_a_topic_of_which_nothing_came_again_is_not_told() -> None:
+    told = Counter({topics.COMMITS: 0})
+    assert (repeated_status(told).message, repeated_status(told).values) == ("nothing came again", {})
+    told[topics.KEYFRAMES] += 2
+    assert repeated_status(told).message == f"2 x {topics.KEYFRAMES}"

@@ -16,7 +16,8 @@ from worlds.bags.places import place_entries
 from worlds.processes.node_runs import beliefs, processes
 from worlds.processes.services import answered
 
-from semantic_slam.ros.bag_player import Pace
+from semantic_slam.errors import InputError
+from semantic_slam.ros.bag_player import BagPlayer, Pace
 from semantic_slam.ros.launching.node_set import RunOptions, node_set
 from semantic_slam.ros.launching.processes import NodeProcesses
 
@@ -110,6 +111,16 @@ def test_a_bag_that_is_played_slowly_is_played_faster_when_told_so(tmp_path: Pat
         assert not operator.set(PLAYER, "rate", 100)
         wait_for_end(nodes, PLAYER)
         assert nodes.exit_code(PLAYER) == 0
+
+
+@pytest.mark.parametrize("rate", ["-1.0", "-1", ".nan", ".inf", "-0.001"])
+def test_a_rate_that_is_none_is_refused_when_the_player_starts(rate: str) -> None:
+    rclpy.init(args=["--ros-args", "-p", f"rate:={rate}", "-p", "bag:=nowhere"])
+    try:
+        with pytest.raises(InputError, match=r"^(bag_player: parameter rate is -.*; give 0|.* give a number$)"):
+            BagPlayer()
+    finally:
+        rclpy.try_shutdown()
 
 
 def test_messages_are_due_by_their_stamps_at_the_rate_of_the_moment() -> None:

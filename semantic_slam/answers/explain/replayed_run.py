@@ -243,6 +243,11 @@ def _difference(record: Record, belief: HybridBelief, again: HybridBelief) -> fl
 
 
 def _not_the_same(record: Record, belief: HybridBelief) -> InputError:
+    if first := record.beliefs[0].keyframe:
+        return InputError(
+            f"the bag begins with keyframe {first}, and the run cannot be inferred again without what came before; ask"
+            " ~/explain of the running manager, or record a run from its start"
+        )
     made_by: Any = record.run.revision or "not recorded"
     return InputError(
         f"keyframe {belief.keyframe}: inferred again, the hypotheses are not those recorded; explain with the version"

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import nn
 
 from semantic_slam.configuration import PerceptionConfiguration
@@ -69,4 +69,4 @@ def save_compact_network(
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     tensors = {name: tensor.contiguous() for name, tensor in network.state_dict().items()}
-    save_file(tensors, str(path), metadata={METADATA_KEY: json.dumps(description, sort_keys=True)})
+    path.write_bytes(save(tensors, {METADATA_KEY: json.dumps(description, sort_keys=True)}))

@@ -1,14 +1,18 @@
 """What is received whether detections come with images or without: the detections, and the camera that took them."""
 
+import re
 from collections import Counter
 from typing import Any, Self
 
-from semantic_slam.errors import InputError
+from semantic_slam.errors import MessageError
 from semantic_slam.messages import topics
 from semantic_slam.messages.camera_info import camera_model
 from semantic_slam.messages.codec import from_message
 from semantic_slam.perception.frame import CameraModel, Detections
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
+
+TYPE_NAME = re.compile(r"^\w+/msg/\w+[.:] *")
+"""Begins the texts of faults of messages."""
 
 
 class DetectionsInput:
@@ -19,6 +23,7 @@ class DetectionsInput:
         self.camera: CameraModel | None = None  # the first camera_info; intrinsics do not change during a run
         self._rectified, self._camera_is_of_another = rectified, False
         self._lost: Counter[str] = Counter()  # messages that cannot be used, by reason
+        self._told: dict[str, str] = {}  # words on arrays of other lengths, by kind
         self._detections: StampedBuffer[Detections] = StampedBuffer(topics.DETECTIONS, self._lost)
 
     def add_camera_info(self, message: Any) -> None:
@@ -31,10 +36,15 @@ class DetectionsInput:
         """Take a semantic_slam_msgs/DetectionArray."""
         try:
             detections = from_message(message)
-        except InputError:
-            self._lost[f"{topics.DETECTIONS}: arrays of different lengths"] += 1
+        except MessageError as fault:
+            self._lost[f"{topics.DETECTIONS}: {self._words(fault)}"] += 1
             return
         self._detections.add(detections.stamp_ns, detections)
+
+    def _words(self, fault: MessageError) -> str:
+        """Words on an array of another length, which the first such array of each field gives."""
+        told = TYPE_NAME.sub("", str(fault)).partition(";")[0]
+        return self._told.setdefault(fault.kind, f"arrays of different lengths ({told})")
 
     def keep_camera_of(self, former: Self) -> None:
         """Use the camera of the previous session until a camera_info arrives."""

@@ -157,7 +157,7 @@ class KeyframeAssembler:
 
     def news(self) -> list[str]:
         """Lines for the console, each once."""
-        return self._watch.news()
+        return [*self._odometry.news(), *self._watch.news()]
 
     @property
     def num_waiting(self) -> int:

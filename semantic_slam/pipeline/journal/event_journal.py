@@ -50,6 +50,10 @@ class EventJournal:
             raise InputError(f"parameter journal: it goes on with {event.name} where no answer is due; remove it")
         self._handlers[event.name](event.data)
 
+    def recovered(self, num_keyframes: int) -> None:
+        """Say, where the journal was damaged, to which keyframe the run has gone back."""
+        self._journal.recovered(num_keyframes)
+
     def sync(self) -> None:
         """Flush what is recorded to disk, so that it survives a power cut."""
         self._journal.sync()

@@ -2,7 +2,8 @@
 
 A belief is a function of the configuration, the received messages in order, and the backends' answers. A record is
 passed to the operating system at once, and reaches the disk with :meth:`Journal.sync`. A record torn by a power cut is
-truncated at the next start.
+truncated at the next start. Where whole records follow behind one that is not, the file is damaged: it is kept under
+another name, and the run goes on from what is before the damage.
 
 A journal that :meth:`begins anew <Journal.begin_anew>` has two files: ``journal``, and ``journal.next``, which goes on
 from its end. The first record of a file is the run; in one that was begun anew the second one is a snapshot, the
@@ -22,14 +23,19 @@ killed while                            is left
 
 import fcntl
 import os
+import shutil
 import sys
+from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
 from semantic_slam.errors import InputError
+from semantic_slam.pipeline.journal.run_difference import difference
 from semantic_slam.pipeline.journal.segment import Record, Segment, sync_folder
 
 FILE, NEXT_FILE, NEW_FILE, LOCK_FILE = "journal", "journal.next", "journal.new", "journal.lock"
 OLD_SUFFIX = ".old"
+DAMAGED_SUFFIX = ".damaged_"
 RUN = "run"
 """Name of the first record of a file, whose data identify the run."""
 SNAPSHOT = "snapshot"
@@ -46,6 +52,11 @@ class NoJournal:
     def folder(self) -> Path | None:
         """Where the journal is; None: nowhere."""
         return None
+
+    @property
+    def is_damaged(self) -> bool:
+        """Whether records behind those on disk were lost to damage: others may know what came of them."""
+        return False
 
     @property
     def next(self) -> Record | None:
@@ -65,13 +76,25 @@ class NoJournal:
     def sync(self) -> None:
         """Flush appended records to disk, so that they survive a power cut."""
 
+    def recovered(self, num_keyframes: int) -> None:
+        """Say, if the journal was damaged, from which keyframe its run goes on; all records were taken."""
+
+
+def to_stderr(line: str) -> None:
+    """Print a line on what is torn or damaged."""
+    print(line, file=sys.stderr)
+
 
 class Journal(NoJournal):
     """Journal of one run in a folder, locked by one process at a time."""
 
-    def __init__(self, folder: Path, run: str, *, resume: bool = True) -> None:
-        """``run`` identifies the run; ``resume`` False: rename an old journal to journal.old. Raises InputError."""
-        self._folder, self._run = folder, run
+    def __init__(self, folder: Path, run: str, *, resume: bool = True, say: Callable[[str], None] = to_stderr) -> None:
+        """``run`` identifies the run; ``resume`` False: rename an old journal to journal.old. Raises InputError.
+
+        ``say`` is called with a line on what is torn or damaged.
+        """
+        self._folder, self._run, self._say = folder, run, say
+        self._damaged: Path | None = None  # copy of a file that was damaged
         self._path = folder / FILE
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -110,7 +133,7 @@ class Journal(NoJournal):
         for file in older:
             if _is_whole(file.path, begins_at):
                 return self._beginning(file)
-            print(f"{file.path}: is damaged; the run goes on from {newest.path.name} alone", file=sys.stderr)
+            self._say(f"{file.path}: is damaged; the run goes on from {newest.path.name} alone")
             file.close()
             self._files.remove(file)
         return snapshot
@@ -125,9 +148,12 @@ class Journal(NoJournal):
             sync_folder(self._folder)
             return b""
         if first is not None and first != Record(RUN, self._run.encode()):
+            told = (
+                difference(first.data.decode("utf-8", "replace"), self._run) if first.name == RUN else "no first record"
+            )
             raise InputError(
-                f"{file.path}: is of another run (its configuration, map, input or version differ); name another"
-                " journal, or remove this one"
+                f"{file.path}: is of another run ({told}): restore that, name another journal, or set this one aside by"
+                " resume:=false"
             )
         second = Record(SNAPSHOT, b"") if number == 0 else file.read()
         if first is None or second is None or second.name != SNAPSHOT:
@@ -137,6 +163,10 @@ class Journal(NoJournal):
     @property
     def folder(self) -> Path | None:
         return self._folder
+
+    @property
+    def is_damaged(self) -> bool:
+        return self._damaged is not None
 
     @property
     def next(self) -> Record | None:
@@ -161,11 +191,25 @@ class Journal(NoJournal):
             self._cut_off(file)
         return record
 
-    @staticmethod
-    def _cut_off(file: Segment) -> None:
-        if file.num_torn:
-            print(f"{file.path}: its last {file.num_torn} bytes are torn; they are cut off", file=sys.stderr)
-            file.cut_off()
+    def _cut_off(self, file: Segment) -> None:
+        """Truncate a file behind its whole records; one that is damaged is copied before. Raises InputError."""
+        if not file.num_torn:
+            return
+        if file.is_damaged:
+            self._damaged = _kept(file.path)
+            text = f"damaged at byte {file.num_read} of {file.size}; it is kept as {self._damaged.name}"
+            self._say(f"{file.path}: {text}, and the run goes back to what is before that byte")
+        else:
+            self._say(f"{file.path}: its last {file.num_torn} bytes are torn; they are cut off")
+        file.cut_off()
+
+    def recovered(self, num_keyframes: int) -> None:
+        if self._damaged is not None:
+            where = f"keyframe {num_keyframes - 1}" if num_keyframes else "its start"
+            self._say(
+                f"{self._path}: the run goes on from {where}, as the journal was damaged behind it; for a run without"
+                " that gap start this node again with resume:=false"
+            )
 
     def append(self, name: str, data: bytes = b"") -> None:
         self._check_taken(name)
@@ -210,6 +254,21 @@ class Journal(NoJournal):
 def _is_due(place: Path) -> bool:
     """Whether a file is to be opened: the first one always, another one if it is there."""
     return place.name == FILE or place.exists()
+
+
+def _kept(path: Path) -> Path:
+    """Copy a damaged file under a name that is free. Raises InputError."""
+    names = (path.with_name(f"{path.name}{DAMAGED_SUFFIX}{n:03}") for n in count())
+    copy = next(name for name in names if not name.exists())
+    try:
+        shutil.copyfile(path, copy)
+    except OSError as fault:
+        copy.unlink(missing_ok=True)
+        raise InputError(
+            f"{path}: is damaged, and cannot be kept as {copy.name} ({fault.strerror}); free space there, or move it"
+            " away"
+        ) from None
+    return copy
 
 
 def _is_whole(path: Path, end: int) -> bool:

@@ -2,19 +2,26 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.inference.world.map_prior import MapPrior
-from semantic_slam.pipeline.journal.journal import Journal, NoJournal
+from semantic_slam.pipeline.journal.journal import Journal, NoJournal, to_stderr
 from semantic_slam.version import __version__
 
 
 def open_journal(
-    folder: str, configuration: Configuration, map_prior: MapPrior | None, source: str, *, resume: bool
+    folder: str,
+    configuration: Configuration,
+    map_prior: MapPrior | None,
+    source: str,
+    *,
+    resume: bool,
+    say: Callable[[str], None] = to_stderr,
 ) -> NoJournal:
-    """Open the journal in a folder; "" gives a null journal.
+    """Open the journal in a folder; "" gives a null journal. ``say`` is called with a line on what is damaged.
 
     Raises InputError if it belongs to a run with another configuration, map, input or version, or if the run cannot be
     repeated.
@@ -32,4 +39,4 @@ def open_journal(
         "source": source,
         "version": __version__,
     }
-    return Journal(Path(folder), json.dumps(run, sort_keys=True), resume=resume)
+    return Journal(Path(folder), json.dumps(run, sort_keys=True), resume=resume, say=say)

@@ -32,6 +32,7 @@ class JournaledPool:
 
     def __init__(self, pool: TeachablePool, journal: NoJournal) -> None:
         self._pool, self._journal = pool, journal
+        self._told: Keyframe | None = None  # keyframe whose candidates were in the journal, until its commit
 
     @property
     def backend_ids(self) -> tuple[int, ...]:
@@ -55,13 +56,19 @@ class JournaledPool:
         """Round one: the answers from the journal, or else those of the backends."""
         if self._journal.next is not None:
             self._pool.tell(keyframe)
+            self._told = keyframe
             return self._kept(topics.CANDIDATES, keyframe.index)
+        self._told = None
         return self._keep(topics.CANDIDATES, self._pool.expand(keyframe))
 
     def commit(self, commit: Commit) -> list[Components]:
         """Round two: the answers from the journal, or else those of the backends."""
         if self._journal.next is not None:
             return self._kept(topics.COMPONENTS, commit.keyframe)
+        if self._told is not None and self._journal.is_damaged:
+            self._pool.expand(
+                self._told
+            )  # backends that lived on are ahead, and go back to the keyframe of this commit
         return self._keep(topics.COMPONENTS, self._pool.commit(commit))
 
     def offer(self, components: Mapping[int, Component]) -> None:

@@ -6,8 +6,11 @@ Numbers go on from one file of a journal to the next, so that a file that is mis
 import os
 import struct
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from semantic_slam.nameless_file import read
 
@@ -15,6 +18,9 @@ HEADER = struct.Struct("<QIII")
 """Record number, length [bytes] of its name and of its data, CRC-32 over these three, name and data."""
 NUMBERS = struct.Struct("<QII")
 CHECKSUM_SIZE = HEADER.size - NUMBERS.size
+NUMBER_SIZE = 8
+BLOCK = 1 << 20
+"""Bytes that are searched for a record at once."""
 
 
 class Record(NamedTuple):
@@ -41,6 +47,11 @@ class Segment:
         return os.fstat(self._file).st_size
 
     @property
+    def num_read(self) -> int:
+        """Bytes of the records that were read or appended."""
+        return self._at
+
+    @property
     def num_torn(self) -> int:
         """Bytes behind the records that were read; after the last whole one, those of a torn record."""
         return self.size - self._at
@@ -52,17 +63,33 @@ class Segment:
 
     def read(self) -> Record | None:
         """Read the next record; None where none is whole."""
-        head = os.pread(self._file, HEADER.size, self._at)
+        record = self._record_at(self._at, self.number)
+        if record is not None:
+            self.number += 1
+            self._at += self.size_of(*record)
+        return record
+
+    def _record_at(self, at: int, number: int) -> Record | None:
+        """The whole record with this number at a place in the file; None if there is none."""
+        head = os.pread(self._file, HEADER.size, at)
         if len(head) < HEADER.size:
             return None
-        number, name_size, data_size, checksum = HEADER.unpack(head)
+        told, name_size, data_size, checksum = HEADER.unpack(head)
         length = name_size + data_size
-        content = read(self._file, length, self._at + HEADER.size) if length <= self.num_torn - HEADER.size else None
-        if content is None or number != self.number or zlib.crc32(head[: NUMBERS.size] + content) != checksum:
+        content = read(self._file, length, at + HEADER.size) if length <= self.size - at - HEADER.size else None
+        if content is None or told != number or zlib.crc32(head[: NUMBERS.size] + content) != checksum:
             return None
-        self.number += 1
-        self._at += HEADER.size + length
         return Record(content[:name_size].decode("utf-8", "replace"), content[name_size:])
+
+    @property
+    def is_damaged(self) -> bool:
+        """Whether a later record is whole behind one that is not, so that the end of the file was not just torn off."""
+        numbers = range(self.number + 1, self.number + 1 + self.num_torn // HEADER.size)
+        for start in range(self._at + 1, self.size, BLOCK):
+            block = read(self._file, BLOCK + NUMBERS.size, start)
+            if any(self._record_at(start + at, number) is not None for at, number in _found(block, numbers)):
+                return True
+        return False
 
     def cut_off(self) -> None:
         """Remove what is behind the records that were read."""
@@ -91,6 +118,14 @@ class Segment:
     def close(self) -> None:
         """Close the file."""
         os.close(self._file)
+
+
+def _found(block: bytes, numbers: range) -> Iterator[tuple[int, int]]:
+    """Places in ``block`` that state one of these record numbers, with the number."""
+    for shift in range(min(NUMBER_SIZE, len(block) - NUMBER_SIZE + 1)):
+        told = np.frombuffer(block, "<u8", (len(block) - shift) // NUMBER_SIZE, shift)
+        for index in np.flatnonzero((told >= numbers.start) & (told < numbers.stop)):
+            yield shift + NUMBER_SIZE * int(index), int(told[index])
 
 
 def sync_folder(folder: Path) -> None:

@@ -18,6 +18,11 @@ MAX_EXTRAPOLATION_S = 1.0
 Measurements farther outside the time of the odometry cannot be used.
 """
 
+LEAST_TOLD_S = 2.0
+"""Shortest gap that is told on the console [s]."""
+MOST_TOLD = 5
+"""Gaps that are told; a robot whose odometry comes now and then has many."""
+
 
 class OdometryBuffer(StampedBuffer[OdometryPoint]):
     """Points of the odometry; samples are added and become points, of which those still needed are kept."""
@@ -30,6 +35,7 @@ class OdometryBuffer(StampedBuffer[OdometryPoint]):
         self.start: OdometryPoint | None = None  # at the first sample
         self._last: OdometryPoint | None = None
         self._rates = RateMeter()
+        self._num_told, self._news = 0, list[str]()
         self._with_slopes = with_slopes
 
     def _advanced(self, sample: OdometrySample) -> OdometryPoint:
@@ -45,8 +51,24 @@ class OdometryBuffer(StampedBuffer[OdometryPoint]):
         else:
             new = last.advance(sample)
             steps = (new.stamp_ns - last.stamp_ns, new.travelled_m - last.travelled_m, new.turned_rad - last.turned_rad)
+            self._note_gap(last, steps[0] / NANOSECONDS)
             self._last = replace(new, rate=self._rates.step(*steps))
         return self._last
+
+    def _note_gap(self, last: OdometryPoint, step_s: float) -> None:
+        if step_s < LEAST_TOLD_S or not last.rate.is_gap(step_s) or self._num_told == MOST_TOLD:
+            return
+        self._num_told += 1
+        more = "; further gaps are not told" if self._num_told == MOST_TOLD else ""
+        self._news.append(
+            f"{self.topic} is missing for {step_s:.1f} s from {last.stamp_ns / NANOSECONDS:.1f} s on; where keyframes"
+            f" lie in such a gap, motion is uncertain: look for dropped messages{more}"
+        )
+
+    def news(self) -> list[str]:
+        """Lines on the longer gaps, each once."""
+        told, self._news = self._news, []
+        return told
 
     def is_near(self, stamp_ns: int) -> bool:
         """Whether an instant is within the odometry, or at most ``MAX_EXTRAPOLATION_S`` outside it."""

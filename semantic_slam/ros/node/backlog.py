@@ -19,6 +19,10 @@ class Backlog:
             self._waiting.append(data)
         return is_full
 
+    def __len__(self) -> int:
+        """Number of messages that wait."""
+        return len(self._waiting)
+
     def take(self) -> bytes:
         """Remove and return the oldest message."""
         with self._lock:

@@ -121,6 +121,7 @@ def rebuilt_status(num_rebuilt: int, num_replayed: int, faults: Counter[str]) ->
 
 def repeated_status(repeated: Counter[str]) -> Status:
     """Status with the counts of repeated messages, by topic; they are normal after a restart."""
+    repeated = +repeated  # without topics of which nothing came again
     text = "; ".join(f"{number} x {topic}" for topic, number in sorted(repeated.items())) or "nothing came again"
     return Status("repeated", Level.OK, text, {f"repeated: {topic}": str(n) for topic, n in sorted(repeated.items())})
 

@@ -85,6 +85,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         self.repeated: Counter[str] = Counter()  # messages received more than once, by topic
         self.health.add_source(lambda: [repeated_status(self.repeated.copy())])
         self._arrivals = 0
+        self._backlogs: dict[str, Backlog] = {}  # by topic
         self._newest: dict[str, Callable[[], None]] = {}  # by topic: queues the newest latched message on activation
 
     def listen(
@@ -106,7 +107,7 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         """
         monitors: list[Any] = []
         is_bounded = not self.lossless and topic in self.most_behind
-        backlog = Backlog(self.most_behind[topic]) if is_bounded else None
+        backlog = self._backlogs.setdefault(topic, Backlog(self.most_behind[topic])) if is_bounded else None
 
         def queue_message(data: bytes) -> None:
             if not self.is_active and not self.lossless and (topic in STREAMS or not waits):
@@ -229,6 +230,12 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
         """Shut down rclpy, which ends the node; may be called from any thread."""
         rclpy.try_shutdown()
 
+    def say_left(self) -> None:
+        """Log what a node that was told to end has received and not used, in live operation."""
+        left = ", ".join(f"{len(backlog)} x {topic}" for topic, backlog in self._backlogs.items() if len(backlog))
+        if left:
+            self.get_logger().warning(f"ended before it had used {left}")
+
     def close(self) -> None:
         """Release the node's resources; called after it has ended and its worker was told to stop."""
 
@@ -279,6 +286,7 @@ def run_node(make_node: Callable[[], PipelineNode]) -> None:
     finally:
         if node is not None:
             node.worker.stop()
+            node.say_left()
             node.close()
         rclpy.try_shutdown()
         if node is not None:

@@ -28,6 +28,7 @@ class Watch:
     def __init__(self, node: Node, backend_ids: Sequence[int]) -> None:
         self._missing_since: dict[int, float] = {}
         self._seen: set[int] = set()
+        self._several_since: dict[int, float] = {}
         self._subscriptions = [self._watch(node, number) for number in backend_ids]
 
     def was_seen(self, backend_id: int) -> bool:
@@ -39,6 +40,15 @@ class Watch:
         since = self._missing_since.get(backend_id)
         return 0.0 if since is None else time.monotonic() - since
 
+    def is_alive(self, backend_id: int) -> bool:
+        """Whether the backend is alive now."""
+        return self.was_seen(backend_id) and backend_id not in self._missing_since
+
+    def several_s(self, backend_id: int) -> float:
+        """Seconds for which several nodes have been alive under this id; 0 while there is at most one."""
+        since = self._several_since.get(backend_id)
+        return 0.0 if since is None else time.monotonic() - since
+
     def _watch(self, node: Node, backend_id: int) -> Any:
         def changed(event: Any) -> None:
             if event.alive_count > 0:
@@ -46,6 +56,10 @@ class Watch:
                 self._missing_since.pop(backend_id, None)
             elif event.alive_count_change < 0 or event.not_alive_count_change > 0:
                 self._missing_since.setdefault(backend_id, time.monotonic())
+            if event.alive_count > 1:
+                self._several_since.setdefault(backend_id, time.monotonic())
+            else:
+                self._several_since.pop(backend_id, None)
 
         return node.create_subscription(
             ros_type("std_msgs/msg/Empty"),

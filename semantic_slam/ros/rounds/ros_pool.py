@@ -149,24 +149,33 @@ class RosPool:
         silent = awaited if waiting_s > SILENT_AFTER_S else ()
         return [
             *(self._presence(n) for n in self.backend_ids if n not in silent),
-            *(
-                Status(
-                    f"backend_{n}",
-                    Level.WARN,
-                    f"backend_{n} is silent: no {self._what} for {waiting_s:.0f} s; start it",
-                )
-                for n in silent
-            ),
-            *(
-                Status(
-                    f"backend_{n}",
-                    Level.ERROR,
-                    f"backend_{n} was given up; its hypotheses moved to other backends; start it again",
-                )
-                for n in sorted(self._given_up)
-            ),
+            *(self._silence(n, waiting_s) for n in silent),
+            *(self._absence(n) for n in sorted(self._given_up)),
+            *(self._double(n) for n in sorted(self._all_ids) if self._watch.several_s(n) > SILENT_AFTER_S),
             *self._memory_statuses(),
         ]
+
+    def _silence(self, number: int, waiting_s: float) -> Status:
+        """Status of a backend that is overdue with an answer; one that is alive computes."""
+        name, lacks = f"backend_{number}", f"no {self._what} for {waiting_s:.0f} s"
+        if self._watch.is_alive(number):
+            return Status(name, Level.WARN, f"{name} is busy: {lacks}; if it often is, lower pruning.max_hypotheses")
+        return Status(name, Level.WARN, f"{name} is silent: {lacks}; start it")
+
+    def _absence(self, number: int) -> Status:
+        """Status of a backend that was given up; one that is alive takes part again from its next answer."""
+        name = f"backend_{number}"
+        if self._watch.is_alive(number):
+            text = f"{name} was given up, and is there: it takes part again from the next keyframe that it answers"
+            return Status(name, Level.WARN, text)
+        text = f"{name} was given up; its hypotheses moved to other backends; start it again"
+        return Status(name, Level.ERROR, text)
+
+    @staticmethod
+    def _double(number: int) -> Status:
+        name = f"backend_{number}"
+        text = f"{name} runs more than once, and all do its work; end all but one, or give them numbers of their own"
+        return Status(f"{name} twice", Level.WARN, text)
 
     def _memory_statuses(self) -> list[Status]:
         fault = self.kept.fault if self._run_id else ""

@@ -140,7 +140,7 @@ class WorkOrder:
             if keyframe.stamp_ns == run.stamps_ns[keyframe.index]:
                 self.repeated[topics.KEYFRAMES] += 1
                 return [] if again else self._asked_again(run, keyframe)
-            if keyframe.index or not run.is_announced_again:
+            if not run.is_announced_again:
                 self.dropped[f"{topics.KEYFRAMES}: of an earlier keyframe"] += 1
                 return []
             self._begin_anew(run)
@@ -183,7 +183,10 @@ class WorkOrder:
 
     @staticmethod
     def _begin_anew(run: _Run) -> None:
-        """Reset a run for a manager that restarted from the beginning, with other keyframes."""
+        """Reset a run for a manager that was restarted with other keyframes, the earlier ones of which are asked for.
+
+        It began without a journal, or went back to what is before the damage in one.
+        """
         run.backend.start(run.announced)
         run.is_announced_again, run.stamps_ns, run.repeated = False, array("q"), -1
 

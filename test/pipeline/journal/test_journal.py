@@ -1,5 +1,7 @@
 """A run whose manager is killed anywhere goes on from its journal, to the bit; what is torn or another's is told."""
 
+import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +24,7 @@ from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.messages import topics
 from semantic_slam.perception.measurement import SemanticMeasurements
 from semantic_slam.pipeline.assembly.frame_count import FrameCount
+from semantic_slam.pipeline.journal import segment
 from semantic_slam.pipeline.journal.journal import Journal, NoJournal
 from semantic_slam.pipeline.journal.journaled_pool import JournaledPool
 from semantic_slam.pipeline.journal.segment import Record
@@ -125,6 +128,40 @@ def test_a_run_that_is_killed_between_any_two_rounds_goes_on_to_the_bit(
             assert_same(ours, theirs)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+@pytest.mark.parametrize("survive", [False, True])
+def test_a_run_whose_journal_is_damaged_anywhere_goes_on_to_the_bit(name: str, survive: bool, tmp_path: Path) -> None:
+    """Backends that lived on are ahead of what the journal still has, and go back."""
+    configuration, whole = CONFIGURATIONS[name], tmp_path / "whole"
+    expected = drive(configuration, InProcessPool(2))
+    drive(configuration, JournaledPool(InProcessPool(2), journal := journal_in(whole)))
+    journal.close()
+    data = (whole / "journal").read_bytes()
+    begins = ends_of_records(whole)
+    assert len(begins) == 1 + 2 * NUM_KEYFRAMES
+    for begin in begins[:-2]:
+        folder = shutil.copytree(whole, tmp_path / f"{begin}")
+        (folder / "journal").write_bytes(data[:begin] + bytes([data[begin] ^ 1]) + data[begin + 1 :])
+        pool = Mortal(2, -1)
+        drive(configuration, pool)
+        again = Surviving(pool) if survive else InProcessPool(2)
+        beliefs = drive(configuration, JournaledPool(again, journal := journal_in(folder)))
+        assert journal.is_damaged
+        journal.close()
+        for ours, theirs in zip(beliefs, expected, strict=True):
+            assert_same(ours, theirs)
+
+
+def ends_of_records(folder: Path) -> list[int]:
+    """Places in a journal's file behind each of its records."""
+    file, ends = segment.Segment(folder / "journal"), []
+    while file.read() is not None:
+        ends.append(file.num_read)
+    file.close()
+    return ends
+
+
 class Surviving(InProcessPool):
     """The backends of a manager that was killed, as another one finds them."""
 
@@ -179,23 +216,73 @@ def test_a_torn_end_is_cut_off_with_one_line_wherever_it_is_torn(
         again.close()
 
 
-def test_a_flipped_bit_is_noticed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_flipped_bit_is_noticed_and_nothing_whole_behind_it_is_deleted(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Only where no whole record follows was the end torn off; else the damaged file is kept, to the byte."""
     whole = filled(tmp_path)
-    chance = np.random.default_rng(0)
-    begin = len(whole) - 3 * (20 + len(topics.ODOMETRY)) - 33
-    for place in chance.integers(begin, len(whole), 40):
+    sizes = [20 + len(topics.ODOMETRY) + 10 + n for n in range(3)]
+    begins = [len(whole) - sum(sizes[n:]) for n in range(3)]
+    num_kept = 0
+    for place in range(begins[0], len(whole)):
         flipped = bytearray(whole)
-        flipped[place] ^= 1 << int(chance.integers(8))
+        flipped[place] ^= 1 << place % 8
         (tmp_path / "journal").write_bytes(flipped)
         journal = journal_in(tmp_path)
-        assert len(records(journal)) < 3
+        found = len(records(journal))
+        assert found == sum(begin <= place for begin in begins) - 1
+        assert (tmp_path / "journal").read_bytes() == whole[: begins[found]]
+        said = capfd.readouterr().err
+        if found == 2:
+            assert f"its last {sizes[2]} bytes are torn; they are cut off" in said
+        else:
+            kept = tmp_path / f"journal.damaged_{num_kept:03}"
+            num_kept += 1
+            assert f"damaged at byte {begins[found]} of {len(whole)}; it is kept as {kept.name}" in said
+            assert kept.read_bytes() == flipped
+        journal.recovered(8)
+        assert ("goes on from keyframe 7" in capfd.readouterr().err) == (found < 2)
+        journal.append("after", b"")
         journal.close()
-        assert "are torn" in capfd.readouterr().err
+        again = journal_in(tmp_path)
+        assert [record.name for record in records(again)] == [topics.ODOMETRY] * found + ["after"]
+        again.close()
+    assert num_kept == sum(sizes[:2]) == len(list(tmp_path.glob("journal.damaged_*")))
+
+
+def test_records_are_found_behind_a_stretch_of_zeros_longer_than_what_is_searched_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(segment, "BLOCK", 37)
+    journal = journal_in(tmp_path)
+    for n in range(20):
+        journal.append(topics.ODOMETRY, bytes([n]) * 50)
+    journal.close()
+    data = bytearray((tmp_path / "journal").read_bytes())
+    data[300:1000] = bytes(700)
+    (tmp_path / "journal").write_bytes(data)
+    assert 0 < len(records(journal_in(tmp_path))) < 5
+    assert "journal.damaged_000" in capfd.readouterr().err
+    assert (tmp_path / "journal.damaged_000").read_bytes() == data
+
+
+def test_a_damaged_journal_that_cannot_be_kept_is_not_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = bytearray(filled(tmp_path))
+    data[len(data) // 2] ^= 1
+    (tmp_path / "journal").write_bytes(data)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    with pytest.raises(InputError, match=r"is damaged, and cannot be kept as journal.damaged_000 \(No space left"):
+        records(journal_in(tmp_path))
+    assert (tmp_path / "journal").read_bytes() == data
 
 
 def test_a_journal_of_another_run_or_of_a_living_process_is_refused_and_can_be_set_aside(tmp_path: Path) -> None:
     filled(tmp_path)
-    with pytest.raises(InputError, match=r"is of another run .* name another journal, or remove this one"):
+    with pytest.raises(InputError, match=r"is of another run .* name another journal, or set this one aside by"):
         Journal(tmp_path, "another run")
     journal = journal_in(tmp_path)
     with pytest.raises(InputError, match="another process goes on from it"):
@@ -203,6 +290,30 @@ def test_a_journal_of_another_run_or_of_a_living_process_is_refused_and_can_be_s
     journal.close()
     anew = Journal(tmp_path, "another run", resume=False)
     assert anew.next is None and (tmp_path / "journal.old").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"version": "0.3.0"}, r"\(its version is 0.2.0, not 0.3.0\)"),
+        ({"source": "drive.mcap"}, r"\(its input is none, not drive.mcap\)"),
+        ({"map_prior": "f00"}, r"\(its map differs\)"),
+        ({"configuration": {"odometry": {"sigma": 2.0}, "pruning": {}}}, r"\(its configuration differs in odometry\)"),
+        ({"map_prior": "f00", "version": "0.3"}, r"\(its map differs, its version is 0.2.0, not 0.3\)"),
+    ],
+)
+def test_what_differs_between_a_journal_and_the_run_is_named(
+    changes: dict[str, Any], told: str, tmp_path: Path
+) -> None:
+    run = {
+        "configuration": {"odometry": {"sigma": 1.0}, "pruning": {}},
+        "map_prior": "0ff",
+        "source": "",
+        "version": "0.2.0",
+    }
+    Journal(tmp_path, json.dumps(run)).close()
+    with pytest.raises(InputError, match=told):
+        Journal(tmp_path, json.dumps(run | changes))
 
 
 def test_a_journal_that_does_not_fit_what_is_asked_is_refused(tmp_path: Path) -> None:

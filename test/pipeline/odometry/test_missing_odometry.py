@@ -81,6 +81,24 @@ def test_after_a_gap_the_odometry_is_as_sure_as_ever_and_the_keyframe_within_it_
     np.testing.assert_allclose(across.odometry_covariance, plain.odometry_covariance, rtol=1e-9)
 
 
+def test_a_gap_of_seconds_is_told_once_and_many_of_them_not_for_ever() -> None:
+    assembler = KeyframeAssembler(from_dict({}))
+    assembled(assembler, samples(range(11, 25)), 15.0)
+    assert assembler.news() == []
+    assembler = KeyframeAssembler(from_dict({}))
+    assembled(assembler, samples(range(11, 31)), 15.0)
+    (line,) = assembler.news()
+    assert line.startswith(
+        f"odom is missing for 2.1 s from {START / NANOSECONDS + 1.0:.1f} s on; where keyframes lie in"
+    )
+    assert assembler.news() == []
+    often = [odometry(START + (k + 30 * (k // 10)) * STEP_NS, PACE_M_S * k / 10) for k in range(100)]
+    assembler = KeyframeAssembler(from_dict({}))
+    assembled(assembler, often, 15.0)
+    *_, last = told = assembler.news()
+    assert len(told) == 5 and last.endswith("further gaps are not told")
+
+
 def test_a_turn_that_nobody_saw_is_not_taken_for_steady() -> None:
     before = samples(range(11, 41))
     turned = replace(odometry(START + 30 * STEP_NS, 1.5), pose=np.array([1.5, 0, 0, 0, 0, np.sin(0.5), np.cos(0.5)]))

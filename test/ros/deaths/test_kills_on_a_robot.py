@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from worlds.bags.bag_factory import PERIOD, SPEED_M, START, Entry, map_prior, write_bag, write_configuration
 from worlds.bags.places import place_entries
-from worlds.processes.live_robot import SENT, Robot, robot_among
+from worlds.processes.live_robot import SENT, Robot, later, robot_among
 from worlds.processes.node_runs import assert_same, beliefs
 
 from semantic_slam.configuration import load_configuration
@@ -26,6 +26,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 80
 """So many that on a busy machine a manager that is started again hears the last ones."""
+MOST_LATER = 50
 BACKEND_DIES, MANAGER_DIES, MANAGER_STARTS = 4, 8, 18
 EVERY_FRAME = {"policy": "odometry", "distance_m": 0.5 * SPEED_M}
 """Frames without a detection are keyframes, too."""
@@ -139,3 +140,34 @@ def test_a_backend_and_the_manager_are_killed_in_a_drive_and_what_was_missed_is_
     dropped = read_record(tmp_path / "belief_2").dropped
     missed = {reason: count for reason, count in dropped.items() if reason.startswith(topics.MEASUREMENTS)}
     assert sum(missed.values()) == frame - MANAGER_DIES
+
+
+@pytest.mark.long
+def test_a_manager_whose_journal_is_damaged_goes_back_and_the_other_nodes_go_back_with_it(
+    robot: Robot, tmp_path: Path
+) -> None:
+    """The backends live on; the recorder begins another bag, and what was in the journal is kept."""
+    entries = [entry for entry in drive() if entry.topic in SENT]
+    robot.send(between(entries, -1, MANAGER_DIES))
+    robot.wait_for(list(range(MANAGER_DIES)))
+    robot.nodes.kill("hypothesis_manager")
+    path = tmp_path / "journal" / "journal"
+    data = bytearray(path.read_bytes())
+    data[9 * len(data) // 10] ^= 4
+    path.write_bytes(data)
+    missed = between(entries, MANAGER_DIES, NUM_FRAMES)
+    again = robot.send_until_heard(missed, after=-1)
+    for frame in range(NUM_FRAMES, NUM_FRAMES + MOST_LATER):
+        robot.send(later(missed[-len(SENT) :], frame - NUM_FRAMES + 1))
+        if {again + 1, again + 2} <= set(robot.heard):
+            break
+    robot.spin(DIAGNOSTICS_S)
+    robot.nodes.stop()
+
+    assert 0 < again < MANAGER_DIES - 1 and path.with_name("journal.damaged_000").read_bytes() == data
+    log = (tmp_path / "log" / "hypothesis_manager.log").read_text()
+    assert f"[hypothesis_manager]: {path}: damaged at byte" in log and f"the run goes on from keyframe {again}," in log
+    gone, kept = (read_record(tmp_path / name).beliefs for name in ("belief_2", "belief_3"))
+    assert [own.keyframe for own in gone] == list(range(MANAGER_DIES))
+    assert [own.keyframe for own in kept][:2] == [again + 1, again + 2]
+    assert f"{tmp_path / 'belief_2'}: what it has from keyframe {again + 1} on" in robot.nodes.tail("bag_recorder")

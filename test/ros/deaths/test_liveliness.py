@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 import rclpy
@@ -40,13 +41,19 @@ rclpy.spin(node)
 """
 
 
-@pytest.fixture
-def backend() -> Iterator[subprocess.Popen[str]]:
+@contextmanager
+def alive() -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen([sys.executable, "-c", BACKEND], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None and process.stdout.readline() == "there\n"
     yield process
     process.kill()
     process.wait()
+
+
+@pytest.fixture
+def backend() -> Iterator[subprocess.Popen[str]]:
+    with alive() as process:
+        yield process
 
 
 @pytest.fixture
@@ -135,3 +142,37 @@ def test_a_backend_that_was_given_up_before_the_manager_was_started_again_comes_
     assert [answer.backend_id for answer in answers[0]] == [1]
     assert pool.backend_ids == (0, 1)
     assert not [status for status in pool.statuses() if status.level is Level.ERROR]
+
+
+def says(pool: RosPool, level: Level, text: str) -> bool:
+    return any(status.level is level and text in status.message for status in pool.statuses())
+
+
+@pytest.mark.long
+def test_only_a_backend_that_is_not_there_is_to_be_started(manager: Node, backend: subprocess.Popen[str]) -> None:
+    """One that was given up and is there again takes part by itself, and one that computes is waited for."""
+    pool = RosPool(manager, (7, 8), timeout_s=60.0)
+    assert comes_true(lambda: pool._watch.is_alive(7))
+    pool.start(make_run_configuration(CONFIGURATION, None, *initial_pose_of(CONFIGURATION), stamp_ns=1))
+    pool.backend_ids = (8,)
+    assert says(pool, Level.WARN, "backend_7 was given up, and is there")
+    pool.backend_ids = (7,)
+    asking = threading.Thread(target=lambda: pool.expand(Keyframe.planar(0)))
+    asking.start()
+    assert comes_true(lambda: says(pool, Level.WARN, "backend_7 is busy: no candidates of keyframe 0 for 3 s"))
+    pool.timeout_s = 0.0
+    backend.kill()
+    assert comes_true(lambda: pool.backend_ids == ())
+    assert says(pool, Level.ERROR, "backend_7 was given up; its hypotheses moved to other backends; start it again")
+    asking.join(10.0)
+
+
+@pytest.mark.long
+def test_two_backends_of_one_number_are_warned_of(manager: Node, backend: subprocess.Popen[str]) -> None:
+    pool = RosPool(manager, (7,), timeout_s=60.0)
+    assert comes_true(lambda: pool._watch.is_alive(7)) and not says(pool, Level.WARN, "more than once")
+    with alive() as other:
+        assert comes_true(lambda: says(pool, Level.WARN, "backend_7 runs more than once"))
+        other.kill()
+        assert comes_true(lambda: not says(pool, Level.WARN, "more than once"))
+        assert pool._watch.is_alive(7)

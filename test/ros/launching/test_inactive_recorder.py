@@ -190,3 +190,38 @@ def test_a_belief_whose_copy_overtook_others_is_recorded_in_its_turn(tmp_path: P
     finally:
         rclpy.try_shutdown()
     assert [found.keyframe for found in beliefs(tmp_path / "bag")] == [0, 1, 2, 3]
+
+
+def recorded(folder: Path, said: list[bytes]) -> list[list[int]]:
+    """Keyframes in each bag of a live recorder that hears these beliefs."""
+    rclpy.init(args=["--ros-args", "-p", f"bag:={folder / 'bag'}", "-p", "autostart:=false"])
+    try:
+        recorder = BagRecorder()
+        for own in said:
+            recorder._write(topics.BELIEF, own)
+        recorder.worker.stop()
+        recorder.close()
+    finally:
+        rclpy.try_shutdown()
+    return [[found.keyframe for found in beliefs(bag)] for bag in sorted(folder.iterdir())]
+
+
+def test_a_recorder_that_is_started_during_a_run_takes_the_first_belief_and_says_once_what_its_bag_lacks(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert recorded(tmp_path, [belief(keyframe) for keyframe in (36, 37, 38)]) == [[36, 37, 38]]
+    (line,) = capfd.readouterr().err.splitlines()
+    assert f"{tmp_path / 'bag'}: keyframes 0 to 35 were not recorded" in line and "before the run, or call ~/re" in line
+
+
+def test_what_a_manager_states_anew_of_an_earlier_keyframe_goes_into_another_bag(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Its journal was damaged; what is published again as it was, after any other restart, is left out."""
+    later = small_belief(9, [1], [1], [1.0], [4], [[4]])
+    anew = [encode(replace(later, keyframe=2)), encode(replace(later, keyframe=3, stamp_ns=later.stamp_ns + 1))]
+    said = [*(belief(keyframe) for keyframe in range(5)), belief(4), belief(1), *anew]
+    assert recorded(tmp_path, said) == [[0, 1, 2, 3, 4], [2, 3]]
+    (line,) = capfd.readouterr().err.splitlines()
+    assert f"{tmp_path / 'bag'}: what it has from keyframe 2 on is of a history that is gone" in line
+    assert line.endswith(f"is recorded in {tmp_path / 'bag_2'}")

@@ -1,6 +1,18 @@
 """Of messages that come faster than they are worked on the newest wait, and the others are told apart."""
 
+import time
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+from semantic_slam.messages import topics
 from semantic_slam.ros.node.backlog import Backlog
+from semantic_slam.ros.node.pipeline_node import PipelineNode
+from semantic_slam.ros.wire import qos
+from semantic_slam.ros.wire.transport import Outlet
+
+TIMEOUT_S = 30.0
 
 
 def test_the_oldest_go_and_as_many_wait_as_may() -> None:
@@ -8,3 +20,28 @@ def test_the_oldest_go_and_as_many_wait_as_may() -> None:
     assert [backlog.add(bytes([n])) for n in range(5)] == [False, False, False, True, True]
     assert [backlog.take() for _ in range(3)] == [b"\x02", b"\x03", b"\x04"]
     assert not backlog.add(b"")
+
+
+@pytest.mark.ros
+def test_a_node_that_is_told_to_end_says_what_it_has_not_used(capfd: pytest.CaptureFixture[str]) -> None:
+    rclpy.init()
+    try:
+        node, robot = PipelineNode("manager"), rclpy.create_node("robot")
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        node.listen(topics.MEASUREMENTS, lambda _: None, qos.result(False))
+        said = Outlet(robot, topics.MEASUREMENTS, topics.TYPES[topics.MEASUREMENTS], qos.result(False))
+        assert said.wait_for_readers(1, TIMEOUT_S)
+        node.say_left()
+        assert capfd.readouterr().err == ""
+        for _ in range(3):
+            said.send(b"\x00\x01\x00\x00")  # nobody works on it, as the node is not active
+        give_up = time.monotonic() + TIMEOUT_S
+        while len(node._backlogs[topics.MEASUREMENTS]) < 3:
+            assert time.monotonic() < give_up
+            executor.spin_once(timeout_sec=0.02)
+        node.say_left()
+        (line,) = capfd.readouterr().err.splitlines()
+        assert line.endswith(f"[manager]: ended before it had used 3 x {topics.MEASUREMENTS}")
+    finally:
+        rclpy.try_shutdown()

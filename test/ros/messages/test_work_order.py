@@ -194,6 +194,24 @@ def test_another_recording_in_the_same_configuration_begins_anew_once_it_is_anno
     assert len(decode(told, topics.TYPES[topics.CANDIDATES]).ids)
 
 
+def test_a_manager_that_went_back_to_an_earlier_keyframe_has_another_history_from_there_on() -> None:
+    """Its journal was damaged: a backend that lived on asks for the keyframes, as one that was started again."""
+    wire = Wire()
+    drive(CLOSED, wire, 4)
+    said, run_id = wire.said, decode(*wire.said[0]).run_id
+    keyframes = [decode(*one) for one in said[1::2]]
+    anew = replace(keyframes[2], stamp_ns=keyframes[3].stamp_ns + 1)
+    type_name = said[1][1]
+    asked = serialize(to_message(anew, run_id=run_id)), type_name
+    told = [(encode(own, run_id=run_id, again=True), type_name) for own in (*keyframes[:2], anew)]
+    order = wire.orders[0]
+    missing = encode(MissedKeyframes(run_id=run_id, backend_id=0, keyframe=0))
+    assert answers(order, [said[0], asked, asked]) == [missing, missing]
+    started_again = WorkOrder(lambda: Backend(0))
+    found, expected = answers(order, [*told, asked]), answers(started_again, [said[0], *told, asked])
+    assert found == expected and decode(found[-1], topics.TYPES[topics.CANDIDATES]).keyframe == 2
+
+
 def test_a_repeated_announcement_alone_changes_nothing(spoken: list[tuple[bytes, str]]) -> None:
     expected = answers(WorkOrder(lambda: Backend(0)), spoken)
     order = WorkOrder(lambda: Backend(0))
