@@ -28,7 +28,7 @@ class PlanarReader:
     ``bias_means`` (3,) their prior means; the mean of the clock offset is in the keyframes already.
     ``feature_names`` (F,) or empty: classes whose scores serve as features if no classifier has measured any.
     ``words`` reads the detector's labels and ``vectors`` appearance vectors, where these are evidence of classes.
-    Where the region is learned up to ``region_within_m``, detections beyond are left out and counted as dropped; 0: none.
+    Where the region is learned up to ``region_within_m`` (0: anywhere), detections beyond are left out and counted.
     """
 
     STATE: ClassVar[tuple[str, ...]] = ("_sensed", "_num_beyond", "_vectors")
