@@ -183,7 +183,7 @@ def run(arguments: Namespace, name: str, configuration: "Configuration", beliefs
     for reason, count in sorted(summary.dropped.items()):
         print(f"dropped: {reason} ({count})")
     if summary.carried:
-        print(carried_line(summary.carried))
+        print(carried_line(summary.carried, learns_region=configuration.open_world.learn_region))
     return summary.fault
 
 

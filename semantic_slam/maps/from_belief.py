@@ -9,7 +9,7 @@ import numpy as np
 
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.record import json_object
-from semantic_slam.geometry.arrays import Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.object_coordinates import object_coordinates
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.belief_views import ObjectPlace
@@ -24,6 +24,8 @@ MOVES = 0.5
 """Probability of motion above which an object is left out of maps."""
 LIKELIER = 0.5
 NEARLY = 1.0 - 1e-6
+AS_WIDE = 0.99
+"""Share of the variances of its start that a robot keeps until it finds out where it is: smoothers round them."""
 ANY_HEADING_RAD2 = NEARLY * np.pi**2
 """Least variance of the heading of a robot that was carried to new ground: odometry does not tell how it was turned."""
 
@@ -62,25 +64,50 @@ def _static_rows(belief: HybridBelief) -> Index:
 def _are_unplaced(belief: HybridBelief, rows: Index, run: RunConfiguration) -> Flags:
     """(R,) whether objects are likelier in the frame of a robot on new ground, whose place in map is not known.
 
-    Such a frame may be turned by any angle, so all of its objects are stated about its origin.
+    Such a frame may be turned by any angle, so all of its objects are stated about its origin. A robot that does not
+    know where it started was not carried: what its start leaves open is no new ground.
     """
     revision: Mapping[str, Any] = json_object(run.configuration).get("revision", {})
-    is_turned = belief.pose_covariances[:, -1, -1] >= ANY_HEADING_RAD2
-    if not revision.get("carried_probability") or not np.exp(belief.log_weights) @ is_turned > LIKELIER:
+    on_new_ground = _are_on_new_ground(belief.pose_covariances, np.asarray(run.initial_covariance))
+    if not revision.get("carried_probability") or not np.exp(belief.log_weights) @ on_new_ground > LIKELIER:
         return np.zeros(len(rows), dtype=bool)
-    least = NEARLY * float(revision["carried_m"]) ** 2
-    return np.array([_share_of_broad(belief.places_of(row), least) > LIKELIER for row in rows.tolist()], dtype=bool)
+    least, most = NEARLY * float(revision["carried_m"]) ** 2, _left_open_m2(np.asarray(run.initial_covariance))
+    most = most if most >= least else np.inf
+    shares = [_share_of_broad(belief.places_of(row), least, most) for row in rows.tolist()]
+    return np.array([share > LIKELIER for share in shares], dtype=bool)
 
 
-def _share_of_broad(places: Sequence[ObjectPlace], least: float) -> float:
-    """Probability of places with a variance of at least ``least`` [m^2] in every direction of the plane."""
-    narrowest = [np.linalg.eigvalsh(np.asarray(own.covariance)[:2, :2])[0] for own in places]
-    return sum(own.probability for own, variance in zip(places, narrowest, strict=True) if variance >= least)
+def _are_on_new_ground(covariances: Array, start: Array) -> Flags:
+    """(H,) whether poses with (H, 6, 6) may be turned by any angle, beyond what the ``start`` (6, 6) leaves open."""
+    headings = covariances[:, -1, -1]
+    by_start = (headings >= AS_WIDE * start[-1, -1]) & (_narrowest(covariances) >= _left_open_m2(start))
+    return np.asarray((headings >= ANY_HEADING_RAD2) & ~by_start)
+
+
+def _left_open_m2(start: Array) -> float:
+    """Least variance of places in every direction, where a ``start`` (6, 6) leaves all headings open; else infinite."""
+    return AS_WIDE * float(_narrowest(start)) if start[-1, -1] >= ANY_HEADING_RAD2 else np.inf
+
+
+def _narrowest(covariances: Array) -> Array:
+    """(...,) least variance of (..., d, d) in any direction of the plane [m^2]."""
+    return np.asarray(np.linalg.eigvalsh(covariances[..., :2, :2])[..., 0])
+
+
+def _share_of_broad(places: Sequence[ObjectPlace], least: float, most: float) -> float:
+    """Probability of places whose variance is from ``least`` up to ``most`` [m^2] in the narrowest direction."""
+    narrowest = [_narrowest(np.asarray(own.covariance)) for own in places]
+    return sum(own.probability for own, own_m2 in zip(places, narrowest, strict=True) if least <= own_m2 < most)
 
 
 def map_objects(belief: HybridBelief, run: RunConfiguration) -> MapObjects:
     """Marginals of the belief's mapped objects. Raises InputError where there are none."""
     rows = mapped_rows(belief, run)
+    if not len(rows) and len(_static_rows(belief)):
+        raise InputError(
+            "all that was seen was seen on new ground since the robot was carried, so there is no map to save;"
+            " if nobody lifted it, set revision.carried_probability: 0"
+        )
     if not len(rows):
         raise InputError("nothing was mapped, so there is no map to save; drive past objects first")
     return MapObjects(

@@ -138,10 +138,15 @@ def _sightings(engine: Engine, number: int, ids: Index) -> Array:
 
 
 def _looks(engine: Engine, belief: HybridBelief, component: Component) -> ViewedFrom:
-    """Poses from which a component has looked, and the region as learned in the end; empty in space."""
+    """Poses from which a component has looked, and the region as learned in the end; empty in space.
+
+    Empty, too, where the region was to be learned and nothing has been detected.
+    """
     if component.spaces.name == SPATIAL:
         return ViewedFrom()
     own = region_of(engine.problem.open_world, belief.noise)
+    if not own.is_known:
+        return ViewedFrom()
     bounds = np.array([own.direction_rad, own.field_of_view_rad, own.min_range_m, own.max_range_m])
     return ViewedFrom(path=component.path()[:, :3], region=bounds)
 

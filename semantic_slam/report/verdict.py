@@ -40,7 +40,8 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     if used:
         found.append("Dropped: " + ", ".join(f"{count} × {reason}" for reason, count in used.items()) + ".")
     if carried := analysis.record.carried:
-        line = carried_line(carried)
+        world = analysis.configuration.get("open_world", {})
+        line = carried_line(carried, learns_region=bool(world.get("learn_region")))
         found.append(f"{line[0].upper()}{line[1:]}.")
     if count := num_unplaced(analysis.record.beliefs[-1], analysis.record.run):
         found.append(

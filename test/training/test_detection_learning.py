@@ -22,6 +22,7 @@ from semantic_slam.shipped import configuration_file
 from semantic_slam.training.detection.evidence import RunLooks, log_evidence
 from semantic_slam.training.detection.looks import NUM_DIRECTIONS, Looks
 from semantic_slam.training.detection.rates import grid, learned
+from semantic_slam.training.labels.report import detection_lines
 from semantic_slam.viewpoint.detection_values import DetectionValues
 from semantic_slam.viewpoint.labels.confusion import Confusion
 from semantic_slam.viewpoint.labels.settings import LabelSettings
@@ -84,7 +85,7 @@ def test_a_detector_that_sees_less_far_off_is_told_from_its_looks() -> None:
 @pytest.mark.long
 def test_a_detector_that_sees_less_to_one_side_is_told_from_its_looks() -> None:
     found = learned([looks_to_the_right(seed) for seed in range(3)], AS_TOLD, 5)
-    assert found.by_direction > found.alike + 30.0
+    assert found.by_direction is not None and found.by_direction > found.alike + 30.0
     shares = np.array(found.values.by_direction)
     assert np.all(shares[: NUM_DIRECTIONS // 2] <= 0.5) and np.all(shares[NUM_DIRECTIONS // 2 + 1 :] >= 0.8)
     assert found.values.probability == pytest.approx(0.9, abs=0.06) and found.values.half_range_m is None
@@ -118,7 +119,10 @@ def test_directions_of_several_fields_of_view_are_not_told_apart() -> None:
     assert RunLooks(runs=[wide, None], num_stretches=5).of_one_view
     assert not RunLooks(runs=[wide, narrow], num_stretches=5).of_one_view
     found = learned([wide, narrow], AS_TOLD, 5)
-    assert found.is_kept and found.values.by_direction == ()
+    assert found.is_kept and found.values.by_direction == () and found.by_direction is None
+    (line,) = detection_lines({**found.numbers, "runs": 2, "runs_in_space": 0})
+    assert "taken to be alike in all directions;" in line and "not compared, as the fields of view of the runs" in line
+    assert "by direction" not in line
 
 
 def test_what_is_to_be_inferred_or_told_of_detection_leaves_out_all_that_was_fitted(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ def as_used(configuration: Configuration, association: type[AssociationStrategy]
     if not association.counts_misses:
         world = replace(
             world,
+            learn_region_within_m=0.0,  # all detections are used then, so that the region has to hold them
             detection_probabilities=(),
             detection_half_ranges_m=(),
             detection_by_direction=(),

@@ -1,5 +1,6 @@
 """Conversion of keyframes to steps of the planar engine."""
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -27,9 +28,10 @@ class PlanarReader:
     ``bias_means`` (3,) their prior means; the mean of the clock offset is in the keyframes already.
     ``feature_names`` (F,) or empty: classes whose scores serve as features if no classifier has measured any.
     ``words`` reads the detector's labels and ``vectors`` appearance vectors, where these are evidence of classes.
+    Where the region is learned up to ``region_within_m`` (0: anywhere), detections beyond are left out and counted.
     """
 
-    STATE: ClassVar[tuple[str, ...]] = ("_sensed", "_vectors")
+    STATE: ClassVar[tuple[str, ...]] = ("_sensed", "_num_beyond", "_vectors")
 
     def __init__(
         self,
@@ -49,10 +51,12 @@ class PlanarReader:
         self._features, self.noise = FeatureReader(num_features, feature_names), noise or ConfiguredNoise()
         self._words, self._vectors = words, vectors
         self._sensed: list[SensedRegion | None] | None = [] if learns_region else None  # after each keyframe
-        self._most_m = region_within_m or float("inf")
+        self._most_m = region_within_m if learns_region and region_within_m else float("inf")
+        self._num_beyond: list[int] = []  # detections left out so far, after each keyframe
 
     def step(self, keyframe: Keyframe) -> Step:
         """The step of a keyframe. Raises InputError when the measurements' features do not match the class models."""
+        keyframe = self._within(keyframe)
         measurements = self._features.with_features(keyframe.measurements)
         covariances = self.noise.of_detections(measurements.ranges_m, measurements.geometric_covariances)
         return Step(
@@ -71,6 +75,19 @@ class PlanarReader:
             dropped=measurements.dropped,
             free_range_scan=measurements.free_range_scan,
         )
+
+    def _within(self, keyframe: Keyframe) -> Keyframe:
+        """The keyframe without detections beyond the range up to which the region is learned."""
+        del self._num_beyond[keyframe.index :]  # the newest keyframe may be read again
+        measurements, before = keyframe.measurements, self._num_beyond[-1] if self._num_beyond else 0
+        is_beyond = measurements.ranges_m > self._most_m
+        self._num_beyond.append(before + int(is_beyond.sum()))
+        if not self._num_beyond[-1]:
+            return keyframe
+        kept = replace(
+            measurements.take(np.flatnonzero(~is_beyond)), dropped=measurements.dropped + self._num_beyond[-1]
+        )
+        return replace(keyframe, measurements=kept)
 
     def _region_after(self, keyframe: Keyframe) -> SensedRegion | None:
         """The sensor region learned from all detections up to this keyframe; None where it is not learned."""

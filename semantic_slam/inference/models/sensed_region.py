@@ -44,7 +44,12 @@ class SensedRegion:
     def of(
         cls, ranges_m: Array, bearings_rad: Array, before: Self | None = None, most_m: float = float("inf")
     ) -> Self | None:
-        """With (D,) more detections; a NaN range is a bearing alone. None until there was one."""
+        """With (D,) more detections; a NaN range is a bearing alone. None until there was one.
+
+        Those beyond ``most_m``, which the first call sets, tell nothing.
+        """
+        near = ~(ranges_m > (most_m if before is None else before.most_m))
+        ranges_m, bearings_rad = ranges_m[near], bearings_rad[near]
         known = ranges_m[np.isfinite(ranges_m)]
         if before is None:
             if not len(bearings_rad):

@@ -39,11 +39,18 @@ def spans_of(text: str) -> Spans:
     return tuple((own[0], own[-1]) for own in ends)
 
 
-def carried_line(spans: Sequence[tuple[int, int]]) -> str:
+NOT_AS_STATED = "the sensor is not as open_world says: ask semantic_slam doctor, or"
+NOT_AS_LEARNED = (
+    "the sensor is panned, or detects less often than open_world says: list lower values in"
+    " open_world.detection_probabilities or detection_half_ranges_m, or"
+)
+"""Where the region is learned, doctor has nothing to compare it with."""
+
+
+def carried_line(spans: Sequence[tuple[int, int]], *, learns_region: bool = False) -> str:
     """What a run says of them in the end, with the remedy."""
     one = len(spans) == 1 and spans[0][0] == spans[0][1]
     return (
         f"the robot was taken for carried elsewhere in keyframe{'' if one else 's'} {spans_text(spans)}; if nobody"
-        " lifted it, the sensor is not as open_world says: ask semantic_slam doctor, or set"
-        " revision.carried_probability: 0"
+        f" lifted it, {NOT_AS_LEARNED if learns_region else NOT_AS_STATED} set revision.carried_probability: 0"
     )

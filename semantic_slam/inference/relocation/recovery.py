@@ -98,8 +98,10 @@ class Recovery:
     @property
     def _is_region_known(self) -> bool:
         """Whether what is missed tells where the robot is, and not how little of the sensor's region is learned yet."""
-        sensed = self._replay.steps[-1].sensed if self._replay.problem.open_world.learn_region else None
-        return sensed is None or bool(sensed.is_settled)
+        if not self._replay.problem.open_world.learn_region:
+            return True
+        sensed = self._replay.steps[-1].sensed
+        return sensed is not None and bool(sensed.is_settled)
 
     def _judge(self, log_ratio: float) -> None:
         """Start or extend a suspect where the newest keyframe was unexpected; else end the run of such keyframes."""

@@ -26,8 +26,8 @@ class RunLooks:
 
     @property
     def of_one_view(self) -> bool:
-        """Whether all runs have the same field of view, as needed to compare directions."""
-        return len(self._fields_of_view) == 1
+        """Whether no two runs have different fields of view, as needed to compare directions."""
+        return len(self._fields_of_view) <= 1
 
     @property
     def field_of_view_rad(self) -> float:

@@ -40,7 +40,7 @@ class LearnedRates:
     num_looks: int
     before: float  # nats, as configured
     alike: float  # nats, with all directions alike
-    by_direction: float  # nats
+    by_direction: float | None  # nats; None: not compared, as the fields of view of the runs differ
 
     @property
     def is_kept(self) -> bool:
@@ -74,10 +74,11 @@ def learned(runs: Sequence[Looks | None], settings: OpenWorldConfiguration, num_
     told = Directions(looks=looks, tried=tried, alike=looks.log_evidence(tried))
     before = _held_out(looks.log_evidence(configured(settings)).sum(axis=0))
     alike = _held_out(told.alike.sum(axis=0))
-    by_direction = _held_out_by_direction(told)
-    has_directions = looks.of_one_view and by_direction >= alike + LEAST_GAIN
+    by_direction = _held_out_by_direction(told) if looks.of_one_view else None
+    best = alike if by_direction is None or by_direction < alike + LEAST_GAIN else by_direction
+    has_directions = best > alike
     values, without = UNTOLD, (UNTOLD,) * len(runs)
-    if (by_direction if has_directions else alike) >= before + LEAST_GAIN:
+    if best >= before + LEAST_GAIN:
         width = looks.field_of_view_rad if has_directions else None
         every = np.ones((len(runs), num_stretches), dtype=bool)
         values = _likeliest(told, every, width)

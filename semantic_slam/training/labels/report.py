@@ -15,6 +15,7 @@ MOST_OTHERS = 3
 """Names that a class is confused with, the most frequent ones, which are told."""
 LEAST_TOLD = 0.03
 """Share of a class's views from which a name is worth telling."""
+NOT_COMPARED = "; directions are not compared, as the fields of view of the runs differ: state one for all of them"
 
 
 def report_of(found: Fitted, is_kept: bool, first: Judgement, last: Judgement) -> dict[str, Any]:
@@ -121,16 +122,18 @@ def detection_lines(own: Mapping[str, Any]) -> list[str]:
 
 def _detection_line(own: Mapping[str, Any]) -> str:
     before, after, by_direction = (own["log_evidence"][name] for name in ("before", "after", "by_direction"))
+    sideways = "" if by_direction is None else f", by direction {by_direction:.1f}"
     judged = (
-        f"held-out log evidence {before:.1f} -> {after:.1f} nats, by direction {by_direction:.1f}, of {own['looks']}"
-        " looks at objects in view"
+        f"held-out log evidence {before:.1f} -> {after:.1f} nats{sideways}, of {own['looks']} looks at objects in view"
+        f"{NOT_COMPARED if by_direction is None else ''}"
     )
     if not own["is_kept"]:
         return f"detected how often: too little to learn from, so it stays as configured: {judged}"
     half_range = own["half_range_m"]
     far = "at any distance" if half_range is None else f"half as often at {half_range:g} m"
     shares = ", ".join(f"{share:g}" for share in own["by_direction"])
-    aside = f"{shares} of that from the right to the left of the field of view" if shares else "alike in all directions"
+    alike = "alike in all directions" if by_direction is not None else "taken to be alike in all directions"
+    aside = f"{shares} of that from the right to the left of the field of view" if shares else alike
     return (
         f"detected {own['probability']:.0%} of the time, {far}, {aside}; whether an object can be detected persists"
         f" with {own['persistence']:g} from keyframe to keyframe; {judged}"

@@ -35,6 +35,7 @@ class SensorRegion:
     direction_rad: float = 0.0  # bearing of the sector's middle in the body frame
     occluder_radius_m: float = 0.0  # radius of occluding objects; 0: no occlusion
     axis_rad: float | None = None  # bearing along which ranges are depths; None: they are distances
+    is_known: bool = True  # else it is still to be learned, and nothing is taken to be in view
 
     @property
     def area_m2(self) -> float:
@@ -44,6 +45,8 @@ class SensorRegion:
     @property
     def farthest_m(self) -> float:
         """Distance beyond which nothing lies inside."""
+        if not self.is_known:
+            return 0.0
         if self.axis_rad is None:
             return self.max_range_m
         widest = abs(self._off_axis(self.axis_rad)) + 0.5 * self.field_of_view_rad
@@ -82,8 +85,8 @@ class SensorRegion:
         return replace(self, axis_rad=settings.axis_rad)
 
     def reaching(self, sensed: SensedRegion | None) -> Self:
-        """The region with the bounds learned from detections; unchanged where they are not learned."""
-        return self if sensed is None else replace(self, **sensed.bounds())
+        """The region with the bounds learned from detections; unchanged where they are not learned, or not yet."""
+        return self if sensed is None else replace(self, **sensed.bounds(), is_known=True)
 
     def contains(self, relative: Array, covariance: Array) -> Array:
         """(...,) probability that objects at ``relative`` (..., 2) in the body frame, with (..., 2, 2), lie inside.
@@ -108,6 +111,7 @@ class SensorRegion:
         nearest, farthest = self.min_range_m * slope, self.max_range_m * slope
         bearing, sigma = self.off_centre(turn), sigma_across / distance
         half = np.inf if half >= np.pi else half
+        farthest = farthest if self.is_known else np.full_like(distance, -np.inf)
         return Margins(
             lower=np.stack([(nearest - distance) / sigma_range, (-half - bearing) / sigma]),
             upper=np.stack([(farthest - distance) / sigma_range, (half - bearing) / sigma]),
@@ -175,20 +179,24 @@ class SensorRegion:
 
 
 def sensor_region(settings: OpenWorldConfiguration) -> SensorRegion:
-    """The sensor's region as configured, in which a missed detection counts."""
+    """The sensor's region as configured, in which a missed detection counts; not known where it is to be learned."""
     return SensorRegion(
         min_range_m=settings.min_range_m,
         max_range_m=settings.max_range_m,
         field_of_view_rad=settings.field_of_view_rad,
         direction_rad=settings.direction_rad,
         occluder_radius_m=settings.occluder_radius_m,
+        is_known=not settings.learn_region,
     )
 
 
 def region_of(settings: OpenWorldConfiguration, learned: Mapping[str, float]) -> SensorRegion:
-    """The region with bounds that a run has ``learned``, by their names in its beliefs; otherwise as configured."""
+    """The region with bounds that a run has ``learned``, by their names in its beliefs; otherwise as configured.
+
+    Not known where it was to be learned and the run has detected nothing.
+    """
     told = {name: float(learned[f"open_world.{name}"]) for name in BOUNDS if f"open_world.{name}" in learned}
-    return replace(sensor_region(settings), **told)
+    return replace(sensor_region(settings), **told, is_known=bool(told) or not settings.learn_region)
 
 
 def is_left_out(ranges_m: Array, bearings_rad: Array, settings: OpenWorldConfiguration) -> Flags:

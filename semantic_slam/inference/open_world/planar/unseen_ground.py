@@ -36,7 +36,8 @@ def first_detections(
     if least < 1.0 and len(trail):
         found = found * np.maximum(undetected_share(region, rates, trail, places, hiding), least)
     count = len(everywhere)
-    return region.area_m2 * (found[:count] * (count * shares[:, None])).mean(axis=0), found[count:]
+    area_m2 = region.area_m2 if region.is_known else 0.0
+    return area_m2 * (found[:count] * (count * shares[:, None])).mean(axis=0), found[count:]
 
 
 def _all_over(region: SensorRegion, rates: DetectionRates, robot: Array) -> tuple[Array, Array, Array]:
