@@ -111,7 +111,7 @@ class OpenWorldConfiguration:
     learn_region_within_m: float = parameter(
         0.0,
         "learn_region: largest range of the region that is learned; detections beyond, such as false alarms on a far"
-        " wall, are left out; 0: none",
+        " wall, are left out; 0: none; for association: open",
         minimum=0.0,
     )
     learn_scores: bool = parameter(
