@@ -27,8 +27,9 @@ def merged_existence(comparison: Comparison, rows: MergedRows) -> Array:
 def _standing(comparison: Comparison) -> Array:
     """(O,) probabilities that the first map's objects are in the second one, or there unseen."""
     existence = comparison.old.objects.existence.copy()
+    matched = _matched(comparison).sum(axis=1)
     for row, number in enumerate(comparison.ours.rows.tolist()):
-        existence[number] = _matched(comparison)[row].sum() + gone(comparison, row)[1]
+        existence[number] = matched[row] + gone(comparison, row)[1]
     return existence
 
 
