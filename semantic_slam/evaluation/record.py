@@ -34,6 +34,17 @@ class Record:
     fault: str = ""  # why the bag could not be read to its end
     carried: Spans = ()  # keyframes in which the robot was taken for carried elsewhere
 
+    @property
+    def begun_late(self) -> str:
+        """Why its run cannot be inferred again: the recorder began during it; "" for a run recorded from its start.
+
+        A single belief is the newest one of a running manager, which has all keyframes before.
+        """
+        first = self.beliefs[0].keyframe
+        if not first or len(self.beliefs) == 1:
+            return ""
+        return f"the bag begins with keyframe {first}, and the run cannot be inferred again without what came before"
+
 
 def json_object(text: str) -> dict[str, Any]:
     """Parse ``text`` as a JSON object; empty where it is none."""

@@ -56,11 +56,8 @@ def saved_map_of_run(record: Record, keyframes: Iterable[Keyframe]) -> SavedMap:
         again = engine.process(keyframe)
     last = record.beliefs[-1]
     if again is None or not np.array_equal(again.hypothesis_ids, last.hypothesis_ids):
-        if first := record.beliefs[0].keyframe:
-            raise InputError(
-                f"the bag begins with keyframe {first}, and the run cannot be inferred again without what came before;"
-                " save with --marginals"
-            )
+        if late := record.begun_late:
+            raise InputError(f"{late}; save with --marginals")
         raise InputError(
             f"keyframe {last.keyframe}: inferred again, the hypotheses are not those recorded; save with the version"
             f" that recorded the bag (revision {record.run.revision or 'not recorded'}), or with --marginals"

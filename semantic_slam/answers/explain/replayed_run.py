@@ -243,12 +243,8 @@ def _difference(record: Record, belief: HybridBelief, again: HybridBelief) -> fl
 
 
 def _not_the_same(record: Record, belief: HybridBelief) -> InputError:
-    first = record.beliefs[0].keyframe
-    if first and len(record.beliefs) > 1:  # of a bag: a running manager explains its newest belief alone
-        return InputError(
-            f"the bag begins with keyframe {first}, and the run cannot be inferred again without what came before; ask"
-            " ~/explain of the running manager, or record a run from its start"
-        )
+    if late := record.begun_late:
+        return InputError(f"{late}; ask ~/explain of the running manager, or record a run from its start")
     made_by: Any = record.run.revision or "not recorded"
     return InputError(
         f"keyframe {belief.keyframe}: inferred again, the hypotheses are not those recorded; explain with the version"
