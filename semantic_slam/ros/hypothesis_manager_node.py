@@ -257,7 +257,7 @@ class HypothesisManagerNode(PipelineNode):
             self.get_logger().info(f"{text}, {of_snapshot} of them from a snapshot" if of_snapshot else text)
         self._journal.recovered(self._session.num_keyframes)
         if self._belief is not None and not self.lossless:
-            self._publisher.repeat(self._belief)  # the last belief may not have reached anybody
+            self._publisher.go_on(self._belief, self.worker.submit)  # the last one may not have reached anybody
         self._is_recovering = False
         self._journal.happen(RESTART)
         if self._session.configuration != self._configuration:
