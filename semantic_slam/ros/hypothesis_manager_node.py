@@ -188,7 +188,7 @@ class HypothesisManagerNode(PipelineNode):
         """Start another run on this map; the backends follow when its configuration is announced."""
         if self._is_finished:
             self._is_finished = self.health.finished = False
-            self._frames, self._repeats = FrameCount(is_gapless=self.lossless), Repeats(self.repeated)
+            self._frames, self._repeats = self._frames.anew(), Repeats(self.repeated)
         self.get_logger().info(f"the run has ended after {self._session.num_keyframes} keyframes; another one begins")
         self._session = self._session.follower(map_prior)
         self._session.assembler.is_paused = self._is_paused
