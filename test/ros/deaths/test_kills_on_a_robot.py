@@ -21,6 +21,7 @@ from semantic_slam.inference.models.noise.odometry_noise import odometry_covaria
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import from_message, to_message
 from semantic_slam.perception.frame import Detections
+from semantic_slam.pipeline.assembly.frame_count import DOWN
 from semantic_slam.pipeline.journal.event_journal import SESSION
 from semantic_slam.pipeline.journal.segment import Segment
 from semantic_slam.pipeline.offline import run_bag
@@ -77,11 +78,8 @@ def onward(entries: list[Entry]) -> Iterator[Entry]:
 
 
 def missed(bag: Path) -> int:
-    """Measurements that the manager has missed, by the diagnostics in a bag."""
-    if not recorded(bag):
-        return 0
-    dropped = read_record(bag).dropped
-    return sum(count for reason, count in dropped.items() if reason.startswith(topics.MEASUREMENTS))
+    """Measurements that came while the manager was down, by the diagnostics in a bag."""
+    return read_record(bag).dropped.get(DOWN, 0) if recorded(bag) else 0
 
 
 def damage(journal: Path, keyframe: int) -> bytes:
