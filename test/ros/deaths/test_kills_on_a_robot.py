@@ -184,6 +184,7 @@ def test_a_manager_whose_journal_is_damaged_goes_back_and_the_other_nodes_go_bac
     entries = [entry for entry in drive() if entry.topic in SENT]
     robot.send(between(entries, -1, MANAGER_DIES))
     robot.wait_for(list(range(MANAGER_DIES)))
+    robot.spin_until(lambda: MANAGER_DIES - 1 in recorded(tmp_path / "belief_2"))  # else it is lost with the manager
     robot.nodes.kill("hypothesis_manager")
     path, again = tmp_path / "journal" / "journal", DAMAGED - 1
     data = damage(path, DAMAGED)
