@@ -1,6 +1,8 @@
 """Every test run has its own ROS domain, on this machine only; tests that this machine cannot run are skipped."""
 
+import fcntl
 import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,10 +15,25 @@ FIRST_DOMAIN, DOMAINS = 51, 50
 
 
 def domain_id() -> int:
-    """A ROS domain for this process, another one for each worker of the same run."""
+    """A ROS domain for this process, one that no other test run on this machine has as long as both live."""
     worker = os.environ.get("PYTEST_XDIST_WORKER", "")
     run, number = (os.getppid(), int(worker.removeprefix("gw"))) if worker else (os.getpid(), 0)
-    return FIRST_DOMAIN + (run + number) % DOMAINS
+    domains = [FIRST_DOMAIN + (run + number + step) % DOMAINS for step in range(DOMAINS)]
+    return next((domain for domain in domains if _is_free(domain)), domains[0])
+
+
+def _is_free(domain: int) -> bool:
+    """Whether no living process has this domain; this one then has it until it ends."""
+    try:
+        lock = os.open(Path(tempfile.gettempdir(), f"semantic_slam_test_domain_{domain}"), os.O_RDWR | os.O_CREAT)
+    except OSError:  # another user's
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        return False
+    return True
 
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

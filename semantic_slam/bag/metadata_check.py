@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 from rosbags.rosbag2.reader import DirectoryReader
@@ -14,6 +15,8 @@ from semantic_slam.errors import InputError
 METADATA = "metadata.yaml"
 REINDEX = "write it anew with ros2 bag reindex"
 MOST_NAMED = 3
+UNREADABLE = (OSError, ValueError, yaml.YAMLError, KeyError, TypeError)
+"""What reading a metadata.yaml raises that is none."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +52,28 @@ def missing_files(folder: Path, found: Iterable[str]) -> list[str]:
     None where it cannot be read, or where it does not tell all that were found: then files were renamed.
     """
     try:
-        told = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
-        names = [str(name) for name in told["rosbag2_bagfile_information"]["relative_file_paths"]]
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError):
+        names = [str(name) for name in _information(folder)["relative_file_paths"]]
+    except UNREADABLE:
         return []
     there = set(found)
     return (
         [name for name in names if Path(name).name not in there] if there <= {Path(name).name for name in names} else []
     )
+
+
+def counts_told(folder: Path) -> Counter[str]:
+    """Numbers of messages that metadata.yaml tells by absolute topic name; none where it cannot be read."""
+    counts: Counter[str] = Counter()
+    try:
+        for item in _information(folder)["topics_with_message_count"]:
+            counts[absolute(str(item["topic_metadata"]["name"]))] += int(item["message_count"])
+    except UNREADABLE:
+        return Counter()
+    return counts
+
+
+def _information(folder: Path) -> Any:
+    return yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
 
 
 def differences(told: Contents, found: Contents) -> str:

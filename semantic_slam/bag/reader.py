@@ -28,6 +28,7 @@ from semantic_slam.bag.metadata_check import (
     Contents,
     check_files,
     contents_told,
+    counts_told,
     differences,
     missing_files,
 )
@@ -125,6 +126,12 @@ class BagReader:
     def num_messages(self) -> int:
         """Messages that can be read, of all topics."""
         return self.counts.total()
+
+    @property
+    def missing(self) -> Counter[str]:
+        """Number of messages in storage files that are missing, as metadata.yaml tells, by absolute topic name."""
+        is_part_missing = self._is_storage_whole and bool(self._missing_files())
+        return counts_told(self.path) - self.counts if is_part_missing else Counter()
 
     @property
     def duration_s(self) -> float:

@@ -6,12 +6,13 @@ bag -> FrontEnd -> Engine -> belief bag; the nodes use the same parts.
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 
 from tqdm import tqdm
 
 from semantic_slam.bag.mcap_stream import RawMessage
+from semantic_slam.bag.names import absolute
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
@@ -81,7 +82,7 @@ def run_bag(
         with noted_interrupts():  # inside a constructor of C++, one that is raised may abort the process
             front = stack.enter_context(FrontEndProcess(order)) if reads_ahead else FrontEnd(order, reader)
         with BagWriter(out_bag) as writer:
-            run = OfflineRun(inference, writer)
+            run = OfflineRun(inference, writer, missing_inputs(reader, order.found))
             _run(run, front, reader.counts[order.found.measurements or order.found.detections])
     dropped = sum(run.dropped_by.values(), Counter[str]())
     if not run.num_keyframes:
@@ -110,6 +111,13 @@ def _looked_through(bag: Path, reader: BagReader, configuration: Configuration) 
     return found, preamble
 
 
+def missing_inputs(reader: BagReader, found: InputTopics) -> Counter[str]:
+    """Messages of a robot's topics that are read in files of the bag that are missing, by reason."""
+    names, read = {absolute(topic): topic for topic in topics.TYPES}, set(astuple(replace(found, identities="")))
+    missing = {topic: number for topic, number in reader.missing.items() if topic in read}
+    return Counter({f"{names[topic]}: in a file that is missing": number for topic, number in missing.items()})
+
+
 def _run(run: "OfflineRun", front: FrontEnd | FrontEndProcess, num_frames: int) -> None:
     """Process the bag up to its end, its damage or the last keyframe."""
     with tqdm(total=num_frames, unit="frame", desc="frames") as progress:
@@ -124,12 +132,13 @@ def _run(run: "OfflineRun", front: FrontEnd | FrontEndProcess, num_frames: int) 
 class OfflineRun:
     """Takes what a front end makes of a bag: writes it, and has the keyframes inferred."""
 
-    def __init__(self, inference: InferenceStage, writer: BagWriter) -> None:
+    def __init__(self, inference: InferenceStage, writer: BagWriter, missing: Counter[str]) -> None:
+        """``missing``: inputs that the bag lacks, by reason."""
         self.num_frames, self.num_keyframes = 0, 0
         self.on_frame: Callable[[], object] = lambda: None
         self.dropped_by: dict[str, Counter[str]] = {}
         self.fault: InputError | None = None
-        self._inference, self._writer = inference, writer
+        self._inference, self._writer, self._missing = inference, writer, missing
 
     def copy(self, message: RawMessage) -> None:
         """Write a message as it is."""
@@ -157,5 +166,7 @@ class OfflineRun:
             return
         self.fault, stamp_ns = reading.fault, reading.last_stamp_ns
         self.dropped_by = {**reading.dropped_by, "hypotheses": self._inference.lost}
+        if self._missing and self.fault is not None:
+            self.dropped_by["bag"] = self._missing
         told = dropped_message(stamp_ns, self.dropped_by, self._inference.carried)
         self._writer.write(topics.DIAGNOSTICS, told, stamp_ns)

@@ -188,7 +188,7 @@ class HypothesisManagerNode(PipelineNode):
         """Start another run on this map; the backends follow when its configuration is announced."""
         if self._is_finished:
             self._is_finished = self.health.finished = False
-            self._frames, self._repeats = FrameCount(is_gapless=self.lossless), Repeats(self.repeated)
+            self._frames, self._repeats = self._frames.anew(), Repeats(self.repeated)
         self.get_logger().info(f"the run has ended after {self._session.num_keyframes} keyframes; another one begins")
         self._session = self._session.follower(map_prior)
         self._session.assembler.is_paused = self._is_paused
@@ -257,7 +257,7 @@ class HypothesisManagerNode(PipelineNode):
             self.get_logger().info(f"{text}, {of_snapshot} of them from a snapshot" if of_snapshot else text)
         self._journal.recovered(self._session.num_keyframes)
         if self._belief is not None and not self.lossless:
-            self._publisher.repeat(self._belief)  # the last belief may not have reached anybody
+            self._publisher.go_on(self._belief, self.worker.submit)  # the last one may not have reached anybody
         self._is_recovering = False
         self._journal.happen(RESTART)
         if self._session.configuration != self._configuration:

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.ros
 
 EXAMPLE = ROOT / "examples" / "detector_node.py"
 NAMES = ("chair", "cup", "tv")
-PATIENCE_S = 60.0
+PATIENCE_S = 240.0
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,7 @@ from semantic_slam.ros.wire.transport import Outlet, receive, ros_type
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
-WITHIN_S = 5.0
-START_S = 120.0
+PATIENCE_S = 240.0
 NUM_TERMINATED = 2
 SENT = (topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DETECTIONS)
 SILENT = [("classifier: ", f"{topic} is silent") for topic in ("/image/compressed", "/camera_info", "/detections")]
@@ -93,8 +92,8 @@ def listener(tmp_path_factory: pytest.TempPathFactory, backends: list[subprocess
     with processes(folder) as nodes:
         nodes.start(NodeSpec("classifier_node", "classifier", parameters))
         listener = Listener()
-        listener.wait_for(0, "classifier: ", within_s=START_S)
-        listener.before_any_input = listener.wait_for_each(2, SILENT, within_s=WITHIN_S)
+        listener.wait_for(0, "classifier: ", within_s=PATIENCE_S)
+        listener.before_any_input = listener.wait_for_each(2, SILENT, within_s=PATIENCE_S)
         yield listener
         listener.node.destroy_node()
     rclpy.try_shutdown()
@@ -103,7 +102,7 @@ def listener(tmp_path_factory: pytest.TempPathFactory, backends: list[subprocess
 def send_frames(listener: Listener) -> None:
     """Two frames with boxes of another label."""
     outlets = {topic: Outlet(listener.node, topic, topics.TYPES[topic], qos.replayed(topic)) for topic in SENT}
-    assert all(outlet.wait_for_readers(1, START_S) for outlet in outlets.values())
+    assert all(outlet.wait_for_readers(1, PATIENCE_S) for outlet in outlets.values())
     entries = input_entries(num_frames=2, with_depth=False)
     for topic in SENT:
         for entry in of_topic(entries, topic):
@@ -118,19 +117,19 @@ def test_silent_topics_are_named(listener: Listener) -> None:
 
 def test_unknown_label_is_named(listener: Listener) -> None:
     send_frames(listener)
-    listener.wait_for(1, "classifier: dropped", "unknown label 'box'", within_s=WITHIN_S)
+    listener.wait_for(1, "classifier: dropped", "unknown label 'box'", within_s=PATIENCE_S)
 
 
 def test_publisher_whose_qos_cannot_match_is_named(listener: Listener) -> None:
     best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
     listener.node.create_publisher(ros_type(topics.TYPES[topics.CAMERA_INFO]), "camera_info", best_effort)
-    text = listener.wait_for(2, "classifier: QoS", "/camera_info", within_s=WITHIN_S)
+    text = listener.wait_for(2, "classifier: QoS", "/camera_info", within_s=PATIENCE_S)
     assert "incompatible" in text
 
 
 def test_topic_that_falls_silent_is_named(listener: Listener) -> None:
     send_frames(listener)
-    listener.wait_for(1, "/image/compressed has been silent", within_s=WITHIN_S)
+    listener.wait_for(1, "/image/compressed has been silent", within_s=PATIENCE_S)
 
 
 @pytest.fixture
@@ -154,18 +153,18 @@ def test_boxes_that_wait_for_a_camera_are_named_until_it_comes(listener: Listene
     }
     said = [(1, "2 x detections with boxes that wait for camera_info"), (0, "none wait")]
     for (name, outlet), (level, words) in zip(outlets.items(), said, strict=True):
-        assert outlet.wait_for_readers(1, START_S)
+        assert outlet.wait_for_readers(1, PATIENCE_S)
         for entry in of_topic(entries, sent[name]):
             outlet.send(serialize(entry.message))
-        listener.wait_for(level, "places: boxes", words, within_s=WITHIN_S)
+        listener.wait_for(level, "places: boxes", words, within_s=PATIENCE_S)
 
 
 def test_terminated_nodes_end_at_once_and_quietly(listener: Listener, backends: list[subprocess.Popen[str]]) -> None:
     """Whatever they were about to publish: nobody is left to take it."""
     for n in range(len(backends)):
-        listener.wait_for(0, f"backend_{n}", within_s=30.0)
+        listener.wait_for(0, f"backend_{n}", within_s=PATIENCE_S)
     for node in backends:
         node.terminate()
     for node in backends:
-        complaints = node.communicate(timeout=15.0)[1]
+        complaints = node.communicate(timeout=PATIENCE_S)[1]
         assert "Traceback" not in complaints

@@ -22,7 +22,7 @@ from semantic_slam.ros.launching.node_set import RunOptions, node_set
 from semantic_slam.ros.launching.processes import NodeProcesses
 
 NUM_FRAMES = 8
-TIMEOUT_S, TRIES = 60.0, 20
+TIMEOUT_S, TRIES = 240.0, 20
 MANAGER, PLAYER = "hypothesis_manager", "bag_player"
 FAR_APART = {"keyframes.policy": "odometry", "keyframes.distance_m": 100, "keyframes.angle_rad": 3.0}
 

@@ -20,7 +20,7 @@ from semantic_slam.ros.node.parameters import changed_parameters
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 6
-PATIENCE_FRAMES = 80
+PATIENCE_FRAMES = 240
 """Until a manager that is started again hears what is sent, which on a busy machine takes long."""
 
 

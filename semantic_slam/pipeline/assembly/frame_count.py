@@ -13,6 +13,7 @@ MOST_REMEMBERED = 1000
 MOST_AT_ONCE = 1000
 """Frames: more than a classifier can lose between two progress messages."""
 DOWN = f"{topics.MEASUREMENTS}: came while the manager was down"
+EARLIER = f"{topics.MEASUREMENTS}: came before the manager heard any"
 
 
 class FrameCount:
@@ -25,6 +26,7 @@ class FrameCount:
         "stamp_ns",
         "missed",
         "_was_down",
+        "_hears_first",
         "_num_measured",
         "_lost_before",
         "_lost",
@@ -39,8 +41,9 @@ class FrameCount:
         """``is_gapless``: the transport loses no measurements, so that sequence numbers must be consecutive."""
         self._is_gapless = is_gapless
         self.stamp_ns = 0  # of the newest frame measured
-        self.missed: Counter[str] = Counter()  # frames measured while the manager was down
+        self.missed: Counter[str] = Counter()  # frames measured before the first one heard, and while it was down
         self._was_down = False  # since the last frame
+        self._hears_first = True  # no frame was heard yet, of no session
         self._num_measured = 0
         self._lost_before, self._lost = 0, 0  # by previous classifiers, and by the current one
         self._refused = 0  # the newest number that was refused as more than can be lost at once
@@ -78,7 +81,16 @@ class FrameCount:
         """Note that the manager was down, so that the next sequence number tells how many frames it missed."""
         self._was_down = True
 
+    def anew(self) -> "FrameCount":
+        """Count of another session, in which the classifier may go on with its numbers."""
+        other = FrameCount(is_gapless=self._is_gapless)
+        other._hears_first = False
+        return other
+
     def _count_missed(self, sequence: int) -> None:
+        if self._hears_first and not self._is_gapless and sequence:
+            self.missed[EARLIER] += sequence
+        self._hears_first = False
         if self._was_down and self._num_measured:
             is_same_classifier = sequence > self._sequence
             self.missed[DOWN] += sequence - (self._sequence + 1 if is_same_classifier else 0)

@@ -5,12 +5,15 @@ which configure and activate themselves unless parameter ``autostart`` is false.
 """
 
 import argparse
+import re
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -65,6 +68,8 @@ BEHIND = "came faster than it could be used"
 PASSED = "came while the node was not active"
 SHUTDOWN_S = 0.2
 """Delay of a requested shutdown, so that the service response is sent first."""
+PLACE_IN_RCL = re.compile(r" ?, at /\S+?\.c:\d+")
+"""What rcl adds to its errors: where in its sources they arose."""
 
 
 class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followed by mypy
@@ -319,4 +324,7 @@ def _with_ros_arguments(function: Callable[..., Any], *arguments: Any) -> Any:
     try:
         return function(*arguments)
     except RuntimeError as fault:  # command line or parameter file
-        raise InputError(f"{one_line(fault, 300)}; see config/default.yaml") from None
+        for name, file in pairwise(sys.argv):
+            if name == "--params-file" and not Path(file).exists():
+                raise InputError(f"{file}: no such file of parameters; give a copy of config/default.yaml") from None
+        raise InputError(f"{PLACE_IN_RCL.sub('', one_line(fault, 300))}; see config/default.yaml") from None

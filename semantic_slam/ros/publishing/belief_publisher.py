@@ -1,5 +1,6 @@
 """Publishes the belief and the views derived from it: pose, path, markers, detections and transforms."""
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from rclpy.node import Node
@@ -14,6 +15,7 @@ from semantic_slam.pipeline.plain_views import MarkersView, pose_view
 from semantic_slam.ros.publishing.frames import Frames
 from semantic_slam.ros.publishing.object_detections import ObjectDetections
 from semantic_slam.ros.publishing.path_publisher import PathPublisher
+from semantic_slam.ros.publishing.retold_beliefs import RetoldBeliefs
 from semantic_slam.ros.publishing.transforms import Transforms
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, is_installed, private_name, receive
@@ -26,7 +28,7 @@ class BeliefPublisher:
 
     def __init__(self, node: Node, frames: Frames, lossless: bool) -> None:
         self._map = frames.map
-        self._belief = _outlet(node, topics.BELIEF, qos.result(lossless))
+        self._belief = RetoldBeliefs(node, _outlet(node, topics.BELIEF, qos.result(lossless)), frames.map)
         self._pose = _outlet(node, topics.POSE, qos.result(lossless))
         self._path = PathPublisher(node, frames.map)
         self._markers = _outlet(node, topics.MARKERS, qos.latched())
@@ -37,7 +39,8 @@ class BeliefPublisher:
         self._T_odom_body: Array | None = None
 
     def begin(self) -> None:
-        """Start another run: clear the path and the transforms."""
+        """Start another run: clear the path, the transforms and the beliefs that are kept for late readers."""
+        self._belief.forget()
         self._path.begin()
         self._T_odom_body = None
         if self._transforms is not None:
@@ -58,7 +61,7 @@ class BeliefPublisher:
         """
         estimate = pose_view(belief, self._map)
         if not is_repeated:
-            self._belief.send(encode(belief, frame_id=self._map))
+            self._belief.send(belief)
             self._pose.send(encode(estimate))
         self._path.publish(estimate)
         self._markers.send(serialize(self._markers_view.of(belief)))
@@ -70,9 +73,12 @@ class BeliefPublisher:
             if self._transforms is not None:
                 self._transforms.believe(estimate.pose, self._T_odom_body)
 
-    def repeat(self, belief: HybridBelief) -> None:
-        """Publish a belief again that may not have been delivered; subscribers recognise it by its keyframe."""
-        self._belief.send(encode(belief, frame_id=self._map))
+    def go_on(self, belief: HybridBelief, submit: Callable[[Callable[[Any], None], Any], None]) -> None:
+        """After a restart, publish the newest belief again, and to readers that come late also those that follow.
+
+        It may not have been delivered; subscribers recognise it by its keyframe. ``submit`` queues for the worker.
+        """
+        self._belief.go_on(belief, submit)
 
     def wait_for_acknowledgement(self) -> None:
         for outlet in (self._belief, self._pose, self._markers, self._path):

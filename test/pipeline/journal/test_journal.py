@@ -369,7 +369,7 @@ def test_frames_that_came_while_the_manager_was_down_are_counted_by_their_sequen
 
     count = FrameCount()
     count.interrupted()  # the first start
-    assert count.measured(frame(5, 4)) is not None and count.measured(frame(7, 6)) is not None
+    assert count.measured(frame(1, 0)) is not None and count.measured(frame(7, 6)) is not None
     assert not count.missed.total()
     count.interrupted()
     assert count.measured(frame(10, 9)) is not None and count.measured(frame(11, 10)) is not None
@@ -377,6 +377,23 @@ def test_frames_that_came_while_the_manager_was_down_are_counted_by_their_sequen
     count.interrupted()  # another classifier meanwhile, of whose frames the first three were not heard
     assert count.measured(frame(20, 3)) is not None
     assert count.missed.total() == 2 + 3
+
+
+def test_frames_that_came_before_a_live_manager_heard_any_are_counted_once() -> None:
+    """Its classifier has measured four frames by then; in a later session it goes on with its numbers."""
+    measurements = keyframes()[0].measurements
+
+    def frame(second: int, sequence: int) -> SemanticMeasurements:
+        return replace(measurements, stamp_ns=second * 10**9, sequence=sequence)
+
+    early = {"/classifier/measurements: came before the manager heard any": 4}
+    count = FrameCount()
+    count.interrupted()  # the first start
+    assert count.measured(frame(5, 4)) is not None and count.measured(frame(6, 5)) is not None
+    assert dict(count.missed) == early
+    another = count.anew()
+    assert another.measured(frame(1, 6)) is not None
+    assert not another.missed.total() and dict(count.missed) == early
 
 
 def test_measurements_that_are_nobodys_are_refused_where_none_can_be_lost() -> None:

@@ -80,7 +80,7 @@ def test_who_paused_returns_and_who_was_killed_does_not(
     node, watch = watcher
     assert comes_true(lambda: node.count_publishers("backend_7/alive") == 1)
     time.sleep(2.0 * LEASE_S)
-    assert watch.missing_s(7) == 0.0
+    assert comes_true(lambda: watch.missing_s(7) == 0.0)
     backend.send_signal(signal.SIGSTOP)
     assert comes_true(lambda: watch.missing_s(7) > 0.2)
     backend.send_signal(signal.SIGCONT)
@@ -118,7 +118,7 @@ def test_the_last_backend_is_waited_for_as_long_as_it_is_alive(manager: Node, ba
     assert pool.backend_ids == (7,) and asking.is_alive()
     backend.kill()
     assert comes_true(lambda: pool.backend_ids == ())
-    asking.join(10.0)
+    asking.join(120.0)
     assert answers == [[]]
 
 
@@ -138,7 +138,7 @@ def test_a_backend_that_was_given_up_before_the_manager_was_started_again_comes_
     assert comes_true(lambda: outlet.num_readers == 1)
     for answer in backends.expand(keyframe):
         outlet.send(encode(answer))
-    asking.join(30.0)
+    asking.join(120.0)
     assert [answer.backend_id for answer in answers[0]] == [1]
     assert pool.backend_ids == (0, 1)
     assert not [status for status in pool.statuses() if status.level is Level.ERROR]
@@ -164,7 +164,7 @@ def test_only_a_backend_that_is_not_there_is_to_be_started(manager: Node, backen
     backend.kill()
     assert comes_true(lambda: pool.backend_ids == ())
     assert says(pool, Level.ERROR, "backend_7 was given up; its hypotheses moved to other backends; start it again")
-    asking.join(10.0)
+    asking.join(120.0)
 
 
 @pytest.mark.long

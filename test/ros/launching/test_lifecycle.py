@@ -24,7 +24,7 @@ from semantic_slam.ros.launching.processes import NodeProcesses
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 NUM_FRAMES = 10
-TIMEOUT_S = 60.0
+TIMEOUT_S = 240.0
 STEPS = (
     (Transition.TRANSITION_CONFIGURE, "inactive"),
     (Transition.TRANSITION_ACTIVATE, "active"),

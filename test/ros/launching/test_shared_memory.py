@@ -65,7 +65,7 @@ def start_node(said: Path, **environment: str) -> "subprocess.Popen[bytes]":
 
 
 def wait_until_ready(said: Path) -> None:
-    give_up = time.monotonic() + 60.0
+    give_up = time.monotonic() + 240.0
     while ": ready" not in said.read_text() and time.monotonic() < give_up:
         time.sleep(0.05)
     assert ": ready" in said.read_text()

@@ -12,7 +12,7 @@ from semantic_slam.ros.node.pipeline_node import PipelineNode
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet
 
-TIMEOUT_S = 30.0
+TIMEOUT_S = 120.0
 
 
 def test_the_oldest_go_and_as_many_wait_as_may() -> None:

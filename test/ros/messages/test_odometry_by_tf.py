@@ -24,7 +24,7 @@ from semantic_slam.ros.wire.transport import Outlet, is_installed, receive, ros_
 
 FOOTPRINT_TO_BASE = np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
 QUARTER_TURN = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
-START_S = 60.0
+START_S = 240.0
 SILENT = "odom -> base_link on /tf has been silent for"
 PERIOD_NS = 100_000_000
 

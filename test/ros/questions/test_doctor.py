@@ -41,7 +41,7 @@ from semantic_slam.ros.wire.transport import ros_type
 
 SENT = (topics.ODOMETRY, topics.CAMERA_INFO, topics.IMAGE_COMPRESSED, topics.DETECTIONS)
 PERIOD_S = 0.1
-START_S = 60.0
+START_S = 240.0
 TURN = 12
 FIRST_DOMAIN, DOMAINS = 215, 16
 """Above the ports that Linux gives to others, and above all domains of test/conftest.py."""

@@ -53,7 +53,7 @@ class Asker:
         self.node.create_timer(0.05, lambda: self.ticks.append(time.monotonic()))
         self.service = ExplainService(self.node)
         self.client = self.node.create_client(Explain, "~/explain")
-        assert self.client.wait_for_service(timeout_sec=10.0)
+        assert self.client.wait_for_service(timeout_sec=120.0)
 
     def ask(self, object_id: int) -> Any:
         future = self.client.call_async(Explain.Request(object_id=object_id))

@@ -48,9 +48,9 @@ def asked() -> Iterator[tuple[Node, Ask]]:
 
     def ask(kind: Any, name: str, request: Any) -> Any:
         client = node.create_client(kind, f"~/{name}")
-        assert client.wait_for_service(timeout_sec=10.0)
+        assert client.wait_for_service(timeout_sec=120.0)
         future = client.call_async(request)
-        executor.spin_until_future_complete(future, timeout_sec=30.0)
+        executor.spin_until_future_complete(future, timeout_sec=120.0)
         return future.result()
 
     try:

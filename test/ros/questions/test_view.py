@@ -41,6 +41,7 @@ pytestmark = pytest.mark.ros
 
 VIEW = [sys.executable, "-m", "semantic_slam.cli.commands", "view", "--port", "0"]
 NAMESPACE = "/robot"
+PATIENCE_S = 120.0
 PATH = true_path(24)
 BELIEF = NAMESPACE + topics.BELIEF
 
@@ -66,7 +67,7 @@ class Robot:
         self._outlets[topic].send(data)
 
     def wait_for_view(self) -> None:
-        give_up = time.monotonic() + 20.0
+        give_up = time.monotonic() + PATIENCE_S
         while not all(outlet.num_readers for outlet in self._outlets.values()):
             assert time.monotonic() < give_up
             time.sleep(0.02)
@@ -109,9 +110,9 @@ def view() -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 def page(address: str, condition: Any) -> dict[str, Any]:
     """What the page is told, once it is as ``condition`` wants it."""
-    give_up = time.monotonic() + 20.0
+    give_up = time.monotonic() + PATIENCE_S
     while True:
-        with urllib.request.urlopen(f"{address}changes", timeout=10) as answer:
+        with urllib.request.urlopen(f"{address}changes", timeout=PATIENCE_S) as answer:
             told: dict[str, Any] = json.load(answer)
         if condition(told):
             return told
@@ -143,7 +144,7 @@ def test_the_page_follows_a_run(robot: Robot, view: tuple[subprocess.Popen[str],
     assert np.hypot(*(np.array(told["truth"][-1][:2]) - PATH[8, :2])) < 0.01
     assert ["robot/classifier", "late", "3"] in told["dropped"] and "other" not in str(told["dropped"])
     assert ["view", f"{topics.BELIEF}: message does not decode", "1"] in told["dropped"]
-    with urllib.request.urlopen(address + told["pictures"][-1]["src"], timeout=10) as answer:
+    with urllib.request.urlopen(address + told["pictures"][-1]["src"], timeout=PATIENCE_S) as answer:
         assert answer.headers["Content-Type"] == "image/jpeg" and answer.read(2) == b"\xff\xd8"
     process.send_signal(signal.SIGINT)
     assert process.wait(10.0) == 130  # 0.4 s on a machine that is not busy

@@ -50,7 +50,7 @@ def interrupted(
     ended_before_s = _cpu_of_ended_s()
     before_s = sum(_cpu_s(number) for number in (process.pid, *children(process.pid)))
     process.send_signal(signal.SIGINT)
-    code = process.wait(timeout=60)
+    code = process.wait(timeout=240)
     return Ending(code, said.read_text("utf-8", "replace"), _cpu_of_ended_s() - ended_before_s - before_s)
 
 

@@ -1,7 +1,7 @@
 """A robot that sends its odometry and detections to live nodes, each its own process over DDS, and hears beliefs."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,6 +15,8 @@ from worlds.bags.places import place_entries
 from worlds.processes.node_runs import processes
 from worlds.processes.services import answered
 
+from semantic_slam.errors import InputError
+from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
@@ -26,7 +28,8 @@ from semantic_slam.ros.launching.supervisor import Supervisor
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import Outlet, receive
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 240.0
+"""Generous: on a loaded machine the processes take long to start, and to be matched by DDS."""
 SENT = (topics.ODOMETRY, topics.DETECTIONS)
 
 
@@ -79,15 +82,28 @@ class Robot:
         self.heard.clear()
         self.told.clear()
 
-    def send_until_heard(self, entries: list[Entry], *, after: int) -> int:
+    def send_until_heard(self, entries: Iterable[Entry], *, after: int) -> int:
         """Send one after the other until there is a belief of a keyframe after this one; its index."""
+        self.send_until(entries, lambda: any(keyframe > after for keyframe in self.heard))
+        return next(keyframe for keyframe in self.heard if keyframe > after)
+
+    def send_until(self, entries: Iterable[Entry], holds: Callable[[], bool]) -> None:
+        """Send one after the other until a condition holds."""
         for entry in entries:
             self.send([entry])
             self.spin(0.3)
             self.nodes.check()
-            if new := [keyframe for keyframe in self.heard if keyframe > after]:
-                return new[0]
-        raise AssertionError(f"no belief of another keyframe; heard {self.heard}")
+            if holds():
+                return
+        raise AssertionError(f"all is sent; heard {self.heard}")
+
+    def spin_until(self, holds: Callable[[], bool]) -> None:
+        """Spin until a condition holds."""
+        give_up = time.monotonic() + TIMEOUT_S
+        while not holds():
+            self.spin(0.3)
+            self.nodes.check()
+            assert time.monotonic() < give_up
 
     def wait_for(self, expected: list[int]) -> None:
         """Until exactly these beliefs were heard, and forget them."""
@@ -117,6 +133,14 @@ def robot_among(folder: Path, specs: list[NodeSpec]) -> Iterator[Robot]:
             robot.node.destroy_node()
     finally:
         rclpy.try_shutdown()
+
+
+def recorded(bag: Path) -> list[int]:
+    """Keyframe indices in a belief bag, which may still be written, or not be there yet."""
+    try:
+        return [belief.keyframe for belief in read_record(bag).beliefs]
+    except InputError:
+        return []
 
 
 def later(entries: list[Entry], periods: int) -> list[Entry]:

@@ -19,7 +19,7 @@ from semantic_slam.ros.launching.supervisor import Supervisor
 
 TIMEOUT_S = 240.0
 """Generous: on a loaded machine the processes take long to start."""
-LAST_WORDS_S = 20.0
+LAST_WORDS_S = 120.0
 """So long, after the end of a replay, a companion may take to print what it was sent."""
 
 

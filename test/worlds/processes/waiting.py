@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 
-def comes_true(condition: Callable[[], bool], timeout_s: float = 20.0) -> bool:
+def comes_true(condition: Callable[[], bool], timeout_s: float = 120.0) -> bool:
     """Whether the condition holds within a time."""
     give_up = time.monotonic() + timeout_s
     while not condition() and time.monotonic() < give_up:
