@@ -21,7 +21,8 @@ from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.relocation.likely_poses import likely_poses, num_seen
 from semantic_slam.inference.relocation.new_ground import NewGround
 from semantic_slam.inference.relocation.places import Account, Places, account
-from semantic_slam.inference.revision.replay import CHECKPOINT, Progress, Replay, Revised
+from semantic_slam.inference.revision.replay import CHECKPOINT, Progress, Revised
+from semantic_slam.inference.revision.storable_replay import StorableReplay, StoredReplay
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.carried import is_carried_lately, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -50,9 +51,16 @@ class _Suspect:
 class Recovery:
     """Proposes and weighs histories in which the robot was carried (kidnapped)."""
 
-    STATE: ClassVar[tuple[str, ...]] = ("_num_noted", "_num_expected", "_begun", "_origins")
+    STATE: ClassVar[tuple[str, ...]] = (
+        "_num_noted",
+        "_num_expected",
+        "_begun",
+        "_log_surplus",
+        "_origins",
+        "_checkpoints",
+    )
 
-    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
+    def __init__(self, settings: RevisionConfiguration, replay: StorableReplay, registry: ObjectRegistry) -> None:
         self._horizon, self._replay, self._registry = settings.horizon, replay, registry
         self._new_ground = NewGround(replay) if replay.association.tracks_objects else None
         self._places = Places(replay)
@@ -72,12 +80,29 @@ class Recovery:
         return self._replay.problem.carried is not None
 
     @property
-    def is_over(self) -> bool:
-        """Whether no history is replayed, nor will be: the robot is not carried, or is not searched for any more."""
-        if not self.is_on:
-            return True
+    def may_be_stored(self) -> bool:
+        """Whether no history is followed or replayed now; checkpoints, from which later ones begin, can be stored."""
         follows = self._new_ground is not None and bool(self._new_ground.followed)
-        return self._is_too_late and not (self._suspects or follows or self._places.lineages)
+        is_idle = not (self._suspects or self._misfit or follows or self._places.lineages)
+        return is_idle and (self._is_over or self._replay.may_be_stored)
+
+    @property
+    def first_step(self) -> int | None:
+        """The oldest keyframe that histories may be replayed through from now on; None: none will be."""
+        return None if self._is_over else self._replay.first_step
+
+    @property
+    def _checkpoints(self) -> StoredReplay | None:
+        return None if self._is_over else self._replay.stored()
+
+    @_checkpoints.setter
+    def _checkpoints(self, told: StoredReplay | None) -> None:
+        self._replay.restore(told)
+
+    @property
+    def _is_over(self) -> bool:
+        """Whether no history will be replayed once none is: the robot is not carried, or no new suspects are noted."""
+        return not self.is_on or self._is_too_late
 
     def note(self, log_ratio: float) -> None:
         """Record by how many nats the newest keyframe was likelier under the reference than under the belief."""
