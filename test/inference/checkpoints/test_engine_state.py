@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from semantic_slam_lab.soak.robots import robot
 from semantic_slam_lab.soak.tour import Tour
+from worlds.living_pool import LivingPool
 from worlds.same_beliefs import assert_same
 from worlds.scenes.labelled_looks import by_labels_and_vectors, with_labels_and_vectors
 from worlds.scenes.lost_world import configuration as lost_configuration
@@ -109,16 +110,6 @@ WORLDS = (
     pytest.param(where_the_robot_may_be_carried, marks=pytest.mark.slow),
     lost_in_a_map,
 )
-
-
-class LivingPool(InProcessPool):
-    """The backends of another engine, which go on."""
-
-    def __init__(self, pool: InProcessPool) -> None:
-        self.backend_ids, self._backends = pool.backend_ids, pool._backends
-
-    def start(self, run: RunConfiguration) -> None:
-        """They know the run."""
 
 
 @pytest.mark.long
