@@ -8,7 +8,8 @@ last marginalisation before it. A snapshot holds those, how far each checkpoint 
 made again when a replay is to begin there, from less than a quarter of a horizon before; where nothing was marginalised
 yet, from the prior. Replays thus begin where they would have begun, and find what they would have found, to the bit.
 
-Histories that are under way are not stored: whoever follows any waits with a snapshot until none are left.
+A history followed beside that one can be stored, too, where it has just been marginalised itself. Others are not:
+whoever follows any waits with a snapshot.
 """
 
 from collections.abc import Sequence
@@ -33,6 +34,17 @@ class StoredReplay:
     expected_births: dict[int, float]  # of the checkpoints
     replicates: dict[int, Array]  # (B,) of the checkpoints
     components: dict[int, bytes]  # right after marginalisations, for each checkpoint the newest one before it
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredHistory:
+    """What a snapshot holds of a history right after a marginalisation."""
+
+    lineage: Lineage
+    log_joint: float
+    expected_births: float
+    replicates: Array  # (B,)
+    component: bytes
 
 
 @dataclass
@@ -87,6 +99,34 @@ class StorableReplay(Replay):
                 expected_births=births,
                 replicates=told.replicates[at],
             )
+
+    @property
+    def is_summarised(self) -> bool:
+        """Whether histories that have come to the newest keyframe have just been marginalised."""
+        return oldest_kept(self.problem.history, len(self.steps) - 1) is not None
+
+    def stored_history(self, own: Progress) -> StoredHistory:
+        """What is stored of a history that has just been marginalised. Raises TypeError where it cannot be."""
+        return StoredHistory(
+            lineage=own.lineage,
+            log_joint=own.log_joint,
+            expected_births=own.expected_births,
+            replicates=own.replicates,
+            component=stored(own.component),
+        )
+
+    def restored_history(self, told: StoredHistory) -> Progress:
+        """The history that was stored; what it weighed earlier is not known any more (NaN). Raises ValueError."""
+        at, begun = len(told.lineage), self.begun(told.lineage)
+        return Progress(
+            lineage=told.lineage,
+            at=at,
+            number=self.number_of(told.lineage),
+            component=restored(told.component, begun.component),
+            log_joints=(*([np.nan] * at), told.log_joint),
+            expected_births=told.expected_births,
+            replicates=told.replicates,
+        )
 
     def forget(self) -> None:
         """Drop all checkpoints, and those of a snapshot."""

@@ -12,15 +12,19 @@ from semantic_slam import Configuration, Engine
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building import make_run_configuration, start_of_run
 from semantic_slam.inference.checkpoints.records import packed, unpacked
+from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.revision.replay import CHECKPOINT, REACH
 from semantic_slam.inference.smoothing.past.horizon import apart
 from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.world.map_prior import MapPrior
 
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([-1.0, -3.0, 0.4])
-HORIZON, STORED_AT, BEFORE, AFTER = 44, 99, 104, 8
+HORIZON, EARLY, BEFORE, AFTER = 44, 99, 104, 8
 """Marginalisations are no checkpoints; the oldest keyframes are out of a replay's reach when the state is stored."""
+SUSPECTED = BEFORE + 2
+"""Keyframes after which two in a row were unexpected."""
 SETTINGS = {
     "history": {"horizon_keyframes": HORIZON},
     "initial_pose": {"mean": START.tolist(), "sigma": [0.01, 0.01, 0.01]},
@@ -38,6 +42,7 @@ class Run:
     beliefs: list[HybridBelief]
     engine: Engine
     storable: list[bool]  # after each keyframe
+    stored_at: int  # keyframes
     stored: Engine  # another one, that stopped when its state was stored
     state: bytes
 
@@ -49,19 +54,45 @@ class Run:
         return made
 
 
-@pytest.fixture(scope="module", params=["fixed map", "objects come and go"])
-def run(request: pytest.FixtureRequest) -> Run:
-    closed = Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **SETTINGS)
-    settings = closed if request.param == "fixed map" else configuration(**SETTINGS)
-    told = make_run_configuration(settings, map_of(), *start_of_run(settings, None, None), stamp_ns=1)
+CLOSED = Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **SETTINGS)
+OPEN = configuration(**SETTINGS)
+
+
+def driven(settings: Configuration, prior: MapPrior, keyframes: list[Keyframe], stored_at: int) -> Run:
+    told = make_run_configuration(settings, prior, *start_of_run(settings, None, None), stamp_ns=1)
     engine, stored = (Engine.of_run(told, InProcessPool(1)) for _ in range(2))
     beliefs, storable = [], []
-    for keyframe in WORLD.keyframes:
+    for keyframe in keyframes:
         beliefs.append(engine.process(keyframe))
         storable.append(engine.may_be_stored)
-        if keyframe.index < STORED_AT:
+        if keyframe.index < stored_at:
             stored.process(keyframe)
-    return Run(told, beliefs, engine, storable, stored, packed(stored.state()))
+    return Run(told, beliefs, engine, storable, stored_at, stored, packed(stored.state()))
+
+
+def assert_goes_on(run: Run, keyframes: list[Keyframe]) -> Engine:
+    """An engine made again with what was stored believes the same to the bit."""
+    again = run.again()
+    assert again.may_be_stored and packed(again.state()) == run.state
+    for keyframe, expected in zip(keyframes[run.stored_at :], run.beliefs[run.stored_at :], strict=True):
+        belief = again.process(keyframe)
+        for name in SUBSTANCE:
+            np.testing.assert_array_equal(getattr(belief, name), getattr(expected, name), err_msg=name)
+        assert again.may_be_stored == run.storable[keyframe.index]
+    assert again.recovery._log_surplus == run.engine.recovery._log_surplus
+    if again.may_be_stored:
+        assert packed(again.state()) == packed(run.engine.state())
+    return again
+
+
+@pytest.fixture(
+    scope="module",
+    params=[(CLOSED, EARLY), (CLOSED, SUSPECTED), (OPEN, EARLY)],
+    ids=["fixed map", "fixed map, suspected", "objects come and go"],
+)
+def run(request: pytest.FixtureRequest) -> Run:
+    settings, stored_at = request.param
+    return driven(settings, map_of(), WORLD.keyframes, stored_at)
 
 
 def test_every_checkpoint_of_a_replay_is_made_again_to_the_bit(run: Run) -> None:
@@ -80,19 +111,30 @@ def test_every_checkpoint_of_a_replay_is_made_again_to_the_bit(run: Run) -> None
 
 @pytest.mark.long
 def test_a_robot_that_is_carried_after_a_restart_is_found_to_the_bit(run: Run) -> None:
-    assert apart(run.engine.problem.history) % CHECKPOINT and REACH * HORIZON < STORED_AT
-    again = run.again()
-    assert again.may_be_stored and packed(again.state()) == run.state
-    for keyframe, expected in zip(WORLD.keyframes[STORED_AT:], run.beliefs[STORED_AT:], strict=True):
-        belief = again.process(keyframe)
-        for name in SUBSTANCE:
-            np.testing.assert_array_equal(getattr(belief, name), getattr(expected, name), err_msg=name)
-    assert again.recovery._log_surplus == run.engine.recovery._log_surplus
+    assert apart(run.engine.problem.history) % CHECKPOINT and run.stored_at > REACH * HORIZON
+    again, belief = assert_goes_on(run, WORLD.keyframes), run.beliefs[-1]
     best, near = next(iter(again.live.values())), errors(belief, WORLD.truth[-1]) < 0.3
     assert [k for k, step in enumerate(best.lineage) if k and step.lattice_point] == [BEFORE]
     assert np.exp(belief.log_weights[near]).sum() > 0.9
 
 
-def test_the_run_is_storable_but_while_it_looks_for_where_the_robot_was_carried(run: Run) -> None:
-    first = run.storable.index(False)
-    assert first == BEFORE and not any(run.storable[BEFORE : BEFORE + 4])
+def test_the_run_cannot_be_stored_while_it_is_searched_for_where_the_robot_was_set_down(run: Run) -> None:
+    assert all(run.storable[:BEFORE])
+    follows = run.engine.problem.association.tracks_objects  # new ground, from the first unexpected keyframe on
+    assert not any(run.storable[BEFORE + (0 if follows else 3) : BEFORE + 4])
+
+
+@pytest.mark.long
+def test_candidate_poses_that_wait_for_evidence_are_stored_right_after_a_marginalisation() -> None:
+    """Of a single object, about which the robot may stand anywhere."""
+    one, before, stored_at = np.array([[3.0, -2.0]]), 61, 7 * apart(CLOSED.history)
+    keyframes = carried_world(START, THERE, before, 27, places=one).keyframes
+    run = driven(CLOSED, map_of(one), keyframes, stored_at)
+    waiting = run.stored.recovery._places.through
+    assert waiting and [own.at for own in waiting] == [stored_at] * len(waiting)
+    assert not any(run.storable[stored_at : stored_at + 10])
+    again = assert_goes_on(run, keyframes)
+    expected = run.engine.recovery._places.through
+    assert expected and len(keyframes) == 8 * apart(CLOSED.history)
+    for own, other in zip(again.recovery._places.through, expected, strict=True):
+        assert (own.number, own.log_joint) == (other.number, other.log_joint)

@@ -79,7 +79,7 @@ def test_backends_that_rebuild_it_from_their_checkpoints_believe_the_same(
 
 @pytest.mark.long
 def test_on_new_ground_it_knows_no_more_of_where_it_is_once_the_carry_is_long_ago() -> None:
-    engine, beliefs = driven(carried_world(START, BEYOND, EARLY, LONG_AFTER, places=NEW), **LONG)
+    engine, beliefs = driven(carried_world(START, BEYOND, EARLY, LONG_AFTER, new=NEW), **LONG)
     assert oldest_pose(engine) > EARLY
     best = next(iter(engine.live.values()))
     assert best.grounds == new_grounds(best.lineage) == (EARLY,)

@@ -54,10 +54,20 @@ def make_world(start: np.ndarray, num_keyframes: int, *, places: np.ndarray = PL
 
 
 def carried_world(
-    start: np.ndarray, there: np.ndarray, before: int, after: int, *, places: np.ndarray = PLACES
+    start: np.ndarray,
+    there: np.ndarray,
+    before: int,
+    after: int,
+    *,
+    places: np.ndarray = PLACES,
+    new: np.ndarray | None = None,
 ) -> LostWorld:
-    """A drive of ``before`` keyframes, and another one from elsewhere, to which the robot is carried, after it."""
-    worlds = make_world(start, before), make_world(there, after, places=places, seed=1)
+    """A drive of ``before`` keyframes among ``places``, and another one from elsewhere, to which the robot is carried.
+
+    ``new``: the places that it drives among there; None: the same ones.
+    """
+    other = make_world(there, after, places=places if new is None else new, seed=1)
+    worlds = make_world(start, before, places=places), other
     first, second = (own.keyframes for own in worlds)
     apart_ns = first[1].stamp_ns - first[0].stamp_ns
     moved = [replace(own, index=own.index + before, stamp_ns=own.stamp_ns + before * apart_ns) for own in second]
