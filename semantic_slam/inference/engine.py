@@ -40,6 +40,7 @@ from semantic_slam.inference.relocation.relocation import Relocation
 from semantic_slam.inference.revision.looking_back import Present
 from semantic_slam.inference.revision.replay import REACH, Replay
 from semantic_slam.inference.revision.revision import Revision, normalised, with_revised
+from semantic_slam.inference.revision.storable_replay import StorableReplay
 from semantic_slam.inference.rounds import Committed, Rounds, held_components
 from semantic_slam.inference.statement import Statement
 from semantic_slam.inference.summarised_copies import SummarisedCopies
@@ -124,7 +125,9 @@ class Engine:
         self.relocation = Relocation(
             self.problem.revision, Replay(self.problem, association, self.steps), self.registry
         )
-        self.recovery = Recovery(self.problem.revision, Replay(self.problem, association, self.steps), self.registry)
+        self.recovery = Recovery(
+            self.problem.revision, StorableReplay(self.problem, association, self.steps), self.registry
+        )
         self.statement = Statement(self.problem, self.registry, self.genuine, self.recovery, self.alternatives)
         self.carried_spans = CarriedSpans()
         self.model_fit = ModelFit()
@@ -133,17 +136,22 @@ class Engine:
 
     @property
     def may_be_stored(self) -> bool:
-        """Whether :meth:`state` is all that the engine needs: it neither replays earlier keyframes, nor will."""
-        return self.revision.is_over and self.relocation.is_over and self.recovery.is_over
+        """Whether :meth:`state` is all that the engine needs: no history is under way beside the live ones.
+
+        Nor may any be proposed later, but those of a robot that is carried.
+        """
+        return self.revision.is_over and self.relocation.is_over and self.recovery.may_be_stored
 
     def state(self) -> dict[str, Any]:
         """What the run so far has made of the engine, as long as it ``may_be_stored``; backends' components apart."""
-        return {"own": state_of(self), "stamps_ns": self.steps.stamps_ns}
+        first = self.recovery.first_step
+        steps = [] if first is None else self.steps[first:]
+        return {"own": state_of(self), "stamps_ns": self.steps.stamps_ns, "steps": steps}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from a state of an engine of the same run. Raises ValueError or KeyError for any other."""
+        self.steps.go_on(state["stamps_ns"], state["steps"])
         restore(self, state["own"])
-        self.steps.forget(state["stamps_ns"])
 
     @property
     def _reader(self) -> Any:

@@ -34,12 +34,11 @@ class KeptSteps(Sequence[Step]):
         """Number of keyframes on disk; these are the oldest ones."""
         return len(self._ends) - 1
 
-    def forget(self, stamps_ns: "array[int]") -> None:
-        """Hold the stamps of earlier keyframes alone, after a restart; their steps cannot be asked for."""
-        self.stamps_ns = stamps_ns
-        self._kept.clear()
+    def go_on(self, stamps_ns: "array[int]", newest: Sequence[Step] = ()) -> None:
+        """Hold the stamps of earlier keyframes, after a restart, and the ``newest`` of their steps; no others."""
+        self.stamps_ns, self._kept = stamps_ns, deque(newest)
         self._disk = NamelessFile()
-        self._ends = array("q", bytes(self._ends.itemsize * (len(stamps_ns) + 1)))
+        self._ends = array("q", bytes(self._ends.itemsize * (len(stamps_ns) - len(newest) + 1)))
 
     def append(self, step: Step) -> None:
         """Add the step of the next keyframe."""

@@ -4,7 +4,7 @@ from semantic_slam.cli.exit_codes import CommandParser, run_main
 from semantic_slam_lab.soak.comparison import compared
 from semantic_slam_lab.soak.measures import EVERY, soaked
 from semantic_slam_lab.soak.restarts import AT, restarted
-from semantic_slam_lab.soak.robots import ROBOTS, robot
+from semantic_slam_lab.soak.robots import ROBOTS, map_of, robot
 
 
 def main() -> None:
@@ -22,17 +22,18 @@ def _command() -> None:
     parser.add_argument("--whole-journal", action="store_true", help="with --restarts: without snapshots")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    configuration = robot(arguments.robot, arguments.horizon)
+    configuration, prior = robot(arguments.robot, arguments.horizon), map_of(arguments.robot)
     if arguments.against_full:
-        for number, row in enumerate(compared(configuration, arguments.keyframes, arguments.seed, EVERY), start=1):
+        found = compared(configuration, arguments.keyframes, arguments.seed, EVERY, prior)
+        for number, row in enumerate(found, start=1):
             print(
                 f"{EVERY * number:6d} keyframes: shift {row.shift:.3f} sigma, sigmas {row.least_ratio:.4f}"
                 f" to {row.largest_ratio:.4f} of the whole graph's"
             )
         return
-    rows = soaked(configuration, arguments.keyframes, arguments.seed)
+    rows = soaked(configuration, prior, arguments.keyframes, arguments.seed)
     if arguments.restarts:
-        rows = restarted(configuration, AT, arguments.seed, snapshots=not arguments.whole_journal)
+        rows = restarted(configuration, prior, AT, arguments.seed, snapshots=not arguments.whole_journal)
     for number, measured in enumerate(rows):
         if number == 0:
             print("  ".join(f"{name:>13}" for name in measured))

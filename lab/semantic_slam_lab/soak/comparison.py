@@ -10,6 +10,7 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.geometry.pose import wrap_angle
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.engine import Engine
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam_lab.soak.tour import Tour
 
 PLACE, HEADING = (0, 1), 5
@@ -25,10 +26,12 @@ class Difference:
     largest_ratio: float
 
 
-def compared(configuration: Configuration, num_keyframes: int, seed: int, every: int) -> list[Difference]:
+def compared(
+    configuration: Configuration, num_keyframes: int, seed: int, every: int, map_prior: MapPrior | None = None
+) -> list[Difference]:
     """After each ``every`` keyframes of a tour."""
     whole = replace(configuration, history=replace(configuration.history, horizon_keyframes=0))
-    engines = Engine(configuration), Engine(whole)
+    engines = Engine(configuration, map_prior), Engine(whole, map_prior)
     found = []
     tour = islice(Tour(configuration, seed).keyframes(), num_keyframes)
     for number, seen in enumerate(tqdm(tour, total=num_keyframes, unit="keyframe"), start=1):

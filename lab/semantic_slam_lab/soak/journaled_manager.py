@@ -17,6 +17,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Candidates, RunConfiguration
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import encode, from_message
 from semantic_slam.messages.standard import OdometryEstimate
@@ -84,15 +85,21 @@ class Manager:
     STATE: ClassVar[tuple[str, ...]] = ("frames",)
 
     def __init__(
-        self, folder: Path, configuration: Configuration, pool: KeepingPool | None = None, *, snapshots: bool = True
+        self,
+        folder: Path,
+        configuration: Configuration,
+        pool: KeepingPool | None = None,
+        *,
+        map_prior: MapPrior | None = None,
+        snapshots: bool = True,
     ) -> None:
         """``snapshots`` False: the journal is not begun anew. Raises InputError."""
         self.pool = KeepingPool() if pool is None else pool
-        self._journal = open_journal(str(folder), configuration, None, "", resume=True)
+        self._journal = open_journal(str(folder), configuration, map_prior, "", resume=True)
         self._events = EventJournal(self._journal, {SNAPSHOT: lambda _: self.snapshots.pass_by(self.session)})
         history = configuration.history if snapshots else HistoryConfiguration()
         self.snapshots = Snapshots(self._journal, history, self.pool)
-        self.session = Session(configuration, None, "")
+        self.session = Session(configuration, map_prior, "")
         self.frames = FrameCount()
         self.beliefs: dict[int, HybridBelief] = {}
         self.num_replayed = 0  # events of the journal

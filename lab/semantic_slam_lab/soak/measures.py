@@ -12,6 +12,7 @@ from tqdm import tqdm
 from semantic_slam.configuration import Configuration
 from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam_lab.soak.tour import Tour
 
 EVERY = 100
@@ -22,9 +23,9 @@ Row = dict[str, float]
 """What is measured of :data:`EVERY` keyframes, by name."""
 
 
-def soaked(configuration: Configuration, num_keyframes: int, seed: int) -> Iterator[Row]:
+def soaked(configuration: Configuration, map_prior: MapPrior | None, num_keyframes: int, seed: int) -> Iterator[Row]:
     """Run the engine over the first keyframes of a tour; a row for every :data:`EVERY` of them, as it goes."""
-    engine = Engine(configuration)
+    engine = Engine(configuration, map_prior)
     spent, errors, hypotheses = [], [], []
     tour = islice(Tour(configuration, seed).keyframes(), num_keyframes)
     for number, seen in enumerate(tqdm(tour, total=num_keyframes, unit="keyframe"), start=1):

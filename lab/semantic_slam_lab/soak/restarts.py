@@ -2,7 +2,8 @@
 
 import shutil
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,6 +11,7 @@ from tempfile import TemporaryDirectory
 from tqdm import tqdm
 
 from semantic_slam.configuration import Configuration
+from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.journal.kept_runs import PREFIX
 from semantic_slam_lab.soak.journaled_manager import LivingPool, Manager, events_of
@@ -20,15 +22,18 @@ AT = (300, 600, 1200)
 """Keyframes after which a manager is restarted."""
 
 
-def restarted(configuration: Configuration, at: Collection[int], seed: int, *, snapshots: bool) -> Iterator[Row]:
+def restarted(
+    configuration: Configuration, map_prior: MapPrior | None, at: Collection[int], seed: int, *, snapshots: bool
+) -> Iterator[Row]:
     """Drive a manager with a journal; a row after each of these numbers of keyframes, at which another one restarts.
 
     ``snapshots`` False: the journal is never begun anew.
     """
+    made = partial(Manager, configuration=configuration, map_prior=map_prior, snapshots=snapshots)
     tour = (seen.keyframe for seen in islice(Tour(configuration, seed).keyframes(), max(at)))
     with TemporaryDirectory() as place:
         folder, number = Path(place) / "journal", 0
-        manager = Manager(folder, configuration, snapshots=snapshots)
+        manager = made(folder)
         for event in events_of(tqdm(tour, total=max(at), unit="keyframe")):
             manager.receive(event)
             number += event[0] == topics.MEASUREMENTS
@@ -37,7 +42,7 @@ def restarted(configuration: Configuration, at: Collection[int], seed: int, *, s
                     "keyframes": number,
                     **_kilobytes(folder),
                     "snapshots_ms": 1e3 * manager.snapshots_s / number,
-                    **_restart(manager, shutil.copytree(folder, folder / ".." / str(number)), configuration, snapshots),
+                    **_restart(manager, partial(made, shutil.copytree(folder, folder / ".." / str(number)))),
                 }
         manager.close()
 
@@ -49,10 +54,10 @@ def _kilobytes(folder: Path) -> Row:
     return {"journal_kb": sum(sizes.values()) - kept, "keyframes_kb": kept}
 
 
-def _restart(manager: Manager, folder: Path, configuration: Configuration, snapshots: bool) -> Row:
+def _restart(manager: Manager, made: Callable[..., Manager]) -> Row:
     """CPU time of another manager until it stands where this one does, whose backends live on."""
     begin = time.process_time()
-    other = Manager(folder, configuration, LivingPool(manager.pool), snapshots=snapshots)
+    other = made(pool=LivingPool(manager.pool))
     spent = time.process_time() - begin
     other.close()
     return {"restart_s": spent, "replayed": len(other.beliefs)}

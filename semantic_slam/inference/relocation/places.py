@@ -6,10 +6,12 @@ are followed for a while longer, as later detections may decide.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.relocation.likelihood_field import differ
-from semantic_slam.inference.revision.replay import Progress, Replay, Revised
+from semantic_slam.inference.revision.replay import Progress, Revised
+from semantic_slam.inference.revision.storable_replay import StorableReplay, StoredHistory
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.carried import FIRST_POINT
@@ -25,7 +27,9 @@ STEPS_PER_KEYFRAME = 40
 class Places:
     """Follows the candidate poses of a carried robot."""
 
-    def __init__(self, replay: Replay) -> None:
+    STATE: ClassVar[tuple[str, ...]] = ("_stored",)
+
+    def __init__(self, replay: StorableReplay) -> None:
         self._replay = replay
         self._behind: list[Progress] = []  # of the newest look, all at the same keyframe
         self.through: list[Progress] = []  # caught up, the likeliest first
@@ -39,6 +43,19 @@ class Places:
     def is_looking(self) -> bool:
         """Whether candidates of the newest look have not caught up yet."""
         return bool(self._behind)
+
+    @property
+    def may_be_stored(self) -> bool:
+        """Whether all candidates have caught up, and can be stored."""
+        return not self._behind and (not self.through or self._replay.is_summarised)
+
+    @property
+    def _stored(self) -> list[StoredHistory]:
+        return [self._replay.stored_history(own) for own in self.through]
+
+    @_stored.setter
+    def _stored(self, told: list[StoredHistory]) -> None:
+        self.through = [self._replay.restored_history(own) for own in told]
 
     def begin(self, before: Progress, points: Iterable[int | None]) -> None:
         """Start candidates at lattice points to which the robot was carried, replacing those not caught up yet."""

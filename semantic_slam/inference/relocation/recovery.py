@@ -21,7 +21,8 @@ from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.relocation.likely_poses import likely_poses, num_seen
 from semantic_slam.inference.relocation.new_ground import NewGround
 from semantic_slam.inference.relocation.places import Account, Places, account
-from semantic_slam.inference.revision.replay import CHECKPOINT, Progress, Replay, Revised
+from semantic_slam.inference.revision.replay import CHECKPOINT, Progress, Revised
+from semantic_slam.inference.revision.storable_replay import StorableReplay, StoredReplay
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.carried import is_carried_lately, new_grounds
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -50,15 +51,25 @@ class _Suspect:
 class Recovery:
     """Proposes and weighs histories in which the robot was carried (kidnapped)."""
 
-    STATE: ClassVar[tuple[str, ...]] = ("_num_noted", "_num_expected", "_begun", "_origins")
+    STATE: ClassVar[tuple[str, ...]] = (
+        "_num_noted",
+        "_num_expected",
+        "_misfit",
+        "_suspects",
+        "_begun",
+        "_log_surplus",
+        "_origins",
+        "_checkpoints",
+        "_places",
+    )
 
-    def __init__(self, settings: RevisionConfiguration, replay: Replay, registry: ObjectRegistry) -> None:
+    def __init__(self, settings: RevisionConfiguration, replay: StorableReplay, registry: ObjectRegistry) -> None:
         self._horizon, self._replay, self._registry = settings.horizon, replay, registry
         self._new_ground = NewGround(replay) if replay.association.tracks_objects else None
         self._places = Places(replay)
         self._num_noted = 0  # keyframes
         self._num_expected = 0  # expected ones since the last unexpected one
-        self._misfit: _Suspect | None = None  # run of unexpected keyframes under way
+        self._misfit: int | None = None  # keyframe with which the run of unexpected ones under way began
         self._suspects: dict[int, _Suspect] = {}  # keyframe before which the robot may have been carried -> suspect
         self._begun = 0  # suspects before this keyframe are followed on new ground already
         self._looked_at = 0  # keyframe of the suspect whose candidate poses are being replayed
@@ -72,12 +83,32 @@ class Recovery:
         return self._replay.problem.carried is not None
 
     @property
-    def is_over(self) -> bool:
-        """Whether no history is replayed, nor will be: the robot is not carried, or is not searched for any more."""
-        if not self.is_on:
-            return True
-        follows = self._new_ground is not None and bool(self._new_ground.followed)
-        return self._is_too_late and not (self._suspects or follows or self._places.lineages)
+    def may_be_stored(self) -> bool:
+        """Whether its state is all that it needs to go on.
+
+        Not so while new ground is followed, nor while candidate poses catch up. Those that have are stored right after
+        a marginalisation.
+        """
+        follows = self._new_ground is not None and bool(self._suspects or self._new_ground.followed)
+        return not follows and self._places.may_be_stored and (self._is_over or self._replay.may_be_stored)
+
+    @property
+    def first_step(self) -> int | None:
+        """The oldest keyframe that histories may be replayed through from now on; None: none will be."""
+        return None if self._is_over else self._replay.first_step
+
+    @property
+    def _checkpoints(self) -> StoredReplay | None:
+        return None if self._is_over else self._replay.stored()
+
+    @_checkpoints.setter
+    def _checkpoints(self, told: StoredReplay | None) -> None:
+        self._replay.restore(told)
+
+    @property
+    def _is_over(self) -> bool:
+        """Whether no history is replayed, nor will be: the robot is not carried, or not searched for any more."""
+        return not self.is_on or (self._is_too_late and not (self._suspects or self._places.lineages))
 
     def note(self, log_ratio: float) -> None:
         """Record by how many nats the newest keyframe was likelier under the reference than under the belief."""
@@ -109,12 +140,12 @@ class Recovery:
             self._misfit = None
             return
         self._num_expected = 0
-        if self._misfit is not None:
-            self._misfit.log_ratio += log_ratio
-            return
-        self._misfit = _Suspect(log_ratio)
-        if self._num_noted:
-            self._suspects[self._num_noted] = self._misfit
+        if self._misfit is None:
+            self._misfit = self._num_noted
+            if self._num_noted:
+                self._suspects[self._num_noted] = _Suspect(log_ratio)
+        elif self._misfit in self._suspects:
+            self._suspects[self._misfit].log_ratio += log_ratio
 
     def not_carried(self, live: Mapping[int, Hypothesis], parent_ids: NDArray[np.uint64]) -> NDArray[np.bool_] | None:
         """(K,) whether the parents of candidates were not carried lately (``SOON``); None where none ever is."""

@@ -115,13 +115,14 @@ class Replay:
 
     def keep_along(self, lineage: Lineage) -> None:
         """Keep the checkpoints along ``lineage`` alone, and its present state, from which it is followed next time."""
-        known, along, now = self._kept | self._beside, set(self._numbers(lineage)), len(self.steps)
-        self._kept = {
-            number: own
-            for number, own in known.items()
-            if number in along and own.at >= self.reach and (stays(own.at, now) or own.at >= now - 1)
-        }
+        along = set(self._numbers(lineage))
+        self._kept = {number: own for number, own in (self._kept | self._beside).items() if self._stays(own, along)}
         self._beside.clear()
+
+    def _stays(self, own: Progress, along: Collection[int]) -> bool:
+        """Whether a checkpoint is kept, if only those ``along`` a history are."""
+        now = len(self.steps)
+        return own.number in along and own.at >= self.reach and (stays(own.at, now) or own.at >= now - 1)
 
     def forget(self) -> None:
         """Drop all checkpoints: the next replay begins at the prior."""
@@ -175,9 +176,13 @@ class Replay:
 
         Raises LostComponentError where it is impossible.
         """
-        own = self.advanced(own, 1, in_place=not self._is_kept(own))
+        own = self._stepped(own)
         self._keep(own)
         return own
+
+    def _stepped(self, own: Progress) -> Progress:
+        """A history after one more keyframe; its former state is consumed unless that is a checkpoint."""
+        return self.advanced(own, 1, in_place=not self._is_kept(own))
 
     def branched(self, front: Sequence[Progress], most: int) -> list[Progress]:
         """The ``most`` likeliest continuations of some histories through one keyframe, likeliest first.
@@ -211,7 +216,7 @@ class Replay:
         try:
             own = self.resumed(lineage[:keyframe])
             while own.at < keyframe:
-                own = self.advanced(own, 1, in_place=not self._is_kept(own))
+                own = self._stepped(own)
         except LostComponentError:
             return None
         self._beside[own.number] = own

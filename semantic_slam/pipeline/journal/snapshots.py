@@ -25,7 +25,8 @@ class Snapshots:
     """Takes a snapshot once in as many keyframes as the horizon has; none without a horizon, or without a journal.
 
     A snapshot holds the state of the manager, of its session, and of what ``pool`` keeps. It is taken between two
-    events, and not while histories are replayed from their start: then the journal goes on as it is.
+    events, and waits while the session cannot be stored, as some history is under way: then the journal goes on as it
+    is.
     """
 
     def __init__(self, journal: NoJournal, history: HistoryConfiguration, pool: KeepingPool) -> None:

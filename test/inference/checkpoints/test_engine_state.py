@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from semantic_slam_lab.soak.robots import map_of as map_of_tour
 from semantic_slam_lab.soak.robots import robot
 from semantic_slam_lab.soak.tour import Tour
+from worlds.living_pool import LivingPool
 from worlds.same_beliefs import assert_same
 from worlds.scenes.labelled_looks import by_labels_and_vectors, with_labels_and_vectors
 from worlds.scenes.lost_world import configuration as lost_configuration
@@ -21,7 +23,7 @@ from semantic_slam.inference.checkpoints.records import packed, unpacked
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.smoothing.errors import LostComponentError
-from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
+from semantic_slam.inference.world.map_prior import MapPrior
 
 HORIZON = 20
 
@@ -58,9 +60,7 @@ def toured(configuration: Configuration, prior: MapPrior | None = None, count: i
 
 
 def on_a_map() -> World:
-    things = enumerate(Tour.things().tolist())
-    prior = MapPrior(tuple(ObjectPrior.planar(n, x, y, sigma_m=0.1, sigma_rad=1.0) for n, (x, y) in things))
-    return toured(replace(robot("given", HORIZON), association="enumerated"), prior)
+    return toured(replace(robot("given", HORIZON), association="enumerated"), map_of_tour("map"))
 
 
 def learning_its_region_and_scores() -> World:
@@ -79,10 +79,18 @@ def learning_its_region_and_scores() -> World:
 
 def of_labels_and_vectors() -> World:
     own = robot("open", HORIZON)
-    own = replace(own, revision=replace(own.revision, carried_probability=0.0))
-    made = toured(by_labels_and_vectors(own))
+    return labelled(replace(own, revision=replace(own.revision, carried_probability=0.0)))
+
+
+def labelled(configuration: Configuration, prior: MapPrior | None = None, count: int = 26) -> World:
+    made = toured(by_labels_and_vectors(configuration), prior, count)
     before, after = ([with_labels_and_vectors(keyframe) for keyframe in part] for part in (made.before, made.after))
     return made._replace(before=before, after=after)
+
+
+def of_labels_and_vectors_where_the_robot_may_be_carried() -> World:
+    """On a map, where histories may be replayed from before through what was seen then."""
+    return labelled(robot("session", 40), map_of_tour("session"), count=56)
 
 
 def where_the_robot_may_be_carried() -> World:
@@ -106,19 +114,10 @@ WORLDS = (
     on_a_map,
     learning_its_region_and_scores,
     of_labels_and_vectors,
+    of_labels_and_vectors_where_the_robot_may_be_carried,
     pytest.param(where_the_robot_may_be_carried, marks=pytest.mark.slow),
     lost_in_a_map,
 )
-
-
-class LivingPool(InProcessPool):
-    """The backends of another engine, which go on."""
-
-    def __init__(self, pool: InProcessPool) -> None:
-        self.backend_ids, self._backends = pool.backend_ids, pool._backends
-
-    def start(self, run: RunConfiguration) -> None:
-        """They know the run."""
 
 
 @pytest.mark.long

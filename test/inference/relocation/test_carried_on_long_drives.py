@@ -1,12 +1,11 @@
 """A robot that is carried away on a drive of which old poses are marginalised is found as if they were not."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from worlds.same_beliefs import assert_same
-from worlds.scenes.lost_world import PLACES, LostWorld, configuration, errors, make_world, map_of
+from worlds.scenes.lost_world import PLACES, LostWorld, carried_world, configuration, errors, map_of
 
 from semantic_slam import Engine
 from semantic_slam.inference.belief import HybridBelief
@@ -27,16 +26,6 @@ LONG = {"history": {"horizon_keyframes": SOON}}
 NEW = BEYOND[:2] + np.array([[2.5, -1.0], [4.0, 1.5], [5.5, -0.5], [1.0, 5.5]])
 
 
-def carried_world(there: np.ndarray, before: int, after: int, places: np.ndarray = PLACES) -> LostWorld:
-    """A drive, and another one from elsewhere that goes on with it."""
-    worlds = make_world(START, before), make_world(there, after, places=places, seed=1)
-    first, second = (own.keyframes for own in worlds)
-    apart_ns = first[1].stamp_ns - first[0].stamp_ns
-    moved = [replace(own, index=own.index + before, stamp_ns=own.stamp_ns + before * apart_ns) for own in second]
-    truth = np.concatenate([own.truth for own in worlds])
-    return LostWorld([*first, *moved], truth, [*worlds[0].names, *worlds[1].names])
-
-
 def driven(world: LostWorld, *, backends: int = 1, **others: Any) -> tuple[Engine, list[HybridBelief]]:
     engine = Engine(configuration(**MAY_BE, **others), map_of(), backends=backends)
     return engine, [engine.process(keyframe) for keyframe in world.keyframes]
@@ -49,7 +38,7 @@ def oldest_pose(engine: Engine) -> int:
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Engine, list[HybridBelief]]:
-    return driven(carried_world(THERE, BEFORE, AFTER), **LONG)
+    return driven(carried_world(START, THERE, BEFORE, AFTER), **LONG)
 
 
 @pytest.mark.long
@@ -59,7 +48,7 @@ def test_a_robot_kidnapped_on_a_long_drive_is_localised_where_it_was_set_down(
     engine, beliefs = found
     assert oldest_pose(engine) > 0
     assert BEFORE + AFTER > REACH * SOON  # what is replayed does not begin at the start
-    near = errors(beliefs[-1], carried_world(THERE, BEFORE, AFTER).truth[-1]) < 0.3
+    near = errors(beliefs[-1], carried_world(START, THERE, BEFORE, AFTER).truth[-1]) < 0.3
     assert np.exp(beliefs[-1].log_weights[near]).sum() > 0.9
     best = next(iter(engine.live.values()))
     assert [k for k, step in enumerate(best.lineage) if k and step.lattice_point] == [BEFORE]
@@ -69,7 +58,7 @@ def test_a_robot_kidnapped_on_a_long_drive_is_localised_where_it_was_set_down(
 def test_the_pose_after_a_kidnapping_is_that_of_a_smoother_with_all_poses(
     found: tuple[Engine, list[HybridBelief]],
 ) -> None:
-    _, whole = driven(carried_world(THERE, BEFORE, AFTER))
+    _, whole = driven(carried_world(START, THERE, BEFORE, AFTER))
     ours, other = found[1][-1], whole[-1]
     sigmas = np.sqrt(np.diagonal(other.pose_covariances[0]))
     assert (np.abs(ours.poses[0, :2] - other.poses[0, :2]) < 0.05 * sigmas[:2]).all()
@@ -83,14 +72,14 @@ def test_the_pose_after_a_kidnapping_is_that_of_a_smoother_with_all_poses(
 def test_backends_that_rebuild_it_from_their_checkpoints_believe_the_same(
     found: tuple[Engine, list[HybridBelief]],
 ) -> None:
-    _, divided = driven(carried_world(THERE, BEFORE, AFTER), backends=2, **LONG)
+    _, divided = driven(carried_world(START, THERE, BEFORE, AFTER), backends=2, **LONG)
     for one, two in zip(found[1], divided, strict=True):
         assert_same(one, two)
 
 
 @pytest.mark.long
 def test_on_new_ground_it_knows_no_more_of_where_it_is_once_the_carry_is_long_ago() -> None:
-    engine, beliefs = driven(carried_world(BEYOND, EARLY, LONG_AFTER, NEW), **LONG)
+    engine, beliefs = driven(carried_world(START, BEYOND, EARLY, LONG_AFTER, new=NEW), **LONG)
     assert oldest_pose(engine) > EARLY
     best = next(iter(engine.live.values()))
     assert best.grounds == new_grounds(best.lineage) == (EARLY,)

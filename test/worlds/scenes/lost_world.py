@@ -1,6 +1,6 @@
 """A robot on a circle among points that all look alike: it has a map of them, and does not know where it is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,28 @@ def make_world(start: np.ndarray, num_keyframes: int, *, places: np.ndarray = PL
         truth.append(x)
         names.append(tuple(seen.tolist()))
     return LostWorld(keyframes, np.array(truth), names)
+
+
+def carried_world(
+    start: np.ndarray,
+    there: np.ndarray,
+    before: int,
+    after: int,
+    *,
+    places: np.ndarray = PLACES,
+    new: np.ndarray | None = None,
+) -> LostWorld:
+    """A drive of ``before`` keyframes among ``places``, and another one from elsewhere, to which the robot is carried.
+
+    ``new``: the places that it drives among there; None: the same ones.
+    """
+    other = make_world(there, after, places=places if new is None else new, seed=1)
+    worlds = make_world(start, before, places=places), other
+    first, second = (own.keyframes for own in worlds)
+    apart_ns = first[1].stamp_ns - first[0].stamp_ns
+    moved = [replace(own, index=own.index + before, stamp_ns=own.stamp_ns + before * apart_ns) for own in second]
+    truth = np.concatenate([own.truth for own in worlds])
+    return LostWorld([*first, *moved], truth, [*worlds[0].names, *worlds[1].names])
 
 
 def map_of(places: np.ndarray = PLACES) -> MapPrior:
