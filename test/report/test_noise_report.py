@@ -1,5 +1,6 @@
 """What a report says of the noise that beliefs have inferred."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,12 @@ def test_an_infinite_mean_is_left_out_of_the_chart() -> None:
     np.testing.assert_array_equal(chart.keys[0].values, [np.nan, 3.0])
     assert "nan" not in chart.svg and "inf" not in chart.svg
     assert noise_charts(beliefs[:1]) == []
+
+
+def test_a_density_is_per_square_metre_in_the_plane_and_per_cubic_metre_in_space() -> None:
+    belief = told(0, {"open_world.birth_density": (0.2, 0.1)})
+    texts = [noise_charts((dataclasses.replace(belief, planar=planar),))[0].text for planar in (True, False)]
+    assert "Objects per square metre" in texts[0] and "Objects per cubic metre" in texts[1]
 
 
 def test_the_document_has_the_final_values() -> None:

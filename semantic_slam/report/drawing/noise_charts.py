@@ -29,6 +29,9 @@ MEANINGS = {
     "open_world.direction_rad": "Radians; bearing of the middle of the sensor's region.",
 }
 
+IN_SPACE = {"open_world.birth_density": "Objects per cubic metre where nothing was seen yet."}
+"""Meanings of quantities whose unit is another one in space."""
+
 
 def noise_charts(beliefs: tuple[HybridBelief, ...]) -> list[Chart]:
     """A chart of each quantity that the last belief names, and of which some belief has a finite mean."""
@@ -64,7 +67,8 @@ def _course(beliefs: tuple[HybridBelief, ...], name: str) -> Chart:
         plot.area(keyframes(beliefs)[with_band], low[with_band], high[with_band], "#e4eef8")
     plot.axes()
     plot.line(keyframes(beliefs), values, "line first")
-    text = MEANINGS.get(name, "")
+    text = IN_SPACE.get(name, "") if not beliefs[-1].planar else ""
+    text = text or MEANINGS.get(name, "")
     band = "Shaded: one standard deviation, over the hypotheses." if with_band.any() else ""
     return Chart(
         name, f"{text} {band}".strip(), [Key("first", "mean" if band else "value", values.tolist())], plot.svg()
