@@ -60,6 +60,7 @@ def _of_run(analysis: Analysis) -> dict[str, Any]:
         "title": Path(analysis.bag["path"]).name,
         "bag": analysis.bag,
         "run": record.run,
+        "start": analysis.start.text(planar=last.planar),
         "seed": analysis.configuration.get("seed"),
         "configuration": flat(analysis.configuration),
         "last": last,
