@@ -51,7 +51,9 @@ def start_of(run: RunConfiguration, configuration: dict[str, Any]) -> Start:
 
 def _source(run: RunConfiguration, configuration: dict[str, Any]) -> str:
     try:
-        told: dict[str, Any] = {name: configuration[name] for name in ("state_space", "initial_pose") if name in configuration}
+        told: dict[str, Any] = {
+            name: configuration[name] for name in ("state_space", "initial_pose") if name in configuration
+        }
         pose, covariance = initial_pose_of(from_dict(told))
     except InputError:
         return UNKNOWN
