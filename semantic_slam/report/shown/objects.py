@@ -7,14 +7,13 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.pose import largest_sigma_m
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.identities import has_own_name
 from semantic_slam.maps.from_belief import MOVES
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.drawing.charts import time_plot
-from semantic_slam.report.drawing.ellipse import ellipses
 from semantic_slam.report.shown.frames import CropView
-from semantic_slam.report.shown.space import principal_axes
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
@@ -99,7 +98,7 @@ def _view(
         moving=float(last.moving[row]),
         missing=float(last.missing[row]),
         position=last.object_poses[row, : _axes(last)].tolist(),
-        sigma_m=_sigma_m(last, row),
+        sigma_m=largest_sigma_m(last.object_covariances[row], _axes(last)),
         error_m=_error_m(analysis, last, row),
         mutual_information=float(last.mutual_information[row]),
         in_coverage=bool(last.in_coverage[row]),
@@ -113,13 +112,6 @@ def _view(
 def _axes(belief: HybridBelief) -> int:
     """How many coordinates of a place are estimated."""
     return 2 if belief.planar else 3
-
-
-def _sigma_m(belief: HybridBelief, row: int) -> float:
-    covariance = belief.object_covariances[row : row + 1]
-    if belief.planar:
-        return float(ellipses(covariance)[0, 0])
-    return float(np.linalg.norm(principal_axes(covariance)[0, 6:]))
 
 
 def _error_m(analysis: Analysis, last: HybridBelief, row: int) -> float:
