@@ -175,7 +175,7 @@ def _truth(analysis: Analysis) -> list[str]:
 
 def _wrong_classes(objects: list[ObjectView]) -> str:
     """Which objects on the map are surely taken for another class than their true one."""
-    wrong = [view for view in objects if view.exists and view.certain and view.true_class not in ("", view.class_name)]
+    wrong = [view for view in objects if view.exists and view.certain and view.is_wrong]
     if not wrong:
         return ""
     named = listed(

@@ -1,5 +1,6 @@
 """What a report says of objects that move, and what it hands to the next run."""
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -93,6 +94,22 @@ def test_a_class_that_is_surely_wrong_is_said_where_the_truth_is_known(still: An
     assert any("the classes of 6 of them are known with at least 95 % certainty" in words for words in said)
     blind = replace(wrong, evaluation=None)
     assert not any("is wrong" in words for words in verdict(blind, object_views(blind, COLOURS)))
+
+
+def test_an_object_of_which_nothing_is_known_is_of_no_most_likely_class(still: Analysis) -> None:
+    """All classes are equally likely."""
+    open_classes = np.full((len(OBJECTS), len(CLASSES)), 1.0 / len(CLASSES))
+    unknown = with_last(still, class_probabilities=open_classes)
+    assert {view.class_name for view in object_views(unknown, COLOURS)} == {""}
+    page = render_page([Run("unknown", unknown)], None)
+    assert page.count('<td data-name="Most likely">–</td>') == len(OBJECTS) and "≠" not in page
+
+
+def test_a_guess_at_what_was_never_seen_is_not_marked_as_wrong(still: Analysis) -> None:
+    """All are taken for chests with little certainty, which five of them are not."""
+    guessed = with_last(still, class_probabilities=np.tile([0.2, 0.5, 0.3], (len(OBJECTS), 1)))
+    seen, unseen = guessed, replace(guessed, detection_counts=Counter())
+    assert [render_page([Run("drive", own)], None).count("≠") for own in (seen, unseen)] == [5, 0]
 
 
 def test_what_less_likely_explanations_alone_have_seen_is_told_from_what_none_has(still: Analysis) -> None:

@@ -19,6 +19,8 @@ CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
 EXISTS = 0.5
 """Existence from which on an object counts as one of the map."""
+EQUAL = 1e-9
+"""Difference of probabilities below which neither class is likelier."""
 SHOWN_COURSES = 24
 SHOWN_MOMENTS = 240
 
@@ -30,7 +32,7 @@ class ObjectView:
     number: int
     label: str
     probabilities: list[float]  # (C,)
-    class_name: str
+    class_name: str  # most likely class; "" where no class is likelier than all others
     probability: float
     true_class: str  # "" unknown
     existence: float
@@ -45,6 +47,12 @@ class ObjectView:
     course: Markup | None
     doubt: Markup | None  # mutual information against keyframe, None where the run does not state it
     crop: CropView | None  # what it looks like, None without pictures
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether what has been seen of it, or is sure of it, names another class than the true one."""
+        told = self.class_name and (self.detections or self.certain)
+        return bool(told and self.true_class) and self.true_class != self.class_name
 
     @property
     def certain(self) -> bool:
@@ -86,12 +94,13 @@ def _view(
     number = int(last.object_ids[row])
     probabilities = last.class_probabilities[row]
     best = int(np.argmax(probabilities)) if len(probabilities) else -1
+    is_likeliest = best >= 0 and not np.any(np.delete(probabilities, best) > probabilities[best] - EQUAL)
     evaluation = analysis.evaluation
     return ObjectView(
         number=number,
         label=object_label(last, row),
         probabilities=probabilities.tolist(),
-        class_name=last.class_names[best] if best >= 0 else "",
+        class_name=last.class_names[best] if is_likeliest else "",
         probability=float(probabilities[best]) if best >= 0 else float("nan"),
         true_class=evaluation.true_classes.get(number, "") if evaluation else "",
         existence=float(last.existence[row]),
