@@ -30,7 +30,13 @@ function html(parent, name, className, text) {
 }
 
 const round = value => Math.round(value * 10) / 10;
-const percent = p => p >= 0.9995 ? "100 %" : p > 0.995 ? (100 * p).toFixed(1) + " %" : (100 * p).toFixed(0) + " %";
+function percent(p) { // as `wording.percent`: never rounded to 0 or 100 what is neither
+  if (p <= 0) return "0 %";
+  if (p >= 1 - 1e-9) return "100 %";
+  if (p >= .9995) return "> 99.9 %";
+  if (p < .0005) return "< 0.1 %";
+  return (100 * p).toFixed(p >= .995 || p < .01 ? 1 : 0) + " %";
+}
 
 function track(i, j) { // rows from hypothesis j of keyframe i back to its root
   const rows = [];
