@@ -1,6 +1,7 @@
 """What a report says of the noise that beliefs have inferred."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,21 @@ def test_each_quantity_has_a_chart_and_a_band_where_it_has_a_spread() -> None:
 def test_the_band_is_one_standard_deviation_each_way() -> None:
     values, sigmas = noise_course(BELIEFS, BIAS)
     np.testing.assert_array_equal([values, sigmas], [[0.0, 0.01, 0.02], [0.05, 0.03, 0.01]])
+
+
+def drawn_low(name: str, value: float, sigma: float) -> float:
+    """Ordinate on the page [px, downwards] to which the band of a quantity reaches."""
+    (chart,) = noise_charts(tuple(told(k, {name: (value, sigma)}) for k in range(2)))
+    plot = re.search(r'<polygon[^>]* points="([^"]*)"', str(chart.svg))
+    assert plot is not None
+    return max(float(point.split(",")[1]) for point in plot[1].split())
+
+
+def test_the_band_of_what_cannot_be_negative_ends_at_zero() -> None:
+    """The scale of the plot begins there, too, so that the band reaches its lower edge; that of a bias does not."""
+    clutter, bias = drawn_low("open_world.clutter_per_frame", 0.1, 0.3), drawn_low(BIAS, 0.1, 0.3)
+    edge = drawn_low("open_world.clutter_per_frame", 0.1, 0.1)
+    assert clutter == edge > bias
 
 
 def test_an_infinite_mean_is_left_out_of_the_chart() -> None:
