@@ -4,7 +4,7 @@ const SVG = "http://www.w3.org/2000/svg";
 const REGION = Math.sqrt(5.991); // 95 % of a Gaussian in the plane
 const INK = "#14212b", GREY = "#6f7d89", SIGHT = "#0b62b8", MOVER = "#8a2be2";
 const TRAIL = 15, AHEAD = 2, VAGUE = 3, FAINTEST = .15; // keyframes behind what moves, seconds ahead of it, sigma [m] from which on it is gone, opacity
-const GAP = 2; // pixels beside a name
+const GAP = 2, NAMED = .2; // pixels beside a name, existence from which on an object has one; the likeliest choose their places first
 
 // Objects are stored where they change, and without values where they are gone: what holds after a frame.
 function objectsAfter(before, frame) {
@@ -126,7 +126,8 @@ class MapView {
     for (const j of order) this.robot(frame.h[j], j === best);
     this.scaleBar(step);
     if (this.small) return;
-    for (const [place, , o] of shown) this.fading(exists.get(place), () => this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
+    const sure = ([place]) => exists.get(place) ?? 1, named = shown.filter(own => sure(own) >= NAMED).sort((a, b) => sure(b) - sure(a));
+    for (const [place, , o] of named) this.fading(exists.get(place), () => this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
     for (const [place, , o] of shown) this.question(this.x(o[0]), this.y(o[1]), scene.objects[place]);
   }
 

@@ -130,7 +130,8 @@ class SpaceView {
     for (const h of frame.h) if (h !== best) this.ellipsoid(placeOf(h), axesOf(h.slice(13)), GREY, .5);
     this.ellipsoid(placeOf(best), axesOf(best.slice(13)), INK, 1);
     this.camera(best, LARGE, INK, 1.6, 1);
-    for (const { place, o, at, opacity } of shown.reverse()) {
+    const sure = ({ place }) => exists.get(place) ?? 1, named = shown.reverse().filter(own => sure(own) >= NAMED).sort((a, b) => sure(b) - sure(a));
+    for (const { place, o, at, opacity } of named) {
       this.opacity = opacity;
       this.label(at, nameOf(place, o));
     }
