@@ -16,6 +16,8 @@ from semantic_slam.report.wording import known, listed, number, percent
 
 NAMED = 4
 """Ambiguous objects that are named one by one."""
+NO_ENTROPY = 1e-9
+"""Association entropy [nats] below which all hypotheses associate alike."""
 MUCH_DISCARDED = 0.05
 """Probability mass discarded in the last keyframes above which the reader is warned."""
 
@@ -144,9 +146,11 @@ def _association(analysis: Analysis) -> str:
     most = max(len(belief.hypothesis_ids) for belief in analysis.record.beliefs)
     explanations = math.exp(last.association_entropy) if math.isfinite(last.association_entropy) else 1.0
     if explanations < 1.02:
-        return "One explanation of which detection shows which object is left" + (
-            f", of up to {most} at a time." if most > 1 else "."
-        )
+        before = f", of up to {most} at a time" if most > 1 else ""
+        count = len(last.hypothesis_ids)
+        alike = count > 1 and last.association_entropy < NO_ENTROPY
+        among = f"; the {count} hypotheses at the end associate alike and differ in classes or modes" if alike else ""
+        return f"One explanation of which detection shows which object is left{before}{among}."
     best = float(np.exp(last.log_weights.max()))
     return (
         f"Which detection shows which object is still open: {len(last.hypothesis_ids)} hypotheses remain,"

@@ -112,6 +112,18 @@ def test_a_guess_at_what_was_never_seen_is_not_marked_as_wrong(still: Analysis) 
     assert [render_page([Run("drive", own)], None).count("≠") for own in (seen, unseen)] == [5, 0]
 
 
+@pytest.mark.parametrize(
+    ("entropy", "said"),
+    [(0.0, "the 2 hypotheses at the end associate alike and differ in classes or modes."), (0.01, "")],
+)
+def test_hypotheses_beside_one_explanation_are_accounted_for(still: Analysis, entropy: float, said: str) -> None:
+    belief = small_belief(0, [1, 2], [0, 0], [0.7, 0.3], [1], [[0], [0]])
+    record = replace(still.record, beliefs=(replace(belief, association_entropy=entropy),), truth=None)
+    analysis = analyse(record, Path("beliefs"), "0" * 64)
+    words = next(own for own in verdict(analysis, object_views(analysis, COLOURS)) if "One explanation" in own)
+    assert ("hypotheses at the end" in words) == bool(said) and words.endswith(said)
+
+
 def test_what_less_likely_explanations_alone_have_seen_is_told_from_what_none_has(still: Analysis) -> None:
     belief = small_belief(0, [1, 2], [0, 0], [0.7, 0.3], [0, 1, 2], [[0], [1]])
     record = replace(still.record, beliefs=(belief,), truth=None)
