@@ -40,7 +40,7 @@ class Start:
         """Value and standard deviation of each coordinate that is estimated, and where they come from."""
         axes = PLANAR if planar else range(6)
         values, sigmas = _coordinates(self.pose), np.sqrt(np.diag(self.covariance))
-        told = [f"{AXES[n]} {number(float(values[n]))} ± {number(float(sigmas[n]))} {UNITS[n]}" for n in axes]
+        told = [f"{AXES[n]} {number(float(values[n]))} ± {sigmas[n]:.2g} {UNITS[n]}" for n in axes]
         return f"{', '.join(told)}; {SAID[self.source]}"
 
 
