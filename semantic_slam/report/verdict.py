@@ -165,10 +165,10 @@ def _truth(analysis: Analysis) -> list[str]:
     sentences = []
     settled, right = metrics["keyframe_disambiguated"], metrics["association_right"]
     if known(right) and analysis.configuration.get("association") != "given":
-        when = f"from keyframe {settled} on" if settled is not None else "never for good"
+        when = f"certain from keyframe {settled} on" if settled is not None else "never certain for good"
         sentences.append(
             f"Against the ground truth, {percent(right)} of the detections are assigned rightly;"
-            f" the true assignment was certain {when}."
+            f" the true assignment was {when}."
         )
     error, dead = metrics["ate_m"], metrics["dead_reckoning_ate_m"]
     if known(error):

@@ -124,6 +124,17 @@ def test_hypotheses_beside_one_explanation_are_accounted_for(still: Analysis, en
     assert ("hypotheses at the end" in words) == bool(said) and words.endswith(said)
 
 
+@pytest.mark.parametrize(("settled", "said"), [(3, "certain from keyframe 3 on."), (None, "never certain for good.")])
+def test_the_head_says_since_when_the_true_assignment_was_certain(
+    still: Analysis, settled: int | None, said: str
+) -> None:
+    assert still.evaluation is not None
+    metrics = {**still.evaluation.metrics, "keyframe_disambiguated": settled}
+    analysis = replace(still, evaluation=replace(still.evaluation, metrics=metrics))
+    words = verdict(analysis, object_views(analysis, COLOURS))
+    assert any(own.endswith(f"the true assignment was {said}") for own in words)
+
+
 def test_what_less_likely_explanations_alone_have_seen_is_told_from_what_none_has(still: Analysis) -> None:
     belief = small_belief(0, [1, 2], [0, 0], [0.7, 0.3], [0, 1, 2], [[0], [1]])
     record = replace(still.record, beliefs=(belief,), truth=None)
