@@ -55,7 +55,7 @@ def render_page(found: Calibration, base: str) -> str:
                 for name, own in found.changes.items()
             ],
             trials=[_row(own) for own in found.trials],
-            charts=[gain_chart(found), *noise_charts(found.record_after.beliefs)],
+            charts=[*_gained(found), *noise_charts(found.record_after.beliefs)],
             truth=truth_beside(found),
         )
     )
@@ -65,6 +65,11 @@ def _row(trial: Trial) -> TrialRow:
     values = ", ".join(f"{name} {text_of(value)}" for name, value in trial.values.items())
     verdict = f"cannot be compared: {trial.fault}" if trial.fault else "kept" if trial.is_kept else ""
     return TrialRow(trial.quantity, values, trial.log_evidence, trial.gain, verdict)
+
+
+def _gained(found: Calibration) -> list[Chart]:
+    """The chart of what changes have gained; none where nothing was changed."""
+    return [gain_chart(found)] if found.changes else []
 
 
 def gain_chart(found: Calibration) -> Chart:

@@ -71,10 +71,15 @@ class DiscardedMass:
         self.lately.append(log_kept)
 
     def find(self, log_found: float) -> None:
-        """Take back discarded mass that was found again, given as its log ratio to the kept mass; total stays >= 0."""
+        """Take back discarded mass that was found again, given as its log ratio to the kept mass; total stays >= 0.
+
+        It is taken off the newest keyframes first, so that no part of the sum exceeds the whole.
+        """
         self.log_kept = min(0.0, self.log_kept + log_found)
-        if self.lately:
-            self.lately[-1] = min(0.0, self.lately[-1] + log_found)
+        for place in reversed(range(len(self.lately))):
+            kept = min(0.0, self.lately[place] + log_found)
+            log_found -= kept - self.lately[place]
+            self.lately[place] = kept
 
     @property
     def total(self) -> float:
@@ -83,8 +88,8 @@ class DiscardedMass:
 
     @property
     def window(self) -> float:
-        """1 - prod_k (1 - d_k) over the last keyframes."""
-        return max(0.0, float(-np.expm1(sum(self.lately))))
+        """1 - prod_k (1 - d_k) over the last keyframes, a part of ``total``."""
+        return min(self.total, max(0.0, float(-np.expm1(sum(self.lately)))))
 
 
 class Hypotheses:

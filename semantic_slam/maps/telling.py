@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.configuration.configuration import SPATIAL
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.pose import largest_sigma_m
 from semantic_slam.inference.protocol import source_entry
 from semantic_slam.maps.saved_map import SavedMap
 
@@ -14,7 +15,7 @@ SCHEMA_VERSION = 1
 
 
 def lines_of(known: SavedMap) -> list[str]:
-    """Text lines: provenance, then one line per object."""
+    """Text lines: provenance, then one line per object; sigma is that along its largest axis."""
     objects, provenance = known.objects, known.provenance
     axes = "xyz" if known.state_space == SPATIAL else "xy"
     columns = "  ".join(f"{f'{axis} [m]':>8}" for axis in axes)
@@ -28,8 +29,7 @@ def lines_of(known: SavedMap) -> list[str]:
     ]
     for row, number in enumerate(objects.ids.tolist()):
         place = "  ".join(f"{value:8.2f}" for value in objects.poses[row, : len(axes)].tolist())
-        variances = np.diagonal(objects.covariances[row])[: len(axes)]
-        sigma = float(np.sqrt(variances.mean()))
+        sigma = largest_sigma_m(objects.covariances[row], len(axes))
         seen = "-" if np.isnan(objects.sightings[row]) else f"{objects.sightings[row]:.0f}"
         lines.append(
             f"{number:10d}  {objects.existence[row]:6.3f}  {place}  {sigma:9.3f}"

@@ -65,7 +65,12 @@ def start_of(configuration: Configuration, told: PoseEstimate | None, first: Key
     tilted = so3.upright(so3.rotated(first.odometry[3:], first.level[:3]))
     ahead = so3.matrix(pose[3:])[:, 0]
     yaw = so3.exp(np.array([0.0, 0.0, np.arctan2(ahead[1], ahead[0])]))
+    return np.append(pose[:3], so3.product(yaw, tilted)), without_tilt(covariance)
+
+
+def without_tilt(covariance: Array) -> Array:
+    """(6, 6) covariance that says nothing of roll and pitch but that they are within :data:`ANY_TILT_RAD`."""
     wide = covariance.copy()
     wide[TILT] = wide[:, TILT] = 0.0
     wide[TILT, TILT] = ANY_TILT_RAD**2
-    return np.append(pose[:3], so3.product(yaw, tilted)), wide
+    return wide

@@ -1,7 +1,7 @@
 """The contents of ``report.json``, ``objects.json`` and ``trajectory.tum``."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
 from semantic_slam.maps.from_belief import ancestors_of, mapped_rows
 from semantic_slam.report.plain_json import plain
+from semantic_slam.report.start import Start, start_of
 
 SCHEMA_VERSION = 1
 
@@ -26,6 +27,7 @@ class Analysis:
     record: Record
     bag: dict[str, Any]  # path, sha256 and number of keyframes of the input
     configuration: dict[str, Any]
+    start: Start  # before the first keyframe, as used
     ancestors: list[int]  # (K,) index of the ancestor of the final best hypothesis, -1 unknown
     evaluation: Evaluation | None  # None without ground truth
     detection_counts: Counter[int]  # object id -> detections it explains in the end
@@ -45,7 +47,9 @@ def analyse(record: Record, belief_bag: Path, belief_bag_sha256: str) -> Analysi
     counts = Counter(int(number) for found in best_history(record.beliefs) if found is not None for number in found)
     some = frozenset(number for found in histories(record.beliefs) for number in found.ravel().tolist())
     evaluation = evaluate(record, record.truth) if record.truth else None
-    return Analysis(record, bag, json_object(record.run.configuration), ancestors, evaluation, counts, some)
+    configuration = json_object(record.run.configuration)
+    start = start_of(record.run, configuration)
+    return Analysis(record, bag, configuration, start, ancestors, evaluation, counts, some)
 
 
 def report_document(analysis: Analysis) -> dict[str, Any]:
@@ -58,6 +62,7 @@ def report_document(analysis: Analysis) -> dict[str, Any]:
         "seed": analysis.configuration.get("seed"),
         "revision": record.run.revision,
         "run_id": record.run.run_id,
+        "start": asdict(analysis.start),
         "keyframes": [
             _keyframe(belief, index) for belief, index in zip(record.beliefs, analysis.ancestors, strict=True)
         ],

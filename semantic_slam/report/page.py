@@ -39,7 +39,7 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
     pictures = picture_views(analysis, source_bag, colours, shown_views(analysis, explained))
     entries = {
         "classes": classes,
-        "legend": [(name, colour) for name, colour in classes if colour != OTHER_COLOUR],
+        "legend": legend(classes),
         "evidence": evidence_views(analysis, explained, pictures.views),
         "descriptors": descriptor_figures(analysis),
         "comparison": comparison_view(runs, classes),
@@ -52,6 +52,12 @@ def render_page(runs: Sequence[Run], source_bag: Path | None, explained: Sequenc
     return environment().get_template("report.html").render(entries)
 
 
+def legend(classes: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Names and colours of the classes that have a colour of their own, and one entry for those that share a grey."""
+    own = [(name, colour) for name, colour in classes if colour != OTHER_COLOUR]
+    return own if len(own) == len(classes) else [*own, ("other classes", OTHER_COLOUR)]
+
+
 def _of_run(analysis: Analysis) -> dict[str, Any]:
     """What is said of the run as a whole."""
     record = analysis.record
@@ -60,6 +66,7 @@ def _of_run(analysis: Analysis) -> dict[str, Any]:
         "title": Path(analysis.bag["path"]).name,
         "bag": analysis.bag,
         "run": record.run,
+        "start": analysis.start.text(planar=last.planar),
         "seed": analysis.configuration.get("seed"),
         "configuration": flat(analysis.configuration),
         "last": last,

@@ -28,7 +28,7 @@ class SummaryRow:
     objects: int | None = None  # that exist with EXISTS or more
     hypotheses: int | None = None  # at the end
     unexplained: float | None = None  # share of the keyframes that state it whose data the belief does not explain
-    discarded_mass: float | None = None  # since the start; it only grows
+    discarded_mass: float | None = None  # since the start, without what was found again
     discarded_mass_window: float | None = None  # of the last keyframes; None in beliefs of older versions, too
     dropped: int | None = None  # messages and detections, for all reasons
     metrics: dict[str, float | int | None]  # SHOWN_METRICS, against the truth

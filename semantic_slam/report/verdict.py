@@ -16,6 +16,8 @@ from semantic_slam.report.wording import known, listed, number, percent
 
 NAMED = 4
 """Ambiguous objects that are named one by one."""
+NO_ENTROPY = 1e-9
+"""Association entropy [nats] below which all hypotheses associate alike."""
 MUCH_DISCARDED = 0.05
 """Probability mass discarded in the last keyframes above which the reader is warned."""
 
@@ -29,6 +31,7 @@ def verdict(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
         *_ambiguous(analysis, objects),
         _association(analysis),
         *_truth(analysis),
+        _wrong_classes(objects),
     ]
     return [sentence for sentence in sentences if sentence]
 
@@ -94,17 +97,25 @@ def _objects(analysis: Analysis, every: list[ObjectView]) -> str:
         start += f", besides {doubtful} that may not exist"
     if not analysis.record.beliefs[-1].class_names:
         return f"{start}; classes were not estimated."
-    sure = sum(view.certain for view in objects)
+    whose = _of_how_many(sum(view.certain for view in objects), count)
+    return f"{start}; {whose} known with at least {percent(CERTAIN)} certainty."
+
+
+def _of_how_many(sure: int, count: int) -> str:
+    """The subject of "known": of ``count`` objects, the classes of ``sure``; objects' own names are numbers, too."""
+    if count == 1:
+        return "its class is" if sure else "its class is not"
     if sure == count:
-        whose = "its class is" if count == 1 else "the class of each is"
-        return f"{start}; {whose} known with at least {percent(CERTAIN)} certainty."
-    return f"{start}; the class of {sure or 'none'} is known with at least {percent(CERTAIN)} certainty."
+        return "the class of each is"
+    return {0: "the class of none is", 1: "the class of one of them is"}.get(sure, f"the classes of {sure} of them are")
 
 
-def _ambiguous(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
+def _ambiguous(analysis: Analysis, every: list[ObjectView]) -> list[str]:
+    """What is not sure of the objects that are on the map; whether the others exist is asked before what they are."""
     names = analysis.record.beliefs[-1].class_names
     if not names:
         return []
+    objects = [view for view in every if view.exists]
     doubtful = sorted(
         (view for view in objects if not view.certain and view.detections), key=lambda view: view.probability
     )
@@ -135,9 +146,11 @@ def _association(analysis: Analysis) -> str:
     most = max(len(belief.hypothesis_ids) for belief in analysis.record.beliefs)
     explanations = math.exp(last.association_entropy) if math.isfinite(last.association_entropy) else 1.0
     if explanations < 1.02:
-        return "One explanation of which detection shows which object is left" + (
-            f", of up to {most} at a time." if most > 1 else "."
-        )
+        before = f", of up to {most} at a time" if most > 1 else ""
+        count = len(last.hypothesis_ids)
+        alike = count > 1 and last.association_entropy < NO_ENTROPY
+        among = f"; the {count} hypotheses at the end associate alike and differ in classes or modes" if alike else ""
+        return f"One explanation of which detection shows which object is left{before}{among}."
     best = float(np.exp(last.log_weights.max()))
     return (
         f"Which detection shows which object is still open: {len(last.hypothesis_ids)} hypotheses remain,"
@@ -152,13 +165,25 @@ def _truth(analysis: Analysis) -> list[str]:
     sentences = []
     settled, right = metrics["keyframe_disambiguated"], metrics["association_right"]
     if known(right) and analysis.configuration.get("association") != "given":
-        when = f"from keyframe {settled} on" if settled is not None else "never for good"
+        when = f"certain from keyframe {settled} on" if settled is not None else "never certain for good"
         sentences.append(
             f"Against the ground truth, {percent(right)} of the detections are assigned rightly;"
-            f" the true assignment was certain {when}."
+            f" the true assignment was {when}."
         )
     error, dead = metrics["ate_m"], metrics["dead_reckoning_ate_m"]
     if known(error):
         beside = f" (dead reckoning from the prior mean: {number(dead)} m)" if known(dead) else ""
         sentences.append(f"The path of the final hypothesis is {number(error)} m (RMS) from the true one{beside}.")
     return sentences
+
+
+def _wrong_classes(objects: list[ObjectView]) -> str:
+    """Which objects on the map are surely taken for another class than their true one."""
+    wrong = [view for view in objects if view.exists and view.certain and view.is_wrong]
+    if not wrong:
+        return ""
+    named = listed(
+        [f"that of object {view.label} is {view.true_class}, not {view.class_name}" for view in wrong[:NAMED]]
+    )
+    start = "One class held for known is" if len(wrong) == 1 else f"{len(wrong)} classes held for known are"
+    return f"{start} wrong: {named}{', …' if len(wrong) > NAMED else ''}."

@@ -26,7 +26,7 @@ def percent(value: float) -> str:
         return "> 99.9 %"
     if value < 0.0005:
         return "< 0.1 %"
-    return f"{100 * value:.1f} %" if 0.995 < value < 1.0 - 1e-9 or value < 0.01 else f"{100 * value:.0f} %"
+    return f"{100 * value:.1f} %" if 0.995 <= value < 1.0 - 1e-9 or value < 0.01 else f"{100 * value:.0f} %"
 
 
 def listed(items: list[str], word: str = "and") -> str:

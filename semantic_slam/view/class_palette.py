@@ -4,10 +4,14 @@ import numpy as np
 
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.report.drawing.palette import CLASS_COLOURS, OTHER_COLOUR, class_colours
+from semantic_slam.report.shown.objects import EXISTS
 
 
 class ClassPalette:
-    """Gives the colours there are to the classes that objects were first found to be, where there are more classes."""
+    """Gives the colours there are to the classes that objects were first found to be, where there are more classes.
+
+    Objects that hardly exist get none: they would use up the colours.
+    """
 
     def __init__(self) -> None:
         self._names: tuple[str, ...] = ()
@@ -20,7 +24,8 @@ class ClassPalette:
             return class_colours(count)
         if belief.class_names != self._names:
             self._names, self._coloured = belief.class_names, []
-        for number in np.argmax(belief.class_probabilities, axis=1).tolist() if len(belief.object_ids) else ():
+        there = belief.class_probabilities[~(belief.existence < EXISTS)]
+        for number in np.argmax(there, axis=1).tolist() if len(there) else ():
             if number not in self._coloured and len(self._coloured) < len(CLASS_COLOURS):
                 self._coloured.append(number)
         colour_of = dict(zip(self._coloured, CLASS_COLOURS, strict=False))

@@ -5,6 +5,7 @@ import jinja2
 from semantic_slam.report.rendering import environment
 
 HTML, CSS, SCRIPT = ("text/html; charset=utf-8", "text/css; charset=utf-8", "text/javascript; charset=utf-8")
+ICON = "image/svg+xml"
 
 
 def assets() -> dict[str, tuple[str, bytes]]:
@@ -20,6 +21,7 @@ def assets() -> dict[str, tuple[str, bytes]]:
 
     return {
         "/": (HTML, parts.get_template("view.html").render().encode()),
+        "/icon.svg": (ICON, part("icon.svg")),
         "/report.css": (CSS, part("report.css")),
         "/view.css": (CSS, part("view.css")),
         **{f"/{name}": (SCRIPT, part(name)) for name in ("map.js", "space.js", "plots.js", "view.js")},

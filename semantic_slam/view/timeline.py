@@ -127,7 +127,7 @@ class Timeline:
 
 def _numbers(belief: HybridBelief) -> dict[str, float | None]:
     values = {name: float(getattr(belief, name)) for name in NUMBERS}
-    return {name: round(value, 6) if np.isfinite(value) else None for name, value in values.items()}
+    return {name: float(f"{value:.10g}") if np.isfinite(value) else None for name, value in values.items()}
 
 
 def _points(scene: dict[str, Any], rows: list[list[float]]) -> list[list[float]]:

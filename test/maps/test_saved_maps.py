@@ -30,6 +30,7 @@ from semantic_slam.maps.from_run import saved_map_of_engine
 from semantic_slam.maps.map_file import FORMAT, packed, read_map, read_map_prior, with_id, write_map
 from semantic_slam.maps.merging import merged
 from semantic_slam.maps.saved_map import Provenance, SavedMap
+from semantic_slam.maps.telling import lines_of
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +161,14 @@ def test_seeing_one_object_tells_where_the_others_are(known: SavedMap) -> None:
         spreads.append(belief.object_covariances[1:, 0, 0])
     together, apart = spreads
     assert (together < 0.5 * apart).all()
+
+
+def test_the_sigma_shown_is_that_of_the_direction_in_which_a_place_is_known_worst(known: SavedMap) -> None:
+    """0.5 m along 30 degrees and 0.1 m across it."""
+    axis, covariances = np.array([math.cos(math.pi / 6), math.sin(math.pi / 6)]), known.objects.covariances.copy()
+    covariances[0, :2, :2] = 0.01 * np.eye(2) + 0.24 * np.outer(axis, axis)
+    lines = lines_of(replace(known, objects=replace(known.objects, covariances=covariances)))
+    assert lines[3].split()[4] == "0.500"
 
 
 def test_a_map_knows_which_map_it_came_from(known: SavedMap) -> None:

@@ -71,7 +71,7 @@ def test_the_chart_draws_both_and_says_what_they_mean() -> None:
         ("last 10 keyframes", 0.02),
         ("since the start", 0.15),
     ]
-    assert str(chart.svg).count("<polyline") == 2 and "only grows" in chart.text
+    assert str(chart.svg).count("<polyline") == 2 and "found again later is taken off both" in chart.text
 
 
 @pytest.mark.parametrize(("lately", "shown"), [(0.02, "2 %"), (np.nan, "–")])

@@ -40,9 +40,11 @@ def test_every_object_has_an_account_with_pictures_of_its_views(folder):
         assert account.count("<p>") == 3 and account.count('<img class="crop"') == NUM_FRAMES
         assert "<td>prior</td>" in account and "<td>earlier views revised</td>" in account
     assert "The replay reproduces the recorded beliefs" in page and "<i>cup" not in page
-    assert '"#why-" + about.id' in page
+    assert '"#why-" + about.id' in page and "--explain" not in page
 
 
 def test_nothing_is_inferred_anew_where_nobody_asks(folder):
     make_report(folder / "belief", folder / "without", folder / "input")
-    assert 'id="evidence"' not in (folder / "without" / "report.html").read_text(encoding="utf-8")
+    page = (folder / "without" / "report.html").read_text(encoding="utf-8")
+    assert 'id="evidence"' not in page
+    assert "A report made with <code>--explain</code> says of each object why" in page

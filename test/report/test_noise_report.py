@@ -1,5 +1,7 @@
 """What a report says of the noise that beliefs have inferred."""
 
+import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +43,21 @@ def test_the_band_is_one_standard_deviation_each_way() -> None:
     np.testing.assert_array_equal([values, sigmas], [[0.0, 0.01, 0.02], [0.05, 0.03, 0.01]])
 
 
+def drawn_low(name: str, value: float, sigma: float) -> float:
+    """Ordinate on the page [px, downwards] to which the band of a quantity reaches."""
+    (chart,) = noise_charts(tuple(told(k, {name: (value, sigma)}) for k in range(2)))
+    plot = re.search(r'<polygon[^>]* points="([^"]*)"', str(chart.svg))
+    assert plot is not None
+    return max(float(point.split(",")[1]) for point in plot[1].split())
+
+
+def test_the_band_of_what_cannot_be_negative_ends_at_zero() -> None:
+    """The scale of the plot begins there, too, so that the band reaches its lower edge; that of a bias does not."""
+    clutter, bias = drawn_low("open_world.clutter_per_frame", 0.1, 0.3), drawn_low(BIAS, 0.1, 0.3)
+    edge = drawn_low("open_world.clutter_per_frame", 0.1, 0.1)
+    assert clutter == edge > bias
+
+
 def test_an_infinite_mean_is_left_out_of_the_chart() -> None:
     half_range = "open_world.detection_half_range_m"
     beliefs = (told(0, {half_range: (np.inf, np.nan)}), told(1, {half_range: (3.0, 0.5)}))
@@ -48,6 +65,12 @@ def test_an_infinite_mean_is_left_out_of_the_chart() -> None:
     np.testing.assert_array_equal(chart.keys[0].values, [np.nan, 3.0])
     assert "nan" not in chart.svg and "inf" not in chart.svg
     assert noise_charts(beliefs[:1]) == []
+
+
+def test_a_density_is_per_square_metre_in_the_plane_and_per_cubic_metre_in_space() -> None:
+    belief = told(0, {"open_world.birth_density": (0.2, 0.1)})
+    texts = [noise_charts((dataclasses.replace(belief, planar=planar),))[0].text for planar in (True, False)]
+    assert "Objects per square metre" in texts[0] and "Objects per cubic metre" in texts[1]
 
 
 def test_the_document_has_the_final_values() -> None:

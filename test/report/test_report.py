@@ -335,10 +335,11 @@ def test_a_probability_that_rounding_takes_beyond_one_is_not_beyond_the_scale() 
 
 
 def test_wording_never_rounds_doubt_away() -> None:
-    assert [percent(value) for value in (1.0, 0.9999, 0.998, 0.5, 0.0)] == [
+    assert [percent(value) for value in (1.0, 0.9999, 0.998, 0.995, 0.5, 0.0)] == [
         "100 %",
         "> 99.9 %",
         "99.8 %",
+        "99.5 %",
         "50 %",
         "0 %",
     ]

@@ -1,5 +1,6 @@
 """Reports of many bags: one page beside the reports, and no bag's fault ends another's run."""
 
+import html
 import json
 import shutil
 import sys
@@ -14,7 +15,8 @@ from worlds.processes.installed import ROOT
 from semantic_slam.cli.bag_to_report import main, parse
 from semantic_slam.cli.many_reports import names_of, report_many
 from semantic_slam.errors import InputError
-from semantic_slam.report.summary import SummaryRow, summary_files
+from semantic_slam.report.metrics_table import MEANINGS
+from semantic_slam.report.summary import SHOWN_METRICS, SummaryRow, summary_files
 
 BAG = ROOT / "bags" / "standing.mcap"
 
@@ -74,6 +76,14 @@ def test_what_a_bag_is_called_is_text_on_the_page() -> None:
     row = SummaryRow(name="<b>x</b>", bag="x", fault="<script>", metrics={"ate_aligned_m": None})
     page = summary_files([row])["index.html"]
     assert "&lt;b&gt;x&lt;/b&gt;" in page and "<b>x</b>" not in page and "&lt;script&gt;" in page
+
+
+def test_a_metric_of_the_summary_says_by_itself_what_it_is() -> None:
+    row = SummaryRow(name="drive", bag="x", fault="", metrics=dict.fromkeys(SHOWN_METRICS, 0.5))
+    page = html.unescape(summary_files([row])["index.html"])
+    for name in SHOWN_METRICS:
+        assert f'title="{MEANINGS[name]}">{name}</th>' in page
+    assert not [text for text in MEANINGS.values() if "that path" in text or "the same" in text]
 
 
 @pytest.mark.long

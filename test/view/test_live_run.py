@@ -109,6 +109,13 @@ def test_what_may_not_exist_is_told_with_its_existence() -> None:
     assert whole(run)["frames"][0]["e"] == [[1, 0.4], [6, 0.98]]
 
 
+def test_a_small_probability_is_not_told_as_none() -> None:
+    run = LiveRun("/belief")
+    run.add_belief(dataclasses.replace(belief(0), unexplained=3.4e-19, discarded_mass=1.0 / 3.0))
+    (frame,) = whole(run)["frames"]
+    assert frame["unexplained"] == 3.4e-19 and frame["discarded_mass"] == 0.3333333333
+
+
 def test_another_run_is_another_session() -> None:
     run = follow(LiveRun(), 0, 1, 2)
     began = run.session

@@ -48,7 +48,7 @@ def test_the_page_has_all_its_parts_from_here(server: ViewServer) -> None:
     assert policy.startswith("default-src 'none'") and "unsafe" not in policy and "http" not in policy
     text = contents.decode()
     assert "style=" not in text and "<script>" not in text  # the policy would refuse both
-    for part in ("/report.css", "/view.css", "/map.js", "/space.js", "/plots.js", "/view.js"):
+    for part in ("/icon.svg", "/report.css", "/view.css", "/map.js", "/space.js", "/plots.js", "/view.js"):
         assert part in text and get(server, part)[0] == 200
 
 

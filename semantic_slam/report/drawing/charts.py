@@ -130,7 +130,7 @@ def discarded_chart(beliefs: tuple[HybridBelief, ...]) -> Chart:
     plot.line(keyframes(beliefs), lately, "line first")
     text = (
         "Probability that was pruned or never enumerated, 1 − ∏(1 − d). Stated probabilities are no better than what"
-        f" was discarded in the last {RECENT_KEYFRAMES} keyframes; the sum since the start only grows."
+        f" was discarded in the last {RECENT_KEYFRAMES} keyframes. What is found again later is taken off both."
     )
     keys = [Key("first", f"last {RECENT_KEYFRAMES} keyframes", lately), Key("second", "since the start", mass)]
     return Chart("Discarded mass", text, keys, plot.svg())

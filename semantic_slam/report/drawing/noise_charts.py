@@ -29,6 +29,19 @@ MEANINGS = {
     "open_world.direction_rad": "Radians; bearing of the middle of the sensor's region.",
 }
 
+SIGNED = {
+    *("odometry.bias_rad_per_m", "odometry.bias_scale", "odometry.bias_turn_scale", "odometry.clock_offset_s"),
+    *("detection_errors.range_offset_m", "detection_errors.yaw_rad", "open_world.direction_rad"),
+}
+"""Quantities that may be negative."""
+SHARES = {
+    *("odometry.slipped", "perception.ranges_are_depth", "detection_errors.correlated_share"),
+    *("open_world.detection_probability", "open_world.miss_persistence"),
+}
+"""Quantities from 0 to 1."""
+IN_SPACE = {"open_world.birth_density": "Objects per cubic metre where nothing was seen yet."}
+"""Meanings of quantities whose unit is another one in space."""
+
 
 def noise_charts(beliefs: tuple[HybridBelief, ...]) -> list[Chart]:
     """A chart of each quantity that the last belief names, and of which some belief has a finite mean."""
@@ -52,19 +65,26 @@ def _place(belief: HybridBelief, name: str) -> int | None:
     return belief.noise_names.index(name) if name in belief.noise_names else None
 
 
+def _limits(name: str) -> tuple[float, float]:
+    """The least and the largest value that a quantity can have; a band of one standard deviation ends there."""
+    least = 0.0 if name in MEANINGS and name not in SIGNED else -np.inf
+    return least, 1.0 if name in SHARES else np.inf
+
+
 def _course(beliefs: tuple[HybridBelief, ...], name: str) -> Chart:
     values, sigmas = noise_course(beliefs, name)
-    spread = np.nan_to_num(sigmas)
-    low, high = values - spread, values + spread
+    spread, (least, most) = np.nan_to_num(sigmas), _limits(name)
+    low, high = np.clip(values - spread, least, most), np.clip(values + spread, least, most)
     bottom, top = float(np.nanmin(low)), float(np.nanmax(high))
     room = 0.08 * (top - bottom) or max(0.1 * abs(top), 1e-3)
-    plot = time_plot(beliefs, bottom - room, top + room, name)
+    plot = time_plot(beliefs, max(bottom - room, least), top + room, name)
     with_band = np.isfinite(sigmas)
     if with_band.any():
         plot.area(keyframes(beliefs)[with_band], low[with_band], high[with_band], "#e4eef8")
     plot.axes()
     plot.line(keyframes(beliefs), values, "line first")
-    text = MEANINGS.get(name, "")
+    text = IN_SPACE.get(name, "") if not beliefs[-1].planar else ""
+    text = text or MEANINGS.get(name, "")
     band = "Shaded: one standard deviation, over the hypotheses." if with_band.any() else ""
     return Chart(
         name, f"{text} {band}".strip(), [Key("first", "mean" if band else "value", values.tolist())], plot.svg()

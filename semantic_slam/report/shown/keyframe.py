@@ -17,6 +17,10 @@ MOVED_M, CHANGED = 0.01, 0.004
 """An object is written again when it moved this far, or its probabilities, size or height changed this much."""
 CERTAIN = 0.99
 """Existence from which on an object is drawn as any other."""
+BEFORE_CLASSES = 7
+"""Numbers of an object before its class probabilities: x, y, yaw, ellipse, sigma of yaw."""
+ALMOST, QUITE = 0.9996, 1e-9
+"""What is written of a probability that is larger, and how near to 1 it counts as 1."""
 NO_HEADING_RAD = 3.142
 """Standard deviation of the heading of a point."""
 
@@ -54,7 +58,7 @@ def hypothesis_rows(belief: HybridBelief, rows: list[int], place: dict[int, int]
     """
     floor_plan = [planar_from_pose_vector(belief.poses), ellipses(belief.pose_covariances)]
     space = [] if belief.planar else [belief.poses[:, 2:], principal_axes(belief.pose_covariances)]
-    states = np.column_stack([np.exp(belief.log_weights), *floor_plan, *space])
+    states = np.column_stack([_not_quite(np.exp(belief.log_weights)), *floor_plan, *space])
     return [[place.get(int(belief.parent_ids[row]), -1), *rounded(states[row], 4)] for row in rows]
 
 
@@ -69,7 +73,7 @@ def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dic
             planar_from_pose_vector(poses),
             ellipses(covariances),
             _heading_sigmas(belief),
-            belief.class_probabilities,
+            _not_quite(belief.class_probabilities),
             *([] if belief.planar else [poses[:, 2], principal_axes(covariances)]),
         ]
     )
@@ -77,7 +81,16 @@ def _changed_objects(belief: HybridBelief, numbers: dict[int, int], written: dic
     changed = _differs(states, before.reshape(states.shape)) & np.isfinite(states).all(axis=1)
     rows = [row for row in np.flatnonzero(changed) if int(belief.object_ids[row]) in numbers]
     written.update({int(belief.object_ids[row]): states[row] for row in rows})
-    return [[numbers[int(belief.object_ids[row])], *rounded(states[row])] for row in rows]
+    classes = slice(BEFORE_CLASSES, BEFORE_CLASSES + len(belief.class_names))
+    return [
+        [
+            numbers[int(belief.object_ids[row])],
+            *rounded(states[row, : classes.start]),
+            *rounded(states[row, classes], 4),
+            *rounded(states[row, classes.stop :]),
+        ]
+        for row in rows
+    ]
 
 
 def _heading_sigmas(belief: HybridBelief) -> Array:
@@ -112,10 +125,16 @@ def _places(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[lis
     return {"p": rows} if rows else {}
 
 
+def _not_quite(probabilities: Array) -> Array:
+    """Probabilities that rounding does not make certain if they are not."""
+    nearly = (probabilities > ALMOST) & (probabilities < 1.0 - QUITE)
+    return np.where(nearly, ALMOST, probabilities)
+
+
 def _differs(states: Array, before: Array) -> NDArray[np.bool_]:
     """(O,) whether states differ enough to be written; those never written before are NaN, and do."""
     step = np.abs(states - before)
-    same = (step[:, [0, 1, 3, 4]] <= MOVED_M).all(axis=1) & (step[:, 7:] <= CHANGED).all(axis=1)
+    same = (step[:, [0, 1, 3, 4]] <= MOVED_M).all(axis=1) & (step[:, BEFORE_CLASSES:] <= CHANGED).all(axis=1)
     return np.asarray(~same | np.isnan(before[:, 0]))
 
 

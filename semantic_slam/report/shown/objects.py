@@ -7,19 +7,20 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from semantic_slam.geometry.pose import largest_sigma_m
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.identities import has_own_name
 from semantic_slam.maps.from_belief import MOVES
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.drawing.charts import time_plot
-from semantic_slam.report.drawing.ellipse import ellipses
 from semantic_slam.report.shown.frames import CropView
-from semantic_slam.report.shown.space import principal_axes
 
 CERTAIN = 0.95
 """Probability of the most likely class from which an object counts as identified."""
 EXISTS = 0.5
 """Existence from which on an object counts as one of the map."""
+EQUAL = 1e-9
+"""Difference of probabilities below which neither class is likelier."""
 SHOWN_COURSES = 24
 SHOWN_MOMENTS = 240
 
@@ -31,7 +32,7 @@ class ObjectView:
     number: int
     label: str
     probabilities: list[float]  # (C,)
-    class_name: str
+    class_name: str  # most likely class; "" where no class is likelier than all others
     probability: float
     true_class: str  # "" unknown
     existence: float
@@ -46,6 +47,12 @@ class ObjectView:
     course: Markup | None
     doubt: Markup | None  # mutual information against keyframe, None where the run does not state it
     crop: CropView | None  # what it looks like, None without pictures
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether what has been seen of it, or is sure of it, names another class than the true one."""
+        told = self.class_name and (self.detections or self.certain)
+        return bool(told and self.true_class) and self.true_class != self.class_name
 
     @property
     def certain(self) -> bool:
@@ -87,19 +94,20 @@ def _view(
     number = int(last.object_ids[row])
     probabilities = last.class_probabilities[row]
     best = int(np.argmax(probabilities)) if len(probabilities) else -1
+    is_likeliest = best >= 0 and not np.any(np.delete(probabilities, best) > probabilities[best] - EQUAL)
     evaluation = analysis.evaluation
     return ObjectView(
         number=number,
         label=object_label(last, row),
         probabilities=probabilities.tolist(),
-        class_name=last.class_names[best] if best >= 0 else "",
+        class_name=last.class_names[best] if is_likeliest else "",
         probability=float(probabilities[best]) if best >= 0 else float("nan"),
         true_class=evaluation.true_classes.get(number, "") if evaluation else "",
         existence=float(last.existence[row]),
         moving=float(last.moving[row]),
         missing=float(last.missing[row]),
         position=last.object_poses[row, : _axes(last)].tolist(),
-        sigma_m=_sigma_m(last, row),
+        sigma_m=largest_sigma_m(last.object_covariances[row], _axes(last)),
         error_m=_error_m(analysis, last, row),
         mutual_information=float(last.mutual_information[row]),
         in_coverage=bool(last.in_coverage[row]),
@@ -113,13 +121,6 @@ def _view(
 def _axes(belief: HybridBelief) -> int:
     """How many coordinates of a place are estimated."""
     return 2 if belief.planar else 3
-
-
-def _sigma_m(belief: HybridBelief, row: int) -> float:
-    covariance = belief.object_covariances[row : row + 1]
-    if belief.planar:
-        return float(ellipses(covariance)[0, 0])
-    return float(np.linalg.norm(principal_axes(covariance)[0, 6:]))
 
 
 def _error_m(analysis: Analysis, last: HybridBelief, row: int) -> float:

@@ -4,6 +4,7 @@ const SVG = "http://www.w3.org/2000/svg";
 const REGION = Math.sqrt(5.991); // 95 % of a Gaussian in the plane
 const INK = "#14212b", GREY = "#6f7d89", SIGHT = "#0b62b8", MOVER = "#8a2be2";
 const TRAIL = 15, AHEAD = 2, VAGUE = 3, FAINTEST = .15; // keyframes behind what moves, seconds ahead of it, sigma [m] from which on it is gone, opacity
+const GAP = 2, NAMED = .2; // pixels beside a name, existence from which on an object has one; the likeliest choose their places first
 
 // Objects are stored where they change, and without values where they are gone: what holds after a frame.
 function objectsAfter(before, frame) {
@@ -29,7 +30,13 @@ function html(parent, name, className, text) {
 }
 
 const round = value => Math.round(value * 10) / 10;
-const percent = p => p >= 0.9995 ? "100 %" : p > 0.995 ? (100 * p).toFixed(1) + " %" : (100 * p).toFixed(0) + " %";
+function percent(p) { // as `wording.percent`: never rounded to 0 or 100 what is neither
+  if (p <= 0) return "0 %";
+  if (p >= 1 - 1e-9) return "100 %";
+  if (p >= .9995) return "> 99.9 %";
+  if (p < .0005) return "< 0.1 %";
+  return (100 * p).toFixed(p >= .995 || p < .01 ? 1 : 0) + " %";
+}
 
 function track(i, j) { // rows from hypothesis j of keyframe i back to its root
   const rows = [];
@@ -56,6 +63,19 @@ function shownObjects(objects, frame) { // [place in the list, probability, valu
   for (const [place, ...own] of frame.p || []) several.set(place, [...(several.get(place) || []), own]);
   return objects.flatMap((o, place) => !o ? [] : !several.has(place) ? [[place, 1, o]] :
     several.get(place).map(([p, x, y, a, b, angle, ...inSpace]) => [place, p, [x, y, o[2], a, b, angle, ...o.slice(6, 7 + scene.classes.length), ...inSpace]]));
+}
+
+const widths = new Map(); // of names, in CSS pixels
+function freePlace(px, py, wide, taken, width, height, off) { // of a name near a point: right, in the middle or left, above or below; null: nowhere
+  const right = px + off, left = px - off - wide, middle = px - wide / 2;
+  for (const [x, y] of [[right, py - 7], [right, py + 15], [middle, py - off - 3], [middle, py + off + 12], [left, py - 7], [left, py + 15]]) {
+    const box = [x - GAP, y - 11, x + wide + GAP, y + 4];
+    if (box[0] < 0 || box[1] < 0 || box[2] > width || box[3] > height) continue;
+    if (taken.some(b => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) continue;
+    taken.push(box);
+    return [x, y];
+  }
+  return null;
 }
 
 class MapView {
@@ -106,7 +126,8 @@ class MapView {
     for (const j of order) this.robot(frame.h[j], j === best);
     this.scaleBar(step);
     if (this.small) return;
-    for (const [place, , o] of shown) this.fading(exists.get(place), () => this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
+    const sure = ([place]) => exists.get(place) ?? 1, named = shown.filter(own => sure(own) >= NAMED).sort((a, b) => sure(b) - sure(a));
+    for (const [place, , o] of named) this.fading(exists.get(place), () => this.label(this.x(o[0]), this.y(o[1]), nameOf(place, o)));
     for (const [place, , o] of shown) this.question(this.x(o[0]), this.y(o[1]), scene.objects[place]);
   }
 
@@ -125,7 +146,7 @@ class MapView {
     for (const [stroke, width] of [["#fff", 6], [GREY, 2]])
       make(this.svg, "line", { x1: x, x2: x + length, y1: y, y2: y, stroke, "stroke-width": width * u });
     make(this.svg, "text", { class: "scale", x: x + length + 6 * u, y: y + 4 * u, "font-size": 12 * u, "stroke-width": 4 * u }, text);
-    this.labels.push([x, y - 7 * u, x + length + (6 + 7.5 * text.length) * u, this.height]);
+    this.labels.push([x, y - 7 * u, x + length + (6 + 7.5 * text.length) * u, this.height].map(value => value / u)); // as all labels, in CSS pixels
   }
 
   ellipse(x, y, a, b, angle, attributes) {
@@ -170,15 +191,13 @@ class MapView {
     make(this.svg, "path", { d: `M${ax} ${ay}L${bx} ${by}M${wing(1)}L${bx} ${by}L${wing(-1)}`, fill: "none", stroke: MOVER, "stroke-width": 2 * u });
   }
 
-  label(px, py, text) { // beside a point, where no other label stands: right or left, above or below
-    const u = this.u, width = 7.5 * u * text.length;
-    for (const [x, y] of [[px + 12 * u, py - 8 * u], [px + 12 * u, py + 16 * u], [px - 12 * u - width, py - 8 * u], [px - 12 * u - width, py + 16 * u]]) {
-      const box = [x, y - 11 * u, x + width, y + 3 * u];
-      if (this.labels.some(b => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) continue;
-      this.labels.push(box);
-      make(this.svg, "text", { class: "name", x, y, "font-size": 13 * u, "stroke-width": 3 * u }, text);
-      return;
-    }
+  label(px, py, text) { // beside a point, within the frame and where no other label stands
+    const u = this.u, element = make(this.svg, "text", { class: "name", "font-size": 13 * u, "stroke-width": 3 * u }, text);
+    if (!widths.has(text)) widths.set(text, element.getComputedTextLength() / u);
+    const place = freePlace(px / u, py / u, widths.get(text), this.labels, this.width / u, this.height / u, 12);
+    if (!place) return element.remove();
+    element.setAttribute("x", round(place[0] * u));
+    element.setAttribute("y", round(place[1] * u));
   }
 
   pie(x, y, r, p) {

@@ -130,7 +130,8 @@ class SpaceView {
     for (const h of frame.h) if (h !== best) this.ellipsoid(placeOf(h), axesOf(h.slice(13)), GREY, .5);
     this.ellipsoid(placeOf(best), axesOf(best.slice(13)), INK, 1);
     this.camera(best, LARGE, INK, 1.6, 1);
-    for (const { place, o, at, opacity } of shown.reverse()) {
+    const sure = ({ place }) => exists.get(place) ?? 1, named = shown.reverse().filter(own => sure(own) >= NAMED).sort((a, b) => sure(b) - sure(a));
+    for (const { place, o, at, opacity } of named) {
       this.opacity = opacity;
       this.label(at, nameOf(place, o));
     }
@@ -216,16 +217,11 @@ class SpaceView {
     });
   }
 
-  label([px, py], text) { // beside a point, where no other label stands
+  label([px, py], text) { // beside a point in view, within the canvas and where no other label stands
+    if (px < 0 || py < 0 || px > this.width || py > this.height) return;
     this.pen.font = this.font("600 13px");
-    const wide = this.pen.measureText(text).width;
-    for (const [x, y] of [[px + 9, py - 6], [px + 9, py + 15], [px - 9 - wide, py - 6], [px - 9 - wide, py + 15]]) {
-      const box = [x, y - 12, x + wide, y + 3];
-      if (this.labels.some(b => box[0] < b[2] && b[0] < box[2] && box[1] < b[3] && b[1] < box[3])) continue;
-      this.labels.push(box);
-      this.text(text, x, y, INK, "600 13px");
-      return;
-    }
+    const place = freePlace(px, py, this.pen.measureText(text).width, this.labels, this.width, this.height, 9);
+    if (place) this.text(text, ...place, INK, "600 13px");
   }
 
   text(words, x, y, colour, size) {

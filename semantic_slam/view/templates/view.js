@@ -116,7 +116,8 @@ function tell({ state, run, health, dropped }) { // how the run goes, and its no
   part("crosses").hidden = !scene.crosses.length;
   const last = scene.frames.at(-1), legend = part("classes");
   document.title = last ? `${last.k} · semantic SLAM` : "semantic SLAM";
-  const coloured = scene.classes.filter(c => !c.shared), key = JSON.stringify(coloured);
+  const own = scene.classes.filter(c => !c.shared), other = scene.classes.find(c => c.shared);
+  const coloured = other ? [...own, { name: "other classes", colour: other.colour }] : own, key = JSON.stringify(coloured);
   if (legend.key !== key) {
     legend.key = key;
     legend.replaceChildren();
