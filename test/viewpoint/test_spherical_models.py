@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from worlds.views.synthetic_views import FEATURES, expected_on_sphere, spherical_samples, synthetic_samples
 
+from semantic_slam import Configuration, Engine, Keyframe
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.contracts.viewpoint_model import ViewpointModelContract
@@ -96,6 +97,18 @@ class TestSphericalProcess(ViewpointModelContract):
             np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
         with pytest.raises(InputError, match="gp_independent"):
             load_model(SemanticModelConfiguration(kind="gp_correlated", path=str(path)))
+
+    def test_a_planar_run_refuses_what_it_would_evaluate_from_the_wrong_height(
+        self, fitted: SphericalProcessModel, tmp_path: Path
+    ) -> None:
+        save_model(fitted, path := tmp_path / "models.safetensors", {})
+        own = {"association": "open", "semantic_model": {"kind": "gp_independent", "path": str(path)}}
+        with pytest.raises(InputError, match="tells heights apart, which needs state_space: spatial; set that, or fit"):
+            Engine(Configuration.of(**own)).process(Keyframe.planar(0))
+        world = {"iterate_updates": True, "classes": "carried", "field_of_view_rad": 1.2}
+        start = {"mean": [0.0] * 6, "sigma": [0.01] * 6}
+        spatial = Engine(Configuration.of(**own, state_space="spatial", open_world=world, initial_pose=start))
+        assert len(spatial.process(Keyframe.spatial(0)).objects) == 0
 
 
 def test_views_of_one_height_are_those_of_the_plane_bit_for_bit() -> None:
