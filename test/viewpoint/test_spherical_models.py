@@ -120,6 +120,20 @@ def test_views_of_one_height_are_those_of_the_plane_bit_for_bit() -> None:
         np.testing.assert_array_equal(getattr(flat.fits[0], item.name), getattr(raised.fits[0], item.name))
 
 
+@pytest.mark.parametrize(("heights_deg", "step_deg"), [((60, 55), 36), ((75, 70), 60), ((0, 30), 36), ((0,), 36)])
+def test_steps_between_views_are_angles_on_the_sphere(heights_deg: tuple[int, ...], step_deg: int) -> None:
+    """Views from above lie closer together than their azimuths, and do not cover the horizon."""
+    azimuth = np.deg2rad(np.arange(0.0, 360.0, step_deg))
+    lowest = np.deg2rad(min(heights_deg))
+    step = 2.0 * np.arcsin(np.cos(lowest) * np.sin(np.deg2rad(0.5 * step_deg)))  # of the great circle
+    samples = spherical_samples(0).select(np.arange(len(azimuth) * len(heights_deg)))
+    told = np.repeat(np.deg2rad(np.array(heights_deg, dtype=np.float64)), len(azimuth))
+    fit = fit_class(replace(samples, azimuth_rad=np.tile(azimuth, len(heights_deg)), elevation_rad=told))
+    assert fit.coverage_rad == pytest.approx(1.5 * step, rel=0.05)
+    if lowest == 0.0:
+        assert fit.coverage_rad == pytest.approx(1.5 * np.deg2rad(step_deg), rel=1e-6)
+
+
 def test_left_out_means_on_the_sphere_are_those_of_a_posterior_without_the_view(fitted: SphericalProcessModel) -> None:
     fit, index = fitted.fits[0], 31
     others = np.arange(fit.azimuth_rad.size) != index
