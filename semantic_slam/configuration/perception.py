@@ -61,7 +61,8 @@ class PerceptionConfiguration:
     sigma_range_per_m2: float = parameter(
         0.0,
         "standard deviation of the range per square metre of it, besides both: of stereo that of a disparity [px] over"
-        " focal length [px] times baseline [m]; in the plane boxes with depth have sigma_range_m alone",
+        " focal length [px] times baseline [m]; aside of the optical axis it counts times the cosine; in the plane"
+        " boxes with depth have sigma_range_m alone",
         minimum=0.0,
     )
     sigma_range_scale: float = parameter(

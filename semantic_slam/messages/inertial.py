@@ -21,8 +21,10 @@ UNTOUCHED = np.array([0.0, 0.0, 0.0, 1.0])
 """Default orientation of a message that was not filled in (together with a zero covariance)."""
 NEARLY = 0.1
 """Tolerance of a quaternion's norm about 1."""
-MOST_M_S2, MOST_VARIANCE = 1e3, 1e3
-"""Largest plausible acceleration [m/s^2], and largest variance [rad^2] that is informative."""
+MOST_M_S2, MOST_COVARIANCE = 1e3, 1e3
+"""Largest plausible acceleration [m/s^2], and entry of a covariance [rad^2]."""
+UNKNOWN_VARIANCE = 1.0
+"""Variance [rad^2] of roll or pitch above which an orientation is not provided: many drivers state 1e6 for unknown."""
 
 
 @dataclass(frozen=True)
@@ -32,18 +34,19 @@ class ImuReading:
     frame_id: str
     up: Array | None = None  # (3,) unit vector from the orientation; None: not provided
     variance: float = np.nan  # of ``up`` [rad^2], about each transverse axis; NaN: not provided
-    acceleration: Array | None = None  # (3,) [m/s^2], upwards at rest; None: not provided or not needed
+    acceleration: Array | None = None  # (3,) [m/s^2], upwards at rest; None: not provided
     fault: str = ""  # why a part of it cannot be used
 
 
 def imu_reading(message: Any) -> ImuReading:
-    """Parse a sensor_msgs/Imu; accelerations are ignored where it has an orientation."""
-    frame_id = plain_frame(message.header.frame_id)
+    """Parse a sensor_msgs/Imu."""
+    frame_id, acceleration = plain_frame(message.header.frame_id), shown_acceleration(message)
     turn, covariance = _quaternion(message), np.asarray(message.orientation_covariance, dtype=np.float64)
-    is_told = covariance[0] != NOT_TOLD and not (np.array_equal(turn, UNTOUCHED) and not covariance.any())
+    variance = _variance(covariance.reshape(3, 3))
+    is_untouched = np.array_equal(turn, UNTOUCHED) and not covariance.any()
+    is_told = covariance[0] != NOT_TOLD and not is_untouched and not variance > UNKNOWN_VARIANCE
     if is_told and (np.abs(turn) < 2.0).all() and abs(np.linalg.norm(turn) - 1.0) <= NEARLY:
-        return ImuReading(frame_id, so3.matrix(so3.normalised(turn))[2], _variance(covariance.reshape(3, 3)))
-    acceleration = shown_acceleration(message)
+        return ImuReading(frame_id, so3.matrix(so3.normalised(turn))[2], variance, acceleration)
     fault = "orientation that is no rotation" if is_told else ""
     if acceleration is None:
         fault = fault or "neither an orientation nor accelerations"
@@ -67,7 +70,7 @@ def _variance(covariance: Array) -> float:
     """Larger variance of roll and pitch, about the world axes; NaN where not provided (zeros mean unknown)."""
     if not np.isfinite(covariance[:2, :2]).all():
         return np.nan
-    tilt = np.clip(covariance[:2, :2], -MOST_VARIANCE, MOST_VARIANCE)
+    tilt = np.clip(covariance[:2, :2], -MOST_COVARIANCE, MOST_COVARIANCE)
     least, most = np.linalg.eigvalsh(0.5 * (tilt + tilt.T))
     return float(most) if least > 0.0 else np.nan
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.geometry.arrays import Array, Flags, Index
+from semantic_slam.geometry.pose import rotation_matrix
 from semantic_slam.geometry.rows import take
 from semantic_slam.geometry.sightline import in_plane, place_of_point
 from semantic_slam.perception.boxes.box_rays import as_places, ray_covariances
@@ -87,7 +88,7 @@ def points_of_boxes(
     """
     rays, across = ray_covariances(boxes, cut, camera, T_base_camera, settings)
     along = rays[:, :, None] * rays[:, None, :]
-    by_range = range_variances(distances_m, settings)
+    by_range = range_variances(distances_m, settings, rays @ rotation_matrix(T_base_camera[3:])[:, 2])
     covariances = by_range[:, None, None] * along + (distances_m**2)[:, None, None] * across
     return SpatialPoints(T_base_camera[:3] + rays * distances_m[:, None], covariances)
 

@@ -15,6 +15,8 @@ CENTRAL_FRACTION = 0.6
 """Central fraction of a box's width and height in which depth is read."""
 DEPTH_PERCENTILE = 30.0
 """Percentile of the valid depths in a box; below the median, as background is only ever farther than the object."""
+NOISE_SIGMAS, NOISE_STEPS = 1.5, 5
+"""Half width, in standard deviations of stereo, of the window whose median replaces that percentile, and how often."""
 LEAST_READINGS = 5
 """Smallest number of valid depth pixels at which a box has a depth."""
 
@@ -40,8 +42,12 @@ def viewing_rays(boxes: Array, camera: CameraModel) -> Array:
     return pixel_rays(0.5 * (boxes[:, :2] + boxes[:, 2:]), camera)
 
 
-def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -> float:
-    """Depth of the object's visible surface along the optical axis, metres; NaN when too few readings are valid."""
+def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float, sigma_per_m2: float = 0.0) -> float:
+    """Depth of the object's visible surface along the optical axis, metres; NaN when too few readings are valid.
+
+    ``sigma_per_m2``: standard deviation of a depth per square metre of it, of stereo. A percentile below the median
+    would be nearer than the surface by a share of the noise; so the median of depths about it takes its place.
+    """
     height, width = depth_m.shape
     centre, half = 0.5 * (box[:2] + box[2:]), 0.5 * CENTRAL_FRACTION * (box[2:] - box[:2])
     low = np.clip(np.floor(centre - half), 0, (width, height)).astype(int)
@@ -50,7 +56,11 @@ def depth_in_box(depth_m: NDArray[np.float32], box: Array, max_depth_m: float) -
     valid = values[np.isfinite(values) & (values > 0.0) & (values <= max_depth_m)]
     if valid.size < LEAST_READINGS:
         return float("nan")
-    return float(np.percentile(valid, DEPTH_PERCENTILE))
+    depth = float(np.percentile(valid, DEPTH_PERCENTILE))
+    for _ in range(NOISE_STEPS if sigma_per_m2 > 0.0 else 0):
+        near = valid[np.abs(valid - depth) <= NOISE_SIGMAS * sigma_per_m2 * depth**2]
+        depth = float(np.median(near)) if near.size else depth
+    return depth
 
 
 def elevation(box: Array, camera: CameraModel, T_base_camera: Array) -> float:
@@ -72,7 +82,9 @@ def range_and_bearing(
     visible width. One half is right for a cylinder and for a square box seen face on or corner on.
     """
     ray = viewing_ray(box, camera)
-    depth = float("nan") if depth_m is None else depth_in_box(depth_m, box, configuration.max_depth_m)
+    depth, noise = float("nan"), configuration.sigma_range_per_m2
+    if depth_m is not None:
+        depth = depth_in_box(depth_m, box, configuration.max_depth_m, noise)
     bearing_variance = configuration.sigma_bearing_rad**2
     if np.isnan(depth):
         direction = rotated_by_matrix(rotation_matrix(T_base_camera[3:]), ray)

@@ -54,18 +54,16 @@ def start_of(configuration: Configuration, told: PoseEstimate | None, first: Key
     """Start pose (7,) and covariance (6, 6), before the motion of the first keyframe. Raises InputError.
 
     A pose ``told`` by topic initialpose is taken unchanged. Otherwise a gravity measurement in the first keyframe gives
-    the body's roll and pitch. Since inference uses that measurement, too, the covariance of roll and pitch is widened
-    to :data:`ANY_TILT_RAD`, so that it does not count twice.
+    the body's roll and pitch, unless it is less exact than :data:`ANY_TILT_RAD`. Since inference uses that measurement,
+    too, the covariance of roll and pitch is widened to that value, so that it does not count twice.
     """
     if told is not None:
         return told.pose, told.covariance
     pose, covariance = initial_pose_of(configuration)
     if first.level is None or unused_because(configuration):
         return pose, covariance
-    tilted = so3.upright(so3.rotated(first.odometry[3:], first.level[:3]))
-    ahead = so3.matrix(pose[3:])[:, 0]
-    yaw = so3.exp(np.array([0.0, 0.0, np.arctan2(ahead[1], ahead[0])]))
-    return np.append(pose[:3], so3.product(yaw, tilted)), without_tilt(covariance)
+    has_tilt = first.level[3] <= ANY_TILT_RAD**2
+    return (_tilted(pose, first) if has_tilt else pose), without_tilt(covariance)
 
 
 def without_tilt(covariance: Array) -> Array:
@@ -74,3 +72,12 @@ def without_tilt(covariance: Array) -> Array:
     wide[TILT] = wide[:, TILT] = 0.0
     wide[TILT, TILT] = ANY_TILT_RAD**2
     return wide
+
+
+def _tilted(pose: Array, first: Keyframe) -> Array:
+    """(7,) start pose with the roll and pitch of the gravity measurement in the first keyframe."""
+    assert first.level is not None
+    tilted = so3.upright(so3.rotated(first.odometry[3:], first.level[:3]))
+    ahead = so3.matrix(pose[3:])[:, 0]
+    yaw = so3.exp(np.array([0.0, 0.0, np.arctan2(ahead[1], ahead[0])]))
+    return np.append(pose[:3], so3.product(yaw, tilted))

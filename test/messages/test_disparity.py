@@ -8,10 +8,12 @@ from worlds.bags.stereo import BASELINE_M, FOCAL_PX, disparity_message
 
 from semantic_slam.configuration import PerceptionConfiguration
 from semantic_slam.errors import MessageError
+from semantic_slam.geometry import so3
 from semantic_slam.messages.disparity import depth_of_disparity
 from semantic_slam.messages.images import decode_depth, size_of
 from semantic_slam.messages.standard import header_message
 from semantic_slam.messages.typestore import message_class
+from semantic_slam.perception.boxes.box_sizes import pixel_rays
 from semantic_slam.perception.cut_edges import none_cut
 from semantic_slam.perception.frame import CameraModel
 from semantic_slam.perception.points_in_space import points_of_boxes
@@ -62,7 +64,10 @@ def test_disparities_that_are_no_image_are_refused() -> None:
 
 
 def test_points_by_stereo_err_by_the_square_of_their_range() -> None:
-    """Depth by disparities that err by a quarter of a pixel, against the standard deviation that is stated of it."""
+    """Depth by disparities that err by a quarter of a pixel, against the standard deviation that is stated of it.
+
+    Aside of the optical axis the range is longer than the depth, by the share by which its error is.
+    """
     sigma_px, random = 0.25, np.random.default_rng(0)
     settings = PerceptionConfiguration(sigma_range_m=1e-6, sigma_range_per_m2=sigma_px / (FOCAL_PX * BASELINE_M))
     camera = CameraModel(320, 240, FOCAL_PX, FOCAL_PX, 160.0, 120.0)
@@ -73,5 +78,10 @@ def test_points_by_stereo_err_by_the_square_of_their_range() -> None:
         sampled = decode_depth(disparity_message(HEADER, disparities), "disparity").std()
         found = points_of_boxes(box, none_cut(1), np.array([depth_m]), camera, ahead, settings)
         assert np.sqrt(found.covariances[0, 0, 0]) == pytest.approx(sampled, rel=0.05)
+        aside = box + 80.0
+        (ray,) = pixel_rays(0.5 * (aside[:, :2] + aside[:, 2:]), camera)
+        found = points_of_boxes(aside, none_cut(1), np.array([depth_m / ray[2]]), camera, ahead, settings)
+        along = so3.rotated(ahead[3:], ray)
+        assert np.sqrt(along @ found.covariances[0] @ along) == pytest.approx(sampled / ray[2], rel=0.05)
     flat = points_of_boxes(box, none_cut(1), np.array([3.2]), camera, ahead, replace(settings, sigma_range_per_m2=0.0))
     assert np.sqrt(flat.covariances[0, 0, 0]) == pytest.approx(1e-6)

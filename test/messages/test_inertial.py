@@ -36,7 +36,8 @@ def test_up_is_the_worlds_z_axis_along_those_of_the_sensor() -> None:
     message = deserialize(serialize(stated()), "sensor_msgs/msg/Imu")
     reading = imu_reading(message)
     np.testing.assert_allclose(reading.up, so3.rotated(so3.inverse(TURN), np.array([0.0, 0.0, 1.0])), atol=1e-12)
-    assert (reading.frame_id, reading.variance, reading.acceleration, reading.fault) == ("imu_link", 0.01, None, "")
+    assert (reading.frame_id, reading.variance, reading.fault) == ("imu_link", 0.01, "")
+    np.testing.assert_array_equal(reading.acceleration, AT_REST)
 
 
 def test_the_variance_is_the_larger_one_of_roll_and_pitch() -> None:
@@ -66,8 +67,15 @@ def test_an_orientation_that_is_no_rotation_is_counted_and_accelerations_count(t
     assert reading.fault == "orientation that is no rotation"
 
 
-def test_who_states_more_than_can_be_knows_nothing() -> None:
-    assert imu_reading(stated(orientation_covariance=1e308 * np.eye(3).ravel())).variance >= 1e3
+@pytest.mark.parametrize("variance", [2.0, 99999.0, 1e6, 1e308])
+def test_an_orientation_known_to_more_than_a_radian_is_not_stated(variance: float) -> None:
+    """Nor one of which the roll alone is unknown; a heading that nobody knows is none of gravity's business."""
+    for told in (variance * np.eye(3), np.diag([variance, 1e-4, 1e-4])):
+        reading = imu_reading(stated(orientation_covariance=told.ravel()))
+        assert reading.up is None and np.isnan(reading.variance) and not reading.fault
+        np.testing.assert_array_equal(reading.acceleration, AT_REST)
+    level = imu_reading(stated(orientation_covariance=np.diag([1e-4, 1e-4, variance]).ravel()))
+    assert level.up is not None and level.variance == pytest.approx(1e-4)
 
 
 @pytest.mark.parametrize("told", [(0.0, 0.0, 0.0), (np.nan, 0.0, 9.8), (np.inf, 0.0, 0.0), (1e308, 0.0, 1e308)])

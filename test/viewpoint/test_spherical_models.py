@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from worlds.views.synthetic_views import FEATURES, expected_on_sphere, spherical_samples, synthetic_samples
 
+from semantic_slam import Configuration, Engine, Keyframe
 from semantic_slam.class_models.viewpoint_models import load_model
 from semantic_slam.configuration import SemanticModelConfiguration
 from semantic_slam.contracts.viewpoint_model import ViewpointModelContract
@@ -97,6 +98,18 @@ class TestSphericalProcess(ViewpointModelContract):
         with pytest.raises(InputError, match="gp_independent"):
             load_model(SemanticModelConfiguration(kind="gp_correlated", path=str(path)))
 
+    def test_a_planar_run_refuses_what_it_would_evaluate_from_the_wrong_height(
+        self, fitted: SphericalProcessModel, tmp_path: Path
+    ) -> None:
+        save_model(fitted, path := tmp_path / "models.safetensors", {})
+        own = {"association": "open", "semantic_model": {"kind": "gp_independent", "path": str(path)}}
+        with pytest.raises(InputError, match="tells heights apart, which needs state_space: spatial; set that, or fit"):
+            Engine(Configuration.of(**own)).process(Keyframe.planar(0))
+        world = {"iterate_updates": True, "classes": "carried", "field_of_view_rad": 1.2}
+        start = {"mean": [0.0] * 6, "sigma": [0.01] * 6}
+        spatial = Engine(Configuration.of(**own, state_space="spatial", open_world=world, initial_pose=start))
+        assert len(spatial.process(Keyframe.spatial(0)).objects) == 0
+
 
 def test_views_of_one_height_are_those_of_the_plane_bit_for_bit() -> None:
     plain = synthetic_samples(0.0, seed=3)
@@ -105,6 +118,20 @@ def test_views_of_one_height_are_those_of_the_plane_bit_for_bit() -> None:
     assert isinstance(raised, GaussianProcessModel)
     for item in fields(flat.fits[0]):
         np.testing.assert_array_equal(getattr(flat.fits[0], item.name), getattr(raised.fits[0], item.name))
+
+
+@pytest.mark.parametrize(("heights_deg", "step_deg"), [((60, 55), 36), ((75, 70), 60), ((0, 30), 36), ((0,), 36)])
+def test_steps_between_views_are_angles_on_the_sphere(heights_deg: tuple[int, ...], step_deg: int) -> None:
+    """Views from above lie closer together than their azimuths, and do not cover the horizon."""
+    azimuth = np.deg2rad(np.arange(0.0, 360.0, step_deg))
+    lowest = np.deg2rad(min(heights_deg))
+    step = 2.0 * np.arcsin(np.cos(lowest) * np.sin(np.deg2rad(0.5 * step_deg)))  # of the great circle
+    samples = spherical_samples(0).select(np.arange(len(azimuth) * len(heights_deg)))
+    told = np.repeat(np.deg2rad(np.array(heights_deg, dtype=np.float64)), len(azimuth))
+    fit = fit_class(replace(samples, azimuth_rad=np.tile(azimuth, len(heights_deg)), elevation_rad=told))
+    assert fit.coverage_rad == pytest.approx(1.5 * step, rel=0.05)
+    if lowest == 0.0:
+        assert fit.coverage_rad == pytest.approx(1.5 * np.deg2rad(step_deg), rel=1e-6)
 
 
 def test_left_out_means_on_the_sphere_are_those_of_a_posterior_without_the_view(fitted: SphericalProcessModel) -> None:

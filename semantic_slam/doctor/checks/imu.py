@@ -13,14 +13,13 @@ from semantic_slam.messages.inertial import GRAVITY_M_S2
 from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.pipeline.gravity.imu_use import NAME as TOPIC
 from semantic_slam.pipeline.gravity.imu_use import TYPE, unused_because
+from semantic_slam.pipeline.gravity.orientation_watch import DISAGREE_RAD, REMEDY, angle_between, contradiction
 
 NAME = "imu"
 MOST_OFF_M_S2 = 1.5
 """Tolerated difference [m/s^2] of the mean acceleration of a recording from gravity."""
 LEAST_M_S2 = 3.0
 """Mean acceleration [m/s^2] below which gravity has been removed."""
-DISAGREE_RAD = np.radians(20.0)
-"""Tolerated angle between up from orientations and up from mean accelerations."""
 ON_ITS_SIDE_RAD, UPSIDE_DOWN_RAD = np.radians(60.0), np.radians(120.0)
 """Angles between up and the body's z axis from which the sensor counts as tilted, and as upside down."""
 AXES = ("x", "y", "z", "-x", "-y", "-z")
@@ -57,13 +56,9 @@ def _accelerations(record: ImuRecord) -> Iterator[Finding]:
     mean = np.mean(record.accelerations, axis=0)
     length = float(np.linalg.norm(mean))
     if record.ups:
-        apart = _angle(mean, np.mean(record.ups, axis=0))
+        apart = angle_between(mean, np.mean(record.ups, axis=0))
         if length > LEAST_M_S2 and apart > DISAGREE_RAD:
-            yield error(
-                NAME,
-                f"{TOPIC}: up by its orientation is {np.degrees(apart):.0f} deg off up by its accelerations",
-                f"give orientations in a world with z up, along the axes of header.frame_id; {SHOWS}",
-            )
+            yield error(NAME, contradiction(TOPIC, apart), f"{REMEDY}; {SHOWS}")
     elif length < LEAST_M_S2:
         what = f"{TOPIC}: accelerations come to {length:.2f} m/s^2 on average, without gravity or in units of it"
         yield error(NAME, what, f"give m/s^2, with gravity; {SHOWS}")
@@ -77,15 +72,10 @@ def _up(record: ImuRecord, rotation: Array) -> Iterator[Finding]:
     if not told or np.linalg.norm(mean := np.mean(told, axis=0)) == 0.0:
         return
     up = rotation @ mean / np.linalg.norm(mean)
-    off = _angle(up, np.array([0.0, 0.0, 1.0]))
+    off = angle_between(up, np.array([0.0, 0.0, 1.0]))
     axis = AXES[int(np.argmax([*up, *-up]))]
     what = f"{TOPIC}: up is along {axis} of the body, {np.degrees(off):.0f} deg off z"
     if off > UPSIDE_DOWN_RAD:
         yield error(NAME, what, f"{MOUNT}; {SHOWS}")
     elif off > ON_ITS_SIDE_RAD:
         yield warning(NAME, what, f"{MOUNT}; {SHOWS}; of a body that is carried so this is right")
-
-
-def _angle(a: Array, b: Array) -> float:
-    lengths = max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12)
-    return float(np.arccos(np.clip(a @ b / lengths, -1.0, 1.0)))

@@ -10,12 +10,12 @@ from semantic_slam.class_models.embedding import load_embedding_model
 from semantic_slam.class_models.file_digest import noted
 from semantic_slam.class_models.latent_space import load_latent_model
 from semantic_slam.class_models.viewpoint_models import load_model
-from semantic_slam.configuration import Configuration, SemanticModelConfiguration, to_dict
+from semantic_slam.configuration import Configuration, to_dict
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.association.strategy import AssociationStrategy, strategy_of
 from semantic_slam.inference.building.checks import check_settings
-from semantic_slam.inference.building.spatial_checks import check_fitted
+from semantic_slam.inference.building.spatial_checks import check_fitted, check_heights
 from semantic_slam.inference.protocol import RunConfiguration, source_entry
 from semantic_slam.inference.run_id import run_id_of
 from semantic_slam.inference.world.map_prior import MapPrior
@@ -47,11 +47,14 @@ def make_run_configuration(
     check_settings(configuration, association)
     latent = load_latent_model(configuration.semantic_model)
     configuration = _with_class_models(configuration, association, source, latent)
+    viewpoint = load_model(configuration.semantic_model)
+    check_heights(configuration, viewpoint)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = np.array([float(value) for value in initial_pose])
     covariance = np.asarray(initial_covariance, dtype=np.float64)
-    names = _class_names(configuration.semantic_model, latent)
+    models = viewpoint or latent or load_label_model(configuration.semantic_model)
+    names = tuple(models.class_names) if models is not None else ()
     return RunConfiguration(
         run_id=run_id_of(settings, prior, pose, covariance, names) + (f".{session}" if session else ""),
         stamp_ns=stamp_ns,
@@ -83,9 +86,3 @@ def _with_class_models(
     completed = replace(configuration, semantic_model=models, open_world=world)
     check_fitted(completed)
     return completed
-
-
-def _class_names(settings: SemanticModelConfiguration, latent: DescriptorModel | None) -> tuple[str, ...]:
-    """Class names of the class models; () where there are no models, or where these know no classes."""
-    model = load_model(settings) or latent or load_label_model(settings)
-    return tuple(model.class_names) if model is not None else ()

@@ -10,6 +10,8 @@ from semantic_slam.errors import InputError
 from semantic_slam.inference.association.strategy import AssociationStrategy
 from semantic_slam.inference.building.views import views_are_factors
 from semantic_slam.inference.models.moving import Moving
+from semantic_slam.viewpoint.model import ViewpointModel
+from semantic_slam.viewpoint.spherical_process import SphericalProcessModel
 
 
 def check_space(configuration: Configuration, association: type[AssociationStrategy]) -> None:
@@ -32,6 +34,15 @@ def check_fitted(configuration: Configuration) -> None:
             f"semantic_model.path: {configuration.semantic_model.path} tells detection rates by direction, which"
             " state_space: spatial does not have yet; list your detector's in open_world.detection_probabilities, which"
             " leaves out the fitted ones, or fit runs in space alone"
+        )
+
+
+def check_heights(configuration: Configuration, model: ViewpointModel | None) -> None:
+    """Raise InputError for class models over azimuth and elevation in the plane, where every elevation counts as 0."""
+    if isinstance(model, SphericalProcessModel) and not configuration.is_spatial:
+        raise InputError(
+            f"semantic_model.path: {configuration.semantic_model.path} tells heights apart, which needs state_space:"
+            " spatial; set that, or fit without --elevation-step-deg"
         )
 
 

@@ -157,7 +157,8 @@ class KeyframeAssembler:
 
     def news(self) -> list[str]:
         """Lines for the console, each once."""
-        return [*self._odometry.news(), *self._watch.news()]
+        told = [*self._odometry.news(), *self._watch.news()]
+        return told if self._imu is None else [*told, *self._imu.news()]
 
     @property
     def num_waiting(self) -> int:

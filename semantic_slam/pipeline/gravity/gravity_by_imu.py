@@ -23,6 +23,7 @@ from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pos
 from semantic_slam.pipeline.gravity.imu_look import ImuLook, NoLookError, look_of
 from semantic_slam.pipeline.gravity.imu_window import ImuWindow
 from semantic_slam.pipeline.gravity.level import repeated
+from semantic_slam.pipeline.gravity.orientation_watch import OrientationWatch
 from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 from semantic_slam.reasons import count, quoted
@@ -44,7 +45,7 @@ class ImuSource:
 class GravityByImu:
     """Buffers IMU readings and measures gravity at keyframes; ``dropped`` counts, by reason, what was not used."""
 
-    STATE: ClassVar[tuple[str, ...]] = ("_readings", "_last_look_ns", "_has_begun", "_wanted_ns")
+    STATE: ClassVar[tuple[str, ...]] = ("_readings", "_last_look_ns", "_has_begun", "_wanted_ns", "_watch")
 
     def __init__(self, configuration: Configuration, source: ImuSource, dropped: Counter[str]) -> None:
         """Raises InputError for invalid extrinsics."""
@@ -54,6 +55,7 @@ class GravityByImu:
         if self._settings.extrinsics:
             self._pose("")
         self._readings: StampedBuffer[ImuReading] = StampedBuffer(topics.IMU, dropped)
+        self._watch = OrientationWatch(configuration.imu)
         self._last_look_ns: int | None = None
         self._has_begun = False
         self._wanted_ns: int | None = None  # stamp of the first measurements that were to become a keyframe
@@ -100,6 +102,10 @@ class GravityByImu:
         """Remove the readings that no keyframe after this instant needs."""
         self._readings.forget_before(stamp_ns - self.window_ns)
 
+    def news(self) -> list[str]:
+        """The line on orientations that contradict accelerations, once."""
+        return self._watch.news()
+
     def level_at(self, stamp_ns: int, path: OdometryPath) -> Array | None:
         """(4,) ``Keyframe.level`` at a keyframe, with odometry's ``path`` up to it; None, counted, if not measured."""
         is_first, self._has_begun = not self._has_begun, True
@@ -121,7 +127,9 @@ class GravityByImu:
         frame_id = found[-1][1].frame_id
         readings = [item for item in found if item[1].frame_id == frame_id]
         window = ImuWindow(stamp_ns, self.window_ns, self._pose_of(frame_id), path)
-        return look_of(readings, window, self._settings, is_first=is_first)
+        look = look_of(readings, window, self._settings, is_first=is_first)
+        self._watch.compare(look, readings, window)
+        return look
 
     def _is_placed(self, frame_id: str) -> bool:
         """Whether the sensor's pose in the body frame is known."""

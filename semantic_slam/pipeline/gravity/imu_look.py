@@ -44,6 +44,13 @@ def look_of(
         if reading.up is not None:
             stated = reading.variance if np.isfinite(reading.variance) else settings.sigma_level_rad**2
             return ImuLook(window.carried(stamp_ns, reading.up), max(stated, LEAST_VARIANCE))
+    return look_by_accelerations(readings, window, settings, is_first=is_first)
+
+
+def look_by_accelerations(
+    readings: Sequence[tuple[int, ImuReading]], window: ImuWindow, settings: ImuConfiguration, *, is_first: bool
+) -> ImuLook:
+    """Measure gravity by accelerations alone, as :func:`look_of`. Raises NoLookError."""
     shown = [(stamp_ns, reading.acceleration) for stamp_ns, reading in readings if reading.acceleration is not None]
     if not shown:
         raise NoLookError("no message within imu.window_s before a keyframe")

@@ -161,20 +161,25 @@ def _coverage(directions: Directions) -> float:
 
     At least the width over which noise is taken to hold, for views of a robot that stands.
     """
-    around = max(1.5 * _widest_regular_gap(directions.azimuth_rad), float(SMOOTHING_RAD))
+    around = max(1.5 * _widest_regular_gap(directions), float(SMOOTHING_RAD))
     if directions.elevation_rad is None:
         return around
     heights = np.unique(np.round(directions.elevation_rad, 6))
     return max(around, 0.75 * _regular(np.diff(heights))) if len(heights) > 1 else around
 
 
-def _widest_regular_gap(azimuth_rad: Array) -> float:
-    """Typical angle between neighbouring views; none between views of one azimuth.
+def _widest_regular_gap(directions: Directions) -> float:
+    """Typical angle between neighbouring views around the object; none between views of one azimuth.
 
+    At a height the angle is the gap of azimuths times the cosine of the elevation, of the views nearest to the horizon.
     The widest gap is left out: where there are few views, it is the hole that no view has seen.
     """
-    ordered = np.sort(np.unique(np.round(azimuth_rad % (2.0 * np.pi), 6)))
+    ordered, of_views = np.unique(np.round(directions.azimuth_rad % (2.0 * np.pi), 6), return_inverse=True)
     gaps = np.diff(np.append(ordered, ordered[0] + 2.0 * np.pi))
+    if directions.elevation_rad is not None:
+        level = np.zeros(len(ordered))
+        np.maximum.at(level, of_views, np.cos(directions.elevation_rad))
+        gaps *= 0.5 * (level + np.roll(level, -1))
     return _regular(np.sort(gaps)[:-1]) if len(gaps) > 1 else 0.0
 
 

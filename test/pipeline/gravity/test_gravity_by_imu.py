@@ -115,6 +115,52 @@ def test_an_orientation_counts_before_accelerations_and_as_sure_as_it_states() -
     np.testing.assert_allclose(body.look(0.0), np.append(body.up(0.0), 0.003**2), atol=1e-9)
 
 
+def with_orientations(body: Body, until_s: float, turn: np.ndarray | None = None, variance: float = 0.01) -> None:
+    """Listen to messages with orientations: true ones, or a ``turn`` that never changes."""
+    times = np.arange(-2.0, until_s + 1e-9, 0.01)
+    turns = se3.compose(body.motion(times), T_BODY_IMU)[:, 3:] if turn is None else np.tile(turn, (len(times), 1))
+    for message, told in zip(shown_messages(body.motion, times), turns, strict=True):
+        x, y, z, w = told.tolist()
+        message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = x, y, z, w
+        message.orientation_covariance = (variance * np.eye(3)).ravel()
+        body.gravity.add(message)
+
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def test_by_a_covariance_that_means_unknown_accelerations_count() -> None:
+    body = Body(carried(turn_rad_s=0.5))
+    with_orientations(body, 1.0, IDENTITY, variance=1e6)
+    for time_s in (0.0, 0.5, 1.0):
+        np.testing.assert_allclose(body.look(time_s), np.append(body.up(time_s), SIGMA**2), atol=1e-3)
+    assert body.dropped == {} and body.gravity.news() == []
+
+
+def test_orientations_that_contradict_accelerations_are_told_once() -> None:
+    """Of a driver that states an orientation which it does not measure; three keyframes in succession show it."""
+    body = Body(carried(acceleration=0.4))
+    with_orientations(body, 2.0, IDENTITY)
+    told = []
+    for time_s in (0.0, 0.5, 1.0, 1.5, 2.0):
+        body.look(time_s)
+        told.append(body.gravity.news())
+    shown = se3.compose(body.motion(np.array([1.0])), T_BODY_IMU)[0, 3:]
+    off = np.degrees(np.arccos(so3.matrix(shown)[2, 2]))
+    assert [len(lines) for lines in told] == [0, 0, 1, 0, 0]
+    assert told[2][0].startswith(f"imu: up by its orientation is {off:.0f} deg off up by its accelerations, and")
+    assert "-1 as first entry of orientation_covariance" in told[2][0]
+
+
+@pytest.mark.parametrize("motion", [carried(turn_rad_s=1.0), carried(acceleration=4.0)])
+def test_orientations_that_are_right_contradict_nothing_and_motion_is_no_contradiction(motion: Motion) -> None:
+    body = Body(motion)
+    with_orientations(body, 3.0)
+    for time_s in np.arange(0.0, 3.1, 0.5):
+        assert body.look(time_s) is not None
+    assert body.gravity.news() == []
+
+
 def test_a_start_in_motion_is_told_roughly_and_later_looks_like_it_are_left_out() -> None:
     body = Body(carried(acceleration=1.5))
     body.listen(0.5)
@@ -254,7 +300,10 @@ def test_an_imu_topic_of_another_type_is_named_where_it_would_be_used() -> None:
 
 
 def test_a_run_begins_as_tilted_as_its_first_look_has_it() -> None:
-    """At the place and heading that the configuration says; before the look nothing is known of the tilt."""
+    """At the place and heading that the configuration says; before the look nothing is known of the tilt.
+
+    Of a look that tells less than that the configuration's tilt stays.
+    """
     motion = np.append([0.1, 0.0, 0.0], so3.exp(np.array([0.0, 0.1, 0.0])))
     true = np.append([1.0, 2.0, 3.0], so3.product(so3.exp(np.array([0.0, 0.0, 0.7])), so3.exp(np.array([0.4, 0, 0]))))
     up = so3.matrix(se3.compose(true, motion)[3:])[2]
@@ -262,6 +311,10 @@ def test_a_run_begins_as_tilted_as_its_first_look_has_it() -> None:
     pose, covariance = start_of(settings(), None, first)
     np.testing.assert_allclose(pose, true, atol=1e-9)
     np.testing.assert_allclose(np.diagonal(covariance), [0.01, 0.01, 0.01, 0.25, 0.25, 0.01])
+    vague = Keyframe.spatial(0, motion=motion, up=up, sigma_up_rad=0.6)
+    as_configured, wide = start_of(settings(), None, vague)
+    np.testing.assert_allclose(as_configured[3:], so3.exp(np.array([0.0, 0.0, 0.7])), atol=1e-12)
+    np.testing.assert_array_equal(wide, covariance)
     told = PoseEstimate(0, "map", true, np.eye(6))
     assert start_of(settings(), told, first)[0] is true
     unfelt, _ = start_of(settings(), None, Keyframe.spatial(0, motion=motion))
