@@ -140,6 +140,14 @@ class OpenWorldConfiguration:
     max_joint_objects: int = parameter(
         30, "objects near the detections whose covariance with the robot is computed, per hypothesis", minimum=1
     )
+    max_candidates: int = parameter(
+        0, "weights.max_candidates of an open world, where a known map has many more; 0: the same", minimum=0
+    )
+    candidate_gate: float = parameter(
+        0.0,
+        "weights.gate of an open world, where a known map needs a wider one; 0: the same",
+        minimum=0.0,
+    )
     joint_ranking: bool = parameter(
         True,
         "where there are more than weights.max_candidates joint assignments, rank them over the pose that detections"

@@ -44,7 +44,7 @@ def imu_reading(message: Any) -> ImuReading:
     turn, covariance = _quaternion(message), np.asarray(message.orientation_covariance, dtype=np.float64)
     variance = _variance(covariance.reshape(3, 3))
     is_untouched = np.array_equal(turn, UNTOUCHED) and not covariance.any()
-    is_told = covariance[0] != NOT_TOLD and not is_untouched and not variance > UNKNOWN_VARIANCE
+    is_told = covariance[0] != NOT_TOLD and not is_untouched and not covariance[[0, 4]].max() > UNKNOWN_VARIANCE
     if is_told and (np.abs(turn) < 2.0).all() and abs(np.linalg.norm(turn) - 1.0) <= NEARLY:
         return ImuReading(frame_id, so3.matrix(so3.normalised(turn))[2], variance, acceleration)
     fault = "orientation that is no rotation" if is_told else ""

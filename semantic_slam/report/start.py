@@ -15,10 +15,12 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.pipeline.start import without_tilt
 from semantic_slam.report.wording import number
 
-CONFIGURED, LEVELLED, TOLD, UNKNOWN = "configuration", "configuration and gravity", "told", ""
+CONFIGURED, LEVELLED, OPEN_TILT = "configuration", "configuration and gravity", "configuration, roll and pitch open"
+TOLD, UNKNOWN = "told", ""
 SAID = {
     CONFIGURED: "from the configuration",
     LEVELLED: "from the configuration, roll and pitch from gravity",
+    OPEN_TILT: "from the configuration, roll and pitch left open, as gravity was measured too roughly at first",
     TOLD: "told on topic initialpose or by a program, in place of the configuration's",
     UNKNOWN: "source not recorded",
 }
@@ -34,7 +36,7 @@ class Start:
 
     pose: Array  # (7,)
     covariance: Array  # (6, 6)
-    source: str  # CONFIGURED, LEVELLED, TOLD or UNKNOWN
+    source: str  # CONFIGURED, LEVELLED, OPEN_TILT, TOLD or UNKNOWN
 
     def text(self, *, planar: bool) -> str:
         """Value and standard deviation of each coordinate that is estimated, and where they come from."""
@@ -61,8 +63,10 @@ def _source(run: RunConfiguration, configuration: dict[str, Any]) -> str:
         return UNKNOWN
     if np.allclose(run.initial_pose, pose) and np.allclose(run.initial_covariance, covariance):
         return CONFIGURED
-    tilted = np.allclose(run.initial_covariance, without_tilt(covariance))
-    return LEVELLED if tilted and np.allclose(run.initial_pose[:3], pose[:3]) else TOLD
+    is_open = np.allclose(run.initial_covariance, without_tilt(covariance))
+    if not is_open or not np.allclose(run.initial_pose[:3], pose[:3]):
+        return TOLD
+    return OPEN_TILT if np.allclose(run.initial_pose, pose) else LEVELLED
 
 
 def _coordinates(pose: Array) -> Array:

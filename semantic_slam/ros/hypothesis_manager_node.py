@@ -256,7 +256,7 @@ class HypothesisManagerNode(PipelineNode):
             text = f"{self._session.num_keyframes} keyframes of the journal are there again"
             self.get_logger().info(f"{text}, {of_snapshot} of them from a snapshot" if of_snapshot else text)
         self._journal.recovered(self._session.num_keyframes)
-        if self._belief is not None and not self.lossless:
+        if not self.lossless:
             self._publisher.go_on(self._belief, self.worker.submit)  # the last one may not have reached anybody
         self._is_recovering = False
         self._journal.happen(RESTART)

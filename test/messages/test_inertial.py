@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from semantic_slam.geometry import so3
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages.inertial import imu_message, imu_reading
 from semantic_slam.messages.typestore import deserialize, serialize
 
@@ -76,6 +77,21 @@ def test_an_orientation_known_to_more_than_a_radian_is_not_stated(variance: floa
         np.testing.assert_array_equal(reading.acceleration, AT_REST)
     level = imu_reading(stated(orientation_covariance=np.diag([1e-4, 1e-4, variance]).ravel()))
     assert level.up is not None and level.variance == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        np.diag([np.inf, np.inf, np.inf]),
+        np.full((3, 3), 1e6),
+        np.diag([0.0, 1e6, 0.0]),
+        np.diag([1e6, 0.0, 0.0]),
+    ],
+)
+def test_an_unknown_orientation_need_have_no_regular_covariance(told: Array) -> None:
+    reading = imu_reading(stated(orientation_covariance=told.ravel()))
+    assert reading.up is None and not reading.fault
+    np.testing.assert_array_equal(reading.acceleration, AT_REST)
 
 
 @pytest.mark.parametrize("told", [(0.0, 0.0, 0.0), (np.nan, 0.0, 9.8), (np.inf, 0.0, 0.0), (1e308, 0.0, 1e308)])

@@ -18,3 +18,9 @@ def test_a_probability_that_is_nearly_one_is_not_written_as_one(sure: float, tol
     (row,) = keyframe_scene(belief, belief.stamp_ns, [], {4: 0}, {})["o"]
     assert row[9] == told
     assert hypothesis_rows(belief, [0], {})[0][1] == told
+
+
+def test_a_probability_that_is_nearly_none_is_not_written_as_none() -> None:
+    belief = small_belief(0, [1, 2], [0, 0], [0.99998, 2e-5], [4], [[0], [0]])
+    assert hypothesis_rows(belief, [0], {})[0][1] == 0.9996
+    assert hypothesis_rows(belief, [0, 1], {})[1][1] == 1e-4

@@ -77,6 +77,15 @@ def test_gravity_is_named_where_it_gave_roll_and_pitch() -> None:
     assert "z 3.00 ± 0.1 m, roll 0.20 ± 0.5 rad, pitch 0.00 ± 0.5 rad, yaw 0.30 ± 0.1 rad" in said(analysis)
 
 
+def test_gravity_is_not_named_where_it_left_the_configured_roll_and_pitch() -> None:
+    pose, covariance = initial_pose_of(SPATIAL)
+    analysis = started(pose, without_tilt(covariance), written(SPATIAL))
+    assert report_document(analysis)["start"]["source"] == "configuration, roll and pitch open"
+    assert said(analysis).endswith(
+        "; from the configuration, roll and pitch left open, as gravity was measured too roughly at first"
+    )
+
+
 @pytest.mark.parametrize("settings", ["", "[1", '{"initial_pose": {"mean": ["here"]}}'])
 def test_without_a_legible_configuration_no_source_is_claimed(settings: str) -> None:
     analysis = started(*initial_pose_of(PLANAR), settings)

@@ -1,7 +1,7 @@
 """The inference problem of a run: models, priors and settings, built once from the run's configuration."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -109,6 +109,13 @@ class Problem:
     def places_on_map(self) -> PlacesOnMap:
         """Where the map has these objects; there must be some."""
         return PlacesOnMap.of(self.spaces.landmark, self.mapped, self.joint)
+
+    @cached_property
+    def open_weights(self) -> WeightsConfiguration:
+        """Settings of the weights in an open world, whose associations are limited apart from those on a known map."""
+        own, world = self.weights, self.open_world
+        most, gate = world.max_candidates or own.max_candidates, world.candidate_gate or own.gate
+        return replace(own, max_candidates=most, gate=gate)
 
     @property
     def bagging(self) -> Bagging:

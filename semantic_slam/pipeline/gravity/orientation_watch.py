@@ -14,6 +14,8 @@ from semantic_slam.pipeline.gravity.imu_window import ImuWindow
 
 DISAGREE_RAD = np.radians(20.0)
 """Tolerated angle between up from orientations and up from mean accelerations."""
+SIGMAS = 2.5
+"""Tolerated in standard deviations that the orientations state, where these are wider."""
 ENOUGH = 3
 """Keyframes in succession whose windows contradict."""
 REMEDY = "give orientations in a world with z up, along the axes of header.frame_id"
@@ -38,7 +40,8 @@ class OrientationWatch:
         except NoLookError:
             return
         apart = angle_between(look.up, felt.up)
-        self._num_apart = self._num_apart + 1 if apart > DISAGREE_RAD else 0
+        tolerated = max(DISAGREE_RAD, SIGMAS * np.sqrt(look.variance))
+        self._num_apart = self._num_apart + 1 if apart > tolerated else 0
         if self._num_apart == ENOUGH:
             self._is_told = True
             self._news.append(

@@ -19,8 +19,8 @@ CERTAIN = 0.99
 """Existence from which on an object is drawn as any other."""
 BEFORE_CLASSES = 7
 """Numbers of an object before its class probabilities: x, y, yaw, ellipse, sigma of yaw."""
-ALMOST, QUITE = 0.9996, 1e-9
-"""What is written of a probability that is larger, and how near to 1 it counts as 1."""
+HARDLY, ALMOST, QUITE = 1e-4, 0.9996, 1e-9
+"""What is written of a probability that is smaller, or larger, and how near to 0 or 1 it counts as such."""
 NO_HEADING_RAD = 3.142
 """Standard deviation of the heading of a point."""
 
@@ -126,9 +126,9 @@ def _places(belief: HybridBelief, numbers: dict[int, int]) -> dict[str, list[lis
 
 
 def _not_quite(probabilities: Array) -> Array:
-    """Probabilities that rounding does not make certain if they are not."""
-    nearly = (probabilities > ALMOST) & (probabilities < 1.0 - QUITE)
-    return np.where(nearly, ALMOST, probabilities)
+    """Probabilities that rounding makes neither certain nor impossible if they are not."""
+    is_open = (probabilities > QUITE) & (probabilities < 1.0 - QUITE)
+    return np.where(is_open, np.clip(probabilities, HARDLY, ALMOST), probabilities)
 
 
 def _differs(states: Array, before: Array) -> NDArray[np.bool_]:

@@ -193,8 +193,9 @@ class MapView {
 
   label(px, py, text) { // beside a point, within the frame and where no other label stands
     const u = this.u, element = make(this.svg, "text", { class: "name", "font-size": 13 * u, "stroke-width": 3 * u }, text);
-    if (!widths.has(text)) widths.set(text, element.getComputedTextLength() / u);
-    const place = freePlace(px / u, py / u, widths.get(text), this.labels, this.width / u, this.height / u, 12);
+    const wide = widths.get(text) || element.getComputedTextLength() / u; // 0 where the map is not laid out yet
+    widths.set(text, wide);
+    const place = freePlace(px / u, py / u, wide, this.labels, this.width / u, this.height / u, 12);
     if (!place) return element.remove();
     element.setAttribute("x", round(place[0] * u));
     element.setAttribute("y", round(place[1] * u));

@@ -73,7 +73,7 @@ class BeliefPublisher:
             if self._transforms is not None:
                 self._transforms.believe(estimate.pose, self._T_odom_body)
 
-    def go_on(self, belief: HybridBelief, submit: Callable[[Callable[[Any], None], Any], None]) -> None:
+    def go_on(self, belief: HybridBelief | None, submit: Callable[[Callable[[Any], None], Any], None]) -> None:
         """After a restart, publish the newest belief again, and to readers that come late also those that follow.
 
         It may not have been delivered; subscribers recognise it by its keyframe. ``submit`` queues for the worker.

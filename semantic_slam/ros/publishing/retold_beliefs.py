@@ -40,17 +40,21 @@ class RetoldBeliefs:
             self._kept.append((belief.keyframe, data))
         self._outlet.send(data)
 
-    def go_on(self, belief: HybridBelief, submit: Callable[[Callable[[Any], None], Any], None]) -> None:
-        """Publish the newest belief before a restart again, and keep what comes; ``submit`` queues for the worker."""
+    def go_on(self, belief: HybridBelief | None, submit: Callable[[Callable[[Any], None], Any], None]) -> None:
+        """Publish the newest belief before a restart again, if there is one, and keep what comes.
+
+        ``submit`` queues for the worker. A reader that another one replaces within ``LOOK_S`` is not noticed.
+        """
         self._keeps, self._num_readers = True, self._outlet.num_readers
-        self.send(belief)
+        if belief is not None:
+            self.send(belief)
         until_s = time.monotonic() + WINDOW_S
 
         def look() -> None:
             if time.monotonic() > until_s:
                 self._node.destroy_timer(timer)
                 submit(self._end, None)
-            elif self._outlet.num_readers > self._num_readers:
+            elif self._outlet.num_readers != self._num_readers:
                 submit(self._tell_again, None)
 
         timer = self._node.create_timer(LOOK_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))

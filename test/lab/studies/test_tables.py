@@ -77,6 +77,11 @@ def test_the_map_and_the_guess_of_a_lost_camera_err_by_what_they_say(room: Table
         assert low < found < high
 
 
+def test_a_camera_that_is_lost_is_found_although_first_detections_alone_say_little() -> None:
+    """With as few candidates as an open world weighs, the true one was dropped after two of five detections."""
+    assert lost(7, True, Flight()).right > 0.99
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("named", [True, False])
 def test_a_camera_lost_by_metres_and_any_yaw_is_settled_right(named: bool) -> None:

@@ -152,6 +152,14 @@ def test_orientations_that_contradict_accelerations_are_told_once() -> None:
     assert "-1 as first entry of orientation_covariance" in told[2][0]
 
 
+def test_orientations_that_state_to_be_rough_contradict_nothing() -> None:
+    body = Body(carried(acceleration=0.4))
+    with_orientations(body, 3.0, IDENTITY, variance=1.0)
+    for time_s in np.arange(0.0, 3.1, 0.5):
+        assert body.look(time_s) is not None
+    assert body.gravity.news() == []
+
+
 @pytest.mark.parametrize("motion", [carried(turn_rad_s=1.0), carried(acceleration=4.0)])
 def test_orientations_that_are_right_contradict_nothing_and_motion_is_no_contradiction(motion: Motion) -> None:
     body = Body(motion)

@@ -100,6 +100,23 @@ def test_a_new_belief_does_not_overtake_those_that_are_told_again(
     assert spin(executor, lambda: heard == [7, 8])
 
 
+def test_a_reader_that_takes_the_place_of_another_is_told_again_without_another_belief(
+    executor: SingleThreadedExecutor, node: Node, outlet: Outlet, beliefs: RetoldBeliefs
+) -> None:
+    """As a recorder that is started again while the robot stands."""
+    first = rclpy.create_node("first")
+    heard_by_another(first)
+    assert outlet.wait_for_readers(1, 60.0)
+    beliefs.go_on(None, at_once)
+    beliefs.send(belief(7))
+    first.destroy_node()
+    assert spin(executor, lambda: outlet.num_readers == 0)
+    for _ in range(20):  # looks that find nobody
+        executor.spin_once(timeout_sec=0.05)
+    heard = heard_by_another(node)
+    assert spin(executor, lambda: heard == [7])
+
+
 def test_nothing_is_told_again_of_a_run_that_has_ended(
     executor: SingleThreadedExecutor, node: Node, beliefs: RetoldBeliefs
 ) -> None:

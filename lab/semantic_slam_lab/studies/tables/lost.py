@@ -43,6 +43,7 @@ def on_map(*, named: bool) -> Configuration:
     """The configuration with a map, of things that are called something, or of look-alikes."""
     values = to_dict(configuration())
     values["association"] = "enumerated"
+    values["pruning"] |= {"max_hypotheses": 50}  # as docs/space.md has it for a camera that is lost
     if not named:
         values["semantic_model"] |= {"kind": "none", "labels": []}
     return from_dict(values, "study")

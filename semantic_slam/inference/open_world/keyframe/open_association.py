@@ -172,13 +172,13 @@ class OpenAssociation:
         admitted |= self._outliers(pairs, log_known, log_new)
         moving, may_move, objects = self._moving(prediction, log_known, admitted, log_new, log_missed, log_weights)
         options = np.concatenate([admitted, may_move], axis=1)
-        most = candidate_limit(self.problem.weights, len(log_new))
+        most = candidate_limit(self.problem.open_weights, len(log_new))
         ranked = partial(
             best_assignments,
             admitted=options,
             log_new=log_new,
             limit=most,
-            gate=self.problem.weights.gate,
+            gate=self.problem.open_weights.gate,
             log_beyond=prediction.log_beyond,
             objects=objects,
         )
@@ -192,7 +192,7 @@ class OpenAssociation:
                 admitted=options,
                 ranked=ranked,
                 reach=float(np.log(self.problem.pruning.ratio)),
-            ).best(most, self.problem.weights.gate)
+            ).best(most, self.problem.open_weights.gate)
         else:
             found = ranked(log_pairs)
         return replace(found, columns=_movers_last(found.columns, len(prediction.near), moving.shape[1]))

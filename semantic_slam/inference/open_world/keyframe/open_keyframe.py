@@ -320,7 +320,7 @@ class OpenKeyframe:
             known_classes=np.array(known, dtype=int).reshape(len(self.parents), len(object_ids)),
             log_class_prior=self.registry.log_class_prior_of(object_ids),
             distinct=True,
-            gate=self.problem.weights.gate if self.path is None else np.inf,
-            max_candidates=candidate_limit(self.problem.weights, len(self.used)),
+            gate=self.problem.open_weights.gate if self.path is None else np.inf,
+            max_candidates=candidate_limit(self.problem.open_weights, len(self.used)),
             path=chosen,
         )

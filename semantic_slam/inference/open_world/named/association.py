@@ -104,7 +104,7 @@ class NamedAssociation(OpenAssociation):
             return RankedAssignments(columns.reshape(1, -1), np.zeros(1), -np.inf)
         linear = LinearisedEvidence.of(self.problem.spaces, prediction, pairs)
         joint = linear.innovation(columns, doubtful)
-        weights = self.problem.weights
+        weights = self.problem.open_weights
         told = columns[doubtful], log_wrong[doubtful]
         found = right_names(joint, *told, weights.max_candidates, weights.gate, linear.tail)
         chosen = np.tile(columns, (len(found.right), 1))
