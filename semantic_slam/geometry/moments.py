@@ -22,6 +22,15 @@ def largest_sigmas(covariances: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[..., -1], 0.0)))
 
 
+def largest_sigma_m(covariance: Array, axes: int) -> float:
+    """Standard deviation [m] of a position along the direction in which it is largest, NaN where it is not known.
+
+    ``covariance`` is (n, n) with x, y, z first, of which the first ``axes`` are estimated.
+    """
+    place = covariance[:axes, :axes]
+    return float(largest_sigmas(place[None])[0]) if np.isfinite(place).all() else float("nan")
+
+
 def position_moments(weights: Array, positions: Array, covariances: Array) -> tuple[Array, Array]:
     """(d,) mean and (d, d) covariance of a mixture of Gaussians over positions.
 

@@ -57,17 +57,6 @@ def planar_from_covariance(covariance: Array) -> Array:
     return np.asarray(np.asarray(covariance, dtype=np.float64)[..., axes, :][..., axes])
 
 
-def largest_sigma_m(covariance: Array, axes: int) -> float:
-    """Standard deviation [m] of a position along the direction in which it is largest, NaN where it is not known.
-
-    ``covariance`` is (n, n) with x, y, z first, of which the first ``axes`` are estimated.
-    """
-    place = np.asarray(covariance, dtype=np.float64)[:axes, :axes]
-    if not np.isfinite(place).all():
-        return float("nan")
-    return float(np.sqrt(max(np.linalg.eigvalsh(place)[-1], 0.0)))
-
-
 def rotation_matrix(quaternion: Array) -> Array:
     """(4,) quaternion qx qy qz qw of any length to (3, 3) rotation matrix."""
     return so3.matrix(np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion))

@@ -7,7 +7,7 @@ import numpy as np
 
 from semantic_slam.configuration.configuration import SPATIAL
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.geometry.pose import largest_sigma_m
+from semantic_slam.geometry.moments import largest_sigma_m
 from semantic_slam.inference.protocol import source_entry
 from semantic_slam.maps.saved_map import SavedMap
 

@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from semantic_slam.geometry.pose import largest_sigma_m
+from semantic_slam.geometry.moments import largest_sigma_m
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.identities import has_own_name
 from semantic_slam.maps.from_belief import MOVES
