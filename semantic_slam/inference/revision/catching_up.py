@@ -8,6 +8,9 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.revision.replay import Progress, Replay, Revised
 from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.states.lineage import Lineage
@@ -19,8 +22,9 @@ STEPS_PER_KEYFRAME = 25
 BRANCHES = 4
 """Continuations of one history that are followed side by side."""
 HOPELESS = 40.0
-"""Nats behind the history that it revises at which a replay is given up, beside the gain that it promises. In two
-simulated walks, histories that entered in the end by 15 to 430 nats had been up to 17 and 75 behind on the way."""
+"""Nats behind the history that it revises at which a replay is given up."""
+BROKEN_PROMISE = 20.0
+"""Nats behind that history, and behind what later keyframes promise on top, at which a replay is given up."""
 
 
 class Level(NamedTuple):
@@ -35,8 +39,7 @@ class _Replayed(NamedTuple):
 
     asked: Lineage  # as it was proposed
     front: list[Progress]  # its continuations, likeliest first; none before it begins
-    against: Sequence[float]  # log P(history, Z_1:i) of the one that it revises
-    hopeless: float  # nats behind that one at which it is given up
+    least: Array  # (k + 1,) log P(history, Z_1:i) below which it is given up; (0,): it never is
 
 
 class CatchingUp:
@@ -51,13 +54,14 @@ class CatchingUp:
         """Whether the queue is empty."""
         return not self._waiting
 
-    def add(self, lineages: Iterable[Lineage], against: Sequence[float] = (), gain: float = 0.0) -> None:
+    def add(self, lineages: Iterable[Lineage], against: Sequence[float] = (), gains: Array | None = None) -> None:
         """Append histories to the queue.
 
         ``against``: log P(history, Z_1:i) of the history that they revise, for i = 0 .. k; () if there is none.
-        ``gain``: what they promise over it [nats].
+        ``gains``: (k,) what each keyframe promises over it [nats], where that is known.
         """
-        self._waiting.extend(_Replayed(lineage, [], against, HOPELESS + gain) for lineage in lineages)
+        least = np.array(against) - HOPELESS if gains is None else np.array(against) - _left(gains) - BROKEN_PROMISE
+        self._waiting.extend(_Replayed(lineage, [], least) for lineage in lineages)
 
     def give_up(self) -> None:
         """Empty the queue."""
@@ -67,20 +71,20 @@ class CatchingUp:
         """Histories that reach the newest keyframe within ``count`` more replayed keyframes, also ones added since."""
         now = len(self._replay.steps)
         while self._waiting and count > 0:
-            asked, front, against, hopeless = self._waiting.popleft()
+            asked, front, least = self._waiting.popleft()
             try:
                 front = front or [self._replay.resumed(asked)]
                 while front[0].at < now and count > 0:
                     count -= len(front)
                     front = self._next(asked, front)
-                    _check_hope(front[0], against, hopeless)
+                    _check_hope(front[0], least)
             except LostComponentError:
                 yield Level(asked, None)
                 continue
             if front[0].at == now:
                 yield Level(asked, self._replay.finished(front[0]))
             else:
-                self._waiting.appendleft(_Replayed(asked, front, against, hopeless))
+                self._waiting.appendleft(_Replayed(asked, front, least))
 
     def _next(self, asked: Lineage, front: Sequence[Progress]) -> list[Progress]:
         """The continuations after one more keyframe. Raises LostComponentError where there is none."""
@@ -89,7 +93,12 @@ class CatchingUp:
         return self._replay.branched(front, BRANCHES)
 
 
-def _check_hope(best: Progress, against: Sequence[float], hopeless: float) -> None:
+def _left(gains: Array) -> Array:
+    """(k + 1,) sum of the ``gains`` (k,) of all keyframes after the first i."""
+    return np.append(np.cumsum(gains[::-1])[::-1], 0.0)
+
+
+def _check_hope(best: Progress, least: Array) -> None:
     """Raises LostComponentError where a history is too far behind the one that it revises."""
-    if best.at < len(against) and best.log_joint < against[best.at] - hopeless:
+    if best.at < len(least) and best.log_joint < least[best.at]:
         raise LostComponentError("a revised history is far less likely than the one that it revises")

@@ -137,8 +137,8 @@ class LookingBack:
         log_weight = present.live[followed.number].log_weight
         self._log_surplus = log_weight + present.log_evidence - followed.log_joint
         if self._is_in_space:
-            for history, gain in self._dissolving.histories(followed).items():
-                self._catching_up.add([history], followed.log_joints, gain)
+            for history, gains in self._dissolving.histories(followed).items():
+                self._catching_up.add([history], followed.log_joints, gains)
             return
         found: list[Lineage] = []
         if Kind.OTHERWISE in self._kinds:

@@ -79,7 +79,9 @@ def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tupl
     wrong = with_one_that_is_none(engine, right.lineage)
     followed = replay.followed(wrong)
     assert followed is not None and followed.log_joint < right.log_joint - 20.0
-    assert Dissolving(4, replay, engine.registry).histories(followed).keys() == {right.lineage}
+    found = Dissolving(4, replay, engine.registry).histories(followed)
+    assert found.keys() == {right.lineage}
+    assert np.flatnonzero(found[right.lineage]).tolist() == [0, 2]  # where its detections were
 
 
 @pytest.mark.long
@@ -139,7 +141,7 @@ def test_what_lost_is_tried_again_where_twice_as_much_speaks_for_it(
     for gain in (10.0, 19.0, 21.0):
         monkeypatch.setattr(
             "semantic_slam.inference.revision.hindsight.dissolving.dissolved",
-            lambda view, gain=gain: [replace(without(view, 0), gain=gain)],
+            lambda view, gain=gain: [replace(without(view, 0), gains=np.array([gain]))],
         )
         found = dissolving.histories(right)
         counts.append(len(found))

@@ -13,12 +13,13 @@ from worlds.same_beliefs import assert_same
 from semantic_slam import Configuration, Engine, Keyframe
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.history import histories
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.backend import Backend
 from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.open_world.keyframe.open_association import OpenAssociation
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import Commit, Components
-from semantic_slam.inference.revision.catching_up import BRANCHES, HOPELESS, CatchingUp, Level
+from semantic_slam.inference.revision.catching_up import BRANCHES, BROKEN_PROMISE, HOPELESS, CatchingUp, Level
 from semantic_slam.inference.revision.pairs import merged, relative_distances, seen_together
 from semantic_slam.inference.revision.replay import CHECKPOINT, Replay
 from semantic_slam.inference.smoothing import trunks
@@ -196,19 +197,25 @@ def test_a_replay_is_given_up_where_it_is_far_behind_the_history_that_it_revises
     assert level.own is not None
     own = np.array(level.own.log_joints)
     assert len(own) == 13
-    for nats, gain, reaches_the_end in (
-        (HOPELESS - 1e-6, 0.0, True),
-        (HOPELESS + 1e-6, 0.0, False),
-        (HOPELESS + 1e-6, 1.0, True),
+    early, late = (np.where(np.arange(12) == keyframe, 1.0, 0.0) for keyframe in (4, 5))
+    for nats, gains, reaches_the_end in (
+        (HOPELESS - 1e-6, None, True),
+        (HOPELESS + 1e-6, None, False),
+        (BROKEN_PROMISE - 1e-6, early, True),
+        (BROKEN_PROMISE + 1e-6, early, False),  # what was promised of keyframe 4 is not to come any more after 5
+        (BROKEN_PROMISE + 1.0 - 1e-6, late, True),
+        (BROKEN_PROMISE + 1.0 + 1e-6, late, False),
     ):
         better = own + np.where(np.arange(13) == 5, nats, 0.0)
-        alone, beside = _caught_up(replay, [other, first], better.tolist(), gain)
+        alone, beside = _caught_up(replay, [other, first], better.tolist(), gains)
         assert (alone.own is not None) == reaches_the_end and beside.own is not None
 
 
-def _caught_up(replay: Replay, lineages: Sequence[Lineage], against: Sequence[float], gain: float = 0.0) -> list[Level]:
+def _caught_up(
+    replay: Replay, lineages: Sequence[Lineage], against: Sequence[float], gains: Array | None = None
+) -> list[Level]:
     waiting = CatchingUp(replace(replay, _kept={}, _beside={}))
-    waiting.add(lineages, against, gain)
+    waiting.add(lineages, against, gains)
     return list(waiting.go_on(100))
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Flags, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 from semantic_slam.inference.states.lineage import Lineage
 
@@ -22,8 +22,13 @@ class Dissolved:
     """An object that may be spurious."""
 
     row: int  # row of the object in the history
-    gain: float  # rough log gain of the history without it
+    gains: Array  # (T,) rough log gain of the history without it, of each keyframe
     owners: Owners  # without it
+
+    @property
+    def gain(self) -> float:
+        """Rough log gain of the whole history."""
+        return float(self.gains.sum())
 
 
 def dissolved(view: Hindsight) -> list[Dissolved]:
@@ -45,7 +50,7 @@ def without(view: Hindsight, row: int) -> Dissolved:
     """
     owners = view.owners
     found, times = list(owners), view.detected_at(row)
-    gain = log_gain_of_misses(view, row, times)
+    gains = gains_of_misses(view, row, times)
     for keyframe in np.flatnonzero(times).tolist():
         own = found[keyframe] = owners[keyframe].copy()
         number = int(np.flatnonzero(own == row)[0])
@@ -54,17 +59,23 @@ def without(view: Hindsight, row: int) -> Dissolved:
         may[own] = -np.inf
         may[-1] = weights[-1]
         best = own[number] = int(np.argmax(may))
-        gain += float(may[best] - weights[row if times[:keyframe].any() else -1])  # the first one was a birth
+        gains[keyframe] += may[best] - weights[row if times[:keyframe].any() else -1]  # the first one was a birth
         if best < len(view.ids) and view.in_view[best, keyframe] and keyframe > view.first_seen[best]:
-            gain -= view.log_missed
-    return Dissolved(row, gain, found)
+            gains[keyframe] -= view.log_missed
+    return Dissolved(row, gains, found)
 
 
-def log_gain_of_misses(view: Hindsight, row: int, times: Flags) -> float:
-    """Log cost of the misses of what is detected at ``times`` (T,); looks before the first make its birth unlikely."""
-    missed = np.flatnonzero(view.in_view[row] & ~times)
-    later = int((missed > view.first_seen[row]).sum())
-    return -view.log_missed * later + min(-view.log_missed * (len(missed) - later), -view.log_unseen)
+def gains_of_misses(view: Hindsight, row: int, times: Flags) -> Array:
+    """(T,) log cost of the misses of what is detected at ``times`` (T,), where it would have to be paid.
+
+    Looks before the first detection make the birth then unlikely.
+    """
+    missed, born = view.in_view[row] & ~times, view.first_seen[row]
+    gains = np.where(missed, -view.log_missed, 0.0)
+    looks = int(missed[:born].sum())
+    gains[:born] = 0.0
+    gains[born] = min(-view.log_missed * looks, -view.log_unseen)
+    return gains
 
 
 def lineage_of(view: Hindsight, owners: Owners) -> Lineage:

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from itertools import islice
 
-from semantic_slam.inference.revision.hindsight.dissolved import Owners, dissolved, lineage_of
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.revision.hindsight.dissolved import Dissolved, dissolved, lineage_of
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
-from semantic_slam.inference.revision.hindsight.reassigned import reassigned
+from semantic_slam.inference.revision.hindsight.reassigned import Reassigned, reassigned
 from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
 from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.revision.tried import Group
@@ -27,14 +28,20 @@ class Dissolving:
         self._tried: dict[Group, float] = {}  # objects left out -> rough gain when that was tried
         self._proposed: dict[Lineage, tuple[Group, float]] = {}  # history -> objects left out, and rough gain
 
-    def histories(self, followed: Revised) -> dict[Lineage, float]:
-        """The history with all frames reassigned without the suspects, and those without one each; with rough gains."""
+    def histories(self, followed: Revised) -> dict[Lineage, Array]:
+        """The history with all frames reassigned without the suspects, and those without one each.
+
+        With the rough log gains (T,) of each keyframe.
+        """
         view = SpatialHindsight.of(self._replay, self._registry, followed)
         self._proposed.clear()
-        for objects, gain, owners in self._candidates(view):
-            if gain > LEAST_GAIN and gain > MORE * self._tried.get(objects, 0.0):
-                self._proposed.setdefault(lineage_of(view, owners), (objects, gain))
-        return {own: gain for own, (_, gain) in islice(self._proposed.items(), self._most)}
+        gains: dict[Lineage, Array] = {}
+        for objects, found in self._candidates(view):
+            if found.gain > LEAST_GAIN and found.gain > MORE * self._tried.get(objects, 0.0):
+                history = lineage_of(view, found.owners)
+                self._proposed.setdefault(history, (objects, found.gain))
+                gains.setdefault(history, found.gains)
+        return dict(islice(gains.items(), self._most))
 
     def note(self, history: Lineage) -> None:
         """Record that a history was replayed and not accepted."""
@@ -42,11 +49,10 @@ class Dissolving:
             objects, gain = self._proposed[history]
             self._tried[objects] = gain
 
-    def _candidates(self, view: Hindsight) -> Iterator[tuple[Group, float, Owners]]:
-        """Objects left out, the rough gain, and the owners of the detections."""
+    def _candidates(self, view: Hindsight) -> Iterator[tuple[Group, Reassigned | Dissolved]]:
+        """Objects left out, with the history without them."""
         suspects = [own for own in dissolved(view) if own.gain > LEAST_GAIN]
         rows = sorted(own.row for own in suspects)
-        together = reassigned(view, rows)
-        yield tuple(view.ids[rows].tolist()), together.gain, together.owners
+        yield tuple(view.ids[rows].tolist()), reassigned(view, rows)
         for own in suspects:
-            yield (int(view.ids[own.row]),), own.gain, own.owners
+            yield (int(view.ids[own.row]),), own

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Index
-from semantic_slam.inference.revision.hindsight.dissolved import Owners, log_gain_of_misses
+from semantic_slam.inference.revision.hindsight.dissolved import Owners, gains_of_misses
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 
 STAYS = 2.0
@@ -22,23 +22,30 @@ IMPOSSIBLE = -1e6
 class Reassigned:
     """Owners of all detections, and what they promise."""
 
-    gain: float  # rough log gain
+    gains: Array  # (T,) rough log gain of each keyframe
     owners: Owners
+
+    @property
+    def gain(self) -> float:
+        """Rough log gain of the whole history."""
+        return float(self.gains.sum())
 
 
 def reassigned(view: Hindsight, without: Collection[int] = ()) -> Reassigned:
     """The likeliest assignment of each frame by the map as now known, ``without`` the objects in these rows."""
     rows = sorted(without)
-    gain = sum(log_gain_of_misses(view, row, view.detected_at(row)) for row in rows)
+    gains = np.zeros(len(view.owners))
+    for row in rows:
+        gains += gains_of_misses(view, row, view.detected_at(row))
     found = []
     for keyframe, before in enumerate(view.owners):
         options, lines = _options(view, keyframe), np.arange(len(before))
         own = _likeliest(options, before, rows)
         births = [row for row in rows if view.first_seen[row] == keyframe]
         options[:, births] = options[:, -1:]
-        gain += float((options[lines, own] - options[lines, before]).sum())
+        gains[keyframe] += (options[lines, own] - options[lines, before]).sum()
         found.append(own)
-    return Reassigned(float(gain), found)
+    return Reassigned(gains, found)
 
 
 def _options(view: Hindsight, keyframe: int) -> Array:
