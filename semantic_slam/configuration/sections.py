@@ -11,7 +11,7 @@ from semantic_slam.errors import InputError
 def build_section(cls: Any, values: Any, origin: str, prefix: str = "") -> Any:
     """Dataclass ``cls`` with ``values``; errors name their keys behind ``prefix``. Raises InputError."""
     if not isinstance(values, dict):
-        raise InputError(f"{origin}: '{prefix.rstrip('.')}' must be a mapping; see config/default.yaml")
+        raise InputError(f"{origin}: '{prefix.rstrip('.')}' must be a mapping; see config/default.yaml, or remove it")
     fields = {item.name: item for item in dataclasses.fields(cls)}
     values = _by_new_names(values, fields.values(), origin, prefix)
     unknown = sorted(set(values) - set(fields))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 from semantic_slam.class_models.embedding import embedding_model
@@ -10,6 +11,9 @@ from semantic_slam.configuration import Configuration, SemanticModelConfiguratio
 from semantic_slam.errors import InputError
 from semantic_slam.evaluation.belief_bag import read_record
 from semantic_slam.evaluation.record import Record, json_object
+
+SHARED = 0.5
+"""Share of the smaller run's frames beyond which two runs are of the same detections."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +30,13 @@ class Run:
         """What was known of the detector before anything was fitted, with the labels of the run."""
         return replace(self.configuration.semantic_model, path="", path_digest="")
 
+    def shares_views(self, other: "Run") -> bool:
+        """Whether most of a run's detections are another's, too: of one bag, or of another bag made from it."""
+        if self.sha256 and self.sha256 == other.sha256:
+            return True
+        one, two = (_views(run.record) for run in (self, other))
+        return len(one & two) > SHARED * min(len(one), len(two))
+
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
     """The runs in the folders that reports were written to.
@@ -36,13 +47,22 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
     kinds = {run.configuration.semantic_model.kind for run in runs}
     if len(kinds) > 1:
         raise InputError(f"the runs are of semantic_model.kind {' and '.join(sorted(kinds))}; give those of one kind")
-    named = [run.sha256 for run in runs if run.sha256]
-    twice = [str(folder) for folder, run in zip(folders, runs, strict=True) if named.count(run.sha256) > 1]
-    if twice:
-        raise InputError(
-            f"{' and '.join(twice)}: are runs of one bag, whose views would count twice; leave out all but one"
-        )
+    for (folder, run), (other, another) in combinations(zip(folders, runs, strict=True), 2):
+        if run.shares_views(another):
+            raise InputError(
+                f"{folder} and {other}: are runs of one bag, or of a copy, whose views would count twice; leave out all"
+                " but one"
+            )
     return runs
+
+
+def _views(record: Record) -> set[tuple[int, tuple[str, ...], bytes, bytes]]:
+    """Stamp [ns], labels, scores and boxes of each frame that has detections."""
+    return {
+        (stamp, own.labels, own.scores.tobytes(), own.boxes.tobytes())
+        for stamp, own in record.measurements.items()
+        if len(own.labels)
+    }
 
 
 def _read(folder: Path) -> Run:

@@ -169,11 +169,12 @@ def test_a_side_that_looks_like_something_else_is_found_whatever_the_headings():
     assert cups[:6].max() < 0.35 and cups[-3:].min() > 0.45
 
 
-def labelled_entries(told: str, num_frames: int = NUM_FRAMES):
+def labelled_entries(told: str, num_frames: int = NUM_FRAMES, share_of_score: float = 1.0):
     entries = place_entries(told, num_frames)
     for entry in of_topic(entries, topics.DETECTIONS):
         found = from_message(entry.message)
-        entry.message = to_message(replace(found, labels=("chair", "cup")[: len(found)]))
+        labels, scores = ("chair", "cup")[: len(found)], share_of_score * found.scores
+        entry.message = to_message(replace(found, labels=labels, scores=scores))
     return entries
 
 
@@ -209,14 +210,32 @@ def test_too_little_to_learn_from_leaves_the_models_as_they_are(tmp_path, capsys
     )
     first, second = (read_runs([folder])[0].record.beliefs[-1] for folder in (report, again))
     np.testing.assert_allclose(second.class_probabilities, first.class_probabilities, atol=1e-9)
-    with pytest.raises(InputError, match="are runs of one bag, whose views would count twice"):
+    with pytest.raises(InputError, match="are runs of one bag, or of a copy, whose views would count twice"):
         read_runs([report, again])
+
+
+@pytest.mark.long
+def test_a_copy_of_a_bag_is_no_other_bag(tmp_path):
+    """That ends one frame earlier; where the detector's scores are others, it is of something else."""
+    runs = []
+    for name, num_frames, share in (
+        ("bag", NUM_FRAMES, 1.0),
+        ("copy", NUM_FRAMES - 1, 1.0),
+        ("other", NUM_FRAMES, 0.9),
+    ):
+        bag = write_bag(tmp_path / name, labelled_entries("ranges", num_frames, share))
+        runs.append(tmp_path / f"of_{name}")
+        run_bag(bag, runs[-1] / "belief", load_configuration(configuration_file("detector")))
+    bag, copy, other = runs
+    with pytest.raises(InputError, match=r"of_bag and .*of_copy: are runs of one bag, or of a copy"):
+        read_runs([bag, other, copy])
+    assert len(read_runs([bag, other])) == 2
 
 
 @pytest.mark.long
 def test_how_often_the_detector_detects_is_not_learned_in_space_which_is_said(tmp_path):
     """Beside a run in the plane, which still tells it."""
-    bag = write_bag(tmp_path / "bag_in_space", labelled_entries("positions", 12))
+    bag = write_bag(tmp_path / "bag_in_space", labelled_entries("positions", 12, 0.9))
     (bag / "objects.json").unlink()
     run_bag(bag, tmp_path / "space" / "belief", load_configuration(configuration_file("spatial")))
     in_space = learn(RunTracks.of(read_runs([tmp_path / "space"])))

@@ -30,7 +30,8 @@ def _belief(explanation: Explanation, own: HistoryExplained) -> str:
     probability = explanation.belief.class_probabilities[explanation.row, explanation.classes[0]]
     begin = f"{explanation.name} is of class {one} with probability {probability:.4f}."
     if not own.pair.is_pruned:
-        return f"{begin} The log odds of {one} against {other} are {own.pair.log_odds:+.2f} nats."
+        which = "the heaviest" if own is explanation.histories[0] else "this"
+        return f"{begin} In {which} hypothesis the log odds of {one} against {other} are {own.pair.log_odds:+.2f} nats."
     at = explanation.run.keyframes[own.pair.until + 1].belief.keyframe
     if not own.pair.was_weighed:
         settings = "weights.gate, weights.max_candidates"

@@ -142,7 +142,8 @@ class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followe
             handle()
         except MessageError as fault:
             self.refused[f"{topic}: {fault.kind}"] += 1
-            self.get_logger().warning(f"{topic}: {fault}", throttle_duration_sec=SAY_AGAIN_S)
+            named = str(fault) if str(fault).startswith(f"{topic}: ") else f"{topic}: {fault}"
+            self.get_logger().warning(named, throttle_duration_sec=SAY_AGAIN_S)
 
     def listen_to_one_of(
         self, handlers: Mapping[str, Callable[[bytes], None]], profile_of: Callable[[str], QoSProfile]
