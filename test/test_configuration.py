@@ -300,6 +300,16 @@ def test_parameters_of_ros_itself_are_accepted(ros: None) -> None:
             ["backend_node", "--ros-args", "--params-file", "nosuch.yaml"],
             "nosuch.yaml: no such file of parameters; give a copy of config/default.yaml\n",
         ),
+        (
+            ["semantic_slam", "doctor", "--ros-args", "--params-file", "nosuch.yaml"],
+            "nosuch.yaml: no such file of parameters; give a copy of config/default.yaml\n",
+        ),
+        (
+            ["semantic_slam", "view", "--ros-args", "--params-file", "nosuch.yaml"],
+            "nosuch.yaml: no such file of parameters; give a copy of config/default.yaml\n",
+        ),
+        (["semantic_slam", "doctor", "--ros-args", "-p", "3"], "token or wildcard; see config/default.yaml\n"),
+        (["semantic_slam", "view", "--ros-args", "--params-file", __file__], "; see config/default.yaml\n"),
         (["backend_node", "--ros-args", "-p", "3"], "token or wildcard; see config/default.yaml\n"),
         (["backend_node", "--ros-args", "-p", "nosuch:=3"], "'nosuch'"),
         (["bag_player", "--ros-args", "-p", "rat:=1.0"], "'rat'"),

@@ -51,14 +51,18 @@ def missing_files(folder: Path, found: Iterable[str]) -> list[str]:
 
     None where it cannot be read, or where it does not tell all that were found: then files were renamed.
     """
-    try:
-        names = [str(name) for name in _information(folder)["relative_file_paths"]]
-    except UNREADABLE:
-        return []
-    there = set(found)
+    names, there = files_told(folder), set(found)
     return (
         [name for name in names if Path(name).name not in there] if there <= {Path(name).name for name in names} else []
     )
+
+
+def files_told(folder: Path) -> list[str]:
+    """Names of storage files in the order of metadata.yaml; none where it cannot be read."""
+    try:
+        return [str(name) for name in _information(folder)["relative_file_paths"]]
+    except UNREADABLE:
+        return []
 
 
 def counts_told(folder: Path) -> Counter[str]:

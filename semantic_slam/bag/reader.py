@@ -30,6 +30,7 @@ from semantic_slam.bag.metadata_check import (
     contents_told,
     counts_told,
     differences,
+    files_told,
     missing_files,
 )
 from semantic_slam.bag.names import absolute
@@ -40,6 +41,8 @@ from semantic_slam.messages.typestore import typestore
 
 REMEDY = "give a rosbag2 folder, a .mcap or a .db3"
 ROS_1 = ".bag"
+IN_A_MISSING_FILE = "in a file that is missing"
+"""Reason of messages that were recorded and cannot be read."""
 _announced: set[str] = set()
 """Notices about bags already printed by this process, which may open a bag many times."""
 
@@ -76,6 +79,7 @@ class BagReader:
         self.unfinished = ""  # set when the recorder was killed but all written data can be read
         self._stack = ExitStack()
         self._sources: list[Source] = []
+        self._names: list[str] = []  # of the storage files of the sources, where these were opened one by one
         self._empty_topics: dict[str, str] = {}  # without messages, named by metadata.yaml alone
         self._is_storage_whole = False  # the damage is that of metadata.yaml
         self._older: dict[str, Typestore | None] = {}  # by type name; None: recorded with our definition
@@ -132,6 +136,25 @@ class BagReader:
         """Number of messages in storage files that are missing, as metadata.yaml tells, by absolute topic name."""
         is_part_missing = self._is_storage_whole and bool(self._missing_files())
         return counts_told(self.path) - self.counts if is_part_missing else Counter()
+
+    @property
+    def missing_by_ns(self) -> int | None:
+        """Least log time of the storage files behind one that is missing; None: there is none behind."""
+        missing = self._missing_files() if self._is_storage_whole else []
+        if not missing:
+            return None
+        names = [Path(name).name for name in files_told(self.path)]
+        behind = names[names.index(Path(missing[0]).name) :]
+        starts = [source.span_ns[0] for name, source in zip(self._names, self._sources, strict=True) if name in behind]
+        return min(starts, default=None)
+
+    @property
+    def missing_notice(self) -> str:
+        """Which storage files are missing, in one line with the remedy; "" for none."""
+        missing = self._missing_files() if self._is_storage_whole else []
+        if not missing:
+            return ""
+        return f"{self.path}: {shortened(missing)} missing, of the files in {METADATA}; put what is missing beside them"
 
     @property
     def duration_s(self) -> float:
@@ -245,12 +268,14 @@ class BagReader:
         for path in storage_files(self.path):
             try:
                 self._sources += self._indexed(path, opened)
+                self._names.append(path.name)
             except Exception as fault:
                 if path.suffix != ".mcap":
                     damage = _reason(fault)
                     continue
                 stream = McapStream(path)
                 self._sources.append(stream)
+                self._names.append(path.name)
                 if stream.damage or stream.has_end or was_closed:
                     damage = stream.damage or _reason(fault)
                 else:

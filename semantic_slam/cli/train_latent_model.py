@@ -131,17 +131,19 @@ def command() -> None:
 
 
 def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, str]]":
-    """Views of all folders, and {instance: class} from their classes.json, if any; raises InputError."""
-    from semantic_slam.training.latent.views.turntable_split import wanted_angle
-    from semantic_slam.training.turntables import read_classes
+    """Views of all folders, and {instance: class} from their classes.json, if any; raises InputError.
 
-    views, classes = [], {}
-    for root in arguments.turntables:
-        views += object_views(arguments, root, wanted_angle)
-        if (root / CLASSES_FILE).is_file():
-            classes.update(read_classes(root / CLASSES_FILE))
-    # An instance without a given class is a class of its own.
-    return views, {**{view.class_name: view.class_name for view in views}, **classes} if classes else {}
+    Names in these files that no turntable has are told, and so are instances that none of the files names.
+    """
+    from semantic_slam.training.latent.views.turntable_split import wanted_angle
+    from semantic_slam.training.turntables import class_names_of, classes_of_folders
+
+    views = [view for root in arguments.turntables for view in object_views(arguments, root, wanted_angle)]
+    files = [root / CLASSES_FILE for root in arguments.turntables if (root / CLASSES_FILE).is_file()]
+    classes, lines = classes_of_folders(files, class_names_of(views))
+    for line in lines:
+        print(line, file=sys.stderr)
+    return views, classes
 
 
 def _tags(paths: Sequence[Path], names: Sequence[str], held_out: Sequence[str]) -> dict[str, str]:

@@ -30,6 +30,20 @@ def pair_score(estimate: Sequence[int], reference: Sequence[int]) -> PairScore:
     return PairScore(_ratio(common, claimed), _ratio(common, true), _ratio(2 * common, claimed + true))
 
 
+def annotated_pair_score(estimate: Sequence[int], reference: Sequence[int]) -> PairScore:
+    """Score among the detections that the reference gives an object; the others may show what nobody annotated."""
+    known = [(e, r) for e, r in zip(estimate, reference, strict=True) if r > CLUTTER]
+    return pair_score([e for e, _ in known], [r for _, r in known])
+
+
+def objects_without_reference(estimate: Sequence[int], reference: Sequence[int]) -> set[int]:
+    """Objects of the ``estimate`` to most of whose detections the reference gives none."""
+    told: Counter[int] = Counter()
+    for own, true in zip(estimate, reference, strict=True):
+        told[own] += 1 if true > CLUTTER else -1
+    return {own for own, balance in told.items() if own > CLUTTER and balance < 0}
+
+
 def _pairs(sizes: Counter[int] | Counter[tuple[int, int]]) -> int:
     return sum(size * (size - 1) // 2 for size in sizes.values())
 

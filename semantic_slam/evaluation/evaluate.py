@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from semantic_slam.evaluation import classification, mixture, trajectory
-from semantic_slam.evaluation.association import pair_score
+from semantic_slam.evaluation.association import CLUTTER, annotated_pair_score, objects_without_reference, pair_score
 from semantic_slam.evaluation.correspondence import match_objects, told_by_map
 from semantic_slam.evaluation.history import (
     UNKNOWN,
@@ -24,6 +24,9 @@ from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import PLANAR_AXES
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.world.map_prior import parse_map_prior
+
+EXISTS = 0.5
+"""Least probability of existence of an object that is counted."""
 
 
 @dataclass(frozen=True)
@@ -160,8 +163,9 @@ def _association_metrics(
 ) -> dict[str, float | int | None]:
     """Association metrics; clusters use the true ids directly, so a missing object match costs no pair."""
     if not truth.associations:
-        names = ("association_precision", "association_recall", "association_f1", "association_right")
-        return {**dict.fromkeys(names, float("nan")), "keyframe_disambiguated": None}
+        names = ("precision", "recall", "f1", "f1_annotated", "right")
+        nothing = {f"association_{name}": float("nan") for name in names}
+        return {**nothing, "keyframe_disambiguated": None}
     estimate: list[int] = []
     reference: list[int] = []
     right: list[bool] = []
@@ -176,9 +180,18 @@ def _association_metrics(
         "association_precision": score.precision,
         "association_recall": score.recall,
         "association_f1": score.f1,
+        "association_f1_annotated": annotated_pair_score(estimate, reference).f1,
+        "detections_without_true_id": sum(true <= CLUTTER for true in reference),
+        "objects_without_true_id": _num_without_true_id(beliefs[-1], estimate, reference),
         "association_right": _mean(np.array(right, dtype=float)),
         "keyframe_disambiguated": None if settled is None else beliefs[settled].keyframe,
     }
+
+
+def _num_without_true_id(last: HybridBelief, estimate: list[int], reference: list[int]) -> int:
+    """Number of objects that exist at the end, to most of whose detections no true id is known."""
+    there = last.object_ids[last.existence > EXISTS].tolist()
+    return len(objects_without_reference(estimate, reference).intersection(there))
 
 
 def _class_metrics(beliefs: tuple[HybridBelief, ...], true_classes: dict[int, str]) -> dict[str, float | int | None]:

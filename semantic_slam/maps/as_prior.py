@@ -25,7 +25,7 @@ def map_prior_of(saved: SavedMap) -> MapPrior:
         for row, number in enumerate(objects.ids)
     )
     joint = joint_covariance(saved) if saved.has_cross_covariances and len(objects) > 1 else None
-    ancestors = tuple(sorted(saved.ancestors))
+    ancestors = tuple(sorted(saved.origins))
     return MapPrior(items, saved.descriptor_space, joint, saved.map_id, saved.state_space, ancestors)
 
 

@@ -12,7 +12,7 @@ from semantic_slam.maps.alignments import aligned, in_place
 from semantic_slam.maps.correspondence import Correspondence
 from semantic_slam.maps.landmarks import Landmarks, compared_rows
 from semantic_slam.maps.likelihood import DISPLACED_SHARE, GONE_SHARE
-from semantic_slam.maps.saved_map import SavedMap
+from semantic_slam.maps.saved_map import SavedMap, are_of_one_run
 
 SURE = 0.9
 """Smallest probability at which two maps are taken to be of one place, and an alignment is accepted for a merge."""
@@ -52,7 +52,7 @@ class Comparison:
         # Used until the alignment is known: whether its place was looked at hardly affects an object's counterpart.
         log_absent = np.log(1.0 - ours.existence + ours.existence * (GONE_SHARE + LEAST_UNSEEN))
         if same_frame:
-            is_continued = new.provenance.started_from == old.map_id
+            is_continued = new.provenance.started_from == old.map_id or are_of_one_run(old, new)
             found = in_place(ours, theirs, log_absent, is_continued=is_continued)
         else:
             found = aligned(ours, theirs, log_absent)
@@ -132,7 +132,7 @@ def are_of_one_frame(old: SavedMap, new: SavedMap) -> bool:
     A common ancestor is not enough: a merged map is in the frame of its first one alone.
     """
     one, other = old.provenance.started_from, new.provenance.started_from
-    return other == old.map_id or one == new.map_id or (one == other != "")
+    return other == old.map_id or one == new.map_id or (one == other != "") or are_of_one_run(old, new)
 
 
 def _only_told(old: SavedMap, new: SavedMap, rows: Index) -> Flags:

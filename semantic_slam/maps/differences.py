@@ -7,6 +7,7 @@ import numpy as np
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.maps.comparison import Comparison
 from semantic_slam.maps.likelihood import GONE_SHARE
+from semantic_slam.maps.saved_map import share_evidence
 
 KINDS = ("same", "displaced", "gone", "unseen", "none")
 """Possible fates of an object of the old map; none: it never existed."""
@@ -48,6 +49,7 @@ class MapDifference:
     T_old_new: Array  # (3,) x, y, yaw of the new map's frame in the old one's; in space (4,) x, y, z, yaw
     same_frame: bool  # else aligned by object correspondences
     alignment_probability: float
+    shares_evidence: bool = False  # in part both maps state the same evidence, not two that agree
 
 
 def difference(comparison: Comparison) -> MapDifference:
@@ -58,6 +60,7 @@ def difference(comparison: Comparison) -> MapDifference:
         T_old_new=comparison.best.alignment.T_old_new,
         same_frame=comparison.same_frame,
         alignment_probability=comparison.alignment_probability,
+        shares_evidence=share_evidence(comparison.old, comparison.new),
     )
 
 

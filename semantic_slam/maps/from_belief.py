@@ -134,6 +134,7 @@ def provenance_of(belief: HybridBelief, run: RunConfiguration) -> Provenance:
         revision=run.revision,
         configuration_sha256=hashlib.sha256(run.configuration.encode()).hexdigest(),
         run_id=run.run_id,
+        began_ns=int(run.stamp_ns),
         started_from=_id(prior),
         keyframe=int(belief.keyframe),
         stamp_ns=int(belief.stamp_ns),

@@ -147,10 +147,10 @@ def _description(saved: SavedMap) -> dict[str, Any]:
 
 
 def _described(provenance: Provenance) -> dict[str, Any]:
-    """Provenance as written; without ancestors none are named, so that maps of before keep their ids."""
+    """Provenance as written; ancestors and start only where they are known, so that maps of before keep their ids."""
     entries = asdict(provenance)
-    ancestors = list(entries.pop("ancestors"))
-    return entries | ({"ancestors": ancestors} if ancestors else {})
+    later = {"ancestors": list(entries.pop("ancestors")), "began_ns": entries.pop("began_ns")}
+    return entries | {name: value for name, value in later.items() if value}
 
 
 def _saved(arrays: Arrays, entries: dict[str, Any]) -> SavedMap:
@@ -190,8 +190,8 @@ def _of(part: str, arrays: Arrays) -> dict[str, Any]:
 
 
 def _provenance(entries: dict[str, Any]) -> Provenance:
-    """Parse a provenance; files of before name no ancestors. Raises TypeError or ValueError."""
-    whole = {"ancestors": []} | entries
+    """Parse a provenance; files of before name no ancestors and no start. Raises TypeError or ValueError."""
+    whole: dict[str, Any] = {"ancestors": [], "began_ns": 0} | entries
     whole["ancestors"] = _texts(whole["ancestors"])
     kinds = {own.name: type(own.default) for own in fields(Provenance)}
     if set(whole) != set(kinds) or any(type(whole[name]) is not kind for name, kind in kinds.items()):

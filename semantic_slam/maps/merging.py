@@ -1,7 +1,8 @@
 """Merging of two maps: corresponding objects are fused using the joint Gaussians of both maps.
 
-Maps that came from one map, at whatever remove, both contain its information. Their covariances are therefore doubled
-(covariance intersection with equal weights, Julier and Uhlmann, 1997), which is never overconfident whatever is shared.
+Maps that came from one map or recording, at whatever remove, both contain its information. Their covariances are
+therefore doubled (covariance intersection with equal weights, Julier and Uhlmann, 1997), which is never overconfident
+whatever is shared.
 """
 
 import json
@@ -20,7 +21,7 @@ from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
 from semantic_slam.maps.merged_existence import merged_existence
 from semantic_slam.maps.merged_objects import MergedRows, merged_objects
-from semantic_slam.maps.saved_map import Provenance, SavedMap, ViewedFrom, have_common_ancestor
+from semantic_slam.maps.saved_map import Provenance, SavedMap, ViewedFrom, are_of_one_recording, have_common_ancestor
 
 HALF = 0.5
 """Smallest probability at which two objects are taken as one."""
@@ -67,9 +68,9 @@ def merged(one: SavedMap, other: SavedMap, revision: str, same_frame: bool | Non
 
 
 def _provenance(one: SavedMap, other: SavedMap, revision: str) -> Provenance:
-    """Provenance of the merged map, whose ancestors are both maps and all of theirs."""
+    """Provenance of the merged map, whose ancestors are both maps, their recordings, and all of theirs."""
     ids = [one.map_id, other.map_id]
-    ancestors = one.ancestors.union(other.ancestors, ids)
+    ancestors = one.origins.union(other.origins, ids)
     return Provenance(source=json.dumps({"merged": ids}), revision=revision, ancestors=tuple(sorted(ancestors)))
 
 
@@ -82,9 +83,20 @@ def _check(one: SavedMap, other: SavedMap) -> None:
             raise InputError(
                 f"map {second.map_id} came from map {first.map_id} and holds what that one knows; use it alone"
             )
+    if are_of_one_recording(one, other):
+        raise InputError(
+            f"maps {one.map_id} and {other.map_id} are of one recording, which would count twice; use"
+            f" {_later(one, other)} alone, or merge it with a map of another run"
+        )
     spaces = {known.descriptor_space for known in (one, other) if known.objects.descriptors.shape[1]}
     if len(spaces) > 1:
         raise InputError(f"the maps' descriptors are of different spaces ({', '.join(sorted(spaces))}); use one model")
+
+
+def _later(one: SavedMap, other: SavedMap) -> str:
+    """Which of two maps of one recording has seen more of it, in words."""
+    seen = [own.provenance.keyframe for own in (one, other)]
+    return "one of them" if seen[0] == seen[1] else f"the later one, {(one if seen[0] > seen[1] else other).map_id},"
 
 
 def _rows(comparison: Comparison) -> MergedRows:

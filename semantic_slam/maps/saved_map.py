@@ -8,7 +8,12 @@ from semantic_slam.configuration.configuration import PLANAR
 from semantic_slam.geometry.arrays import Array, Flags, Index
 from semantic_slam.geometry.object_coordinates import ObjectCoordinates, object_coordinates
 from semantic_slam.geometry.pose import wrap_angle
+from semantic_slam.inference.protocol import source_entry
+from semantic_slam.inference.states.identity import digest
 from semantic_slam.text_files import parse_json
+
+RECORDING = "recording:"
+"""Prefix that tells the id of a recording from that of a map."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,10 +24,22 @@ class Provenance:
     revision: str = ""  # of the software
     configuration_sha256: str = ""
     run_id: str = ""
+    began_ns: int = 0  # stamp of the run's first keyframe; 0: not known, as in files of before
     started_from: str = ""  # id of the map that the run started from
     keyframe: int = -1  # of the belief
     stamp_ns: int = 0
-    ancestors: tuple[str, ...] = ()  # sorted ids of all maps whose information it holds; older files state none
+    ancestors: tuple[str, ...] = ()  # sorted ids of all maps, and of their recordings, whose information it
+    # holds; older files state none
+
+    @property
+    def recording(self) -> str:
+        """Id of what the run has observed: of its bag, else of a live run by its id and first stamp; "" for unknown.
+
+        Live runs of one configuration have one run id.
+        """
+        bag = source_entry(self.source, "sha256")
+        live = f"{self.run_id} {self.began_ns}" if self.run_id and self.began_ns else ""
+        return f"{RECORDING}{digest(bag or live)}" if bag or live else ""
 
     @property
     def parents(self) -> frozenset[str]:
@@ -114,10 +131,34 @@ class SavedMap:
 
     @property
     def ancestors(self) -> frozenset[str]:
-        """Ids of all maps whose information this one holds: those it was started or merged from, and their own."""
+        """Ids of all maps whose information this one holds: those it was started or merged from, and their own.
+
+        Ids of the recordings of these maps are among them.
+        """
         return self.provenance.parents.union(self.provenance.ancestors)
+
+    @property
+    def origins(self) -> frozenset[str]:
+        """Ids of its ancestors, and of the recording that it was made of."""
+        return self.ancestors.union({self.provenance.recording} - {""})
 
 
 def have_common_ancestor(one: SavedMap, other: SavedMap) -> bool:
-    """Whether both maps were started or merged, however long ago, from one map, whose information both hold."""
-    return not one.ancestors.isdisjoint(other.ancestors)
+    """Whether both maps hold, at whatever remove, information of one map or of one recording."""
+    return not one.origins.isdisjoint(other.origins)
+
+
+def are_of_one_recording(one: SavedMap, other: SavedMap) -> bool:
+    """Whether the runs of both maps have observed the same."""
+    return one.provenance.recording == other.provenance.recording != ""
+
+
+def are_of_one_run(one: SavedMap, other: SavedMap) -> bool:
+    """Whether one run has made both maps, the later of which holds all that is in the earlier."""
+    return are_of_one_recording(one, other) and one.provenance.run_id == other.provenance.run_id
+
+
+def share_evidence(one: SavedMap, other: SavedMap) -> bool:
+    """Whether one map holds the other, or both hold information of a third, or of one recording."""
+    origins = [known.origins.union({known.map_id} - {""}) for known in (one, other)]
+    return not origins[0].isdisjoint(origins[1])

@@ -9,6 +9,8 @@ from semantic_slam.maps.differences import MapDifference, NewObject, OldObject
 SCHEMA_VERSION = 1
 STATED = 0.5
 """Smallest probability at which an object is reported as new."""
+SHARED = "both maps hold some of the same observations: what is the same is less sure than stated"
+"""Line about maps that are not independent."""
 
 
 def change_lines(difference: MapDifference) -> list[str]:
@@ -17,6 +19,8 @@ def change_lines(difference: MapDifference) -> list[str]:
     probability = difference.alignment_probability
     how = "one frame" if difference.same_frame else f"aligned by association (P = {probability:.3f})"
     lines = [f"{how}; the new map's origin at {shift}, {np.rad2deg(difference.T_old_new[-1]):.1f} deg of the old one"]
+    if difference.shares_evidence:
+        lines.append(SHARED)
     lines.append(f"{'':9}  {'P':>6}  {'object':>10}  {'now':>10}  name")
     for own in difference.old:
         now = "-" if own.new_id is None else str(own.new_id)
@@ -42,6 +46,7 @@ def changes_as_json(difference: MapDifference) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "same_frame": difference.same_frame,
         "alignment_probability": difference.alignment_probability,
+        "shares_evidence": difference.shares_evidence,
         "T_old_new": difference.T_old_new.tolist(),
         "old": [_old(own) for own in difference.old],
         "new": [_new(own) for own in difference.new],

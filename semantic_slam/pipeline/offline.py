@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from semantic_slam.bag.mcap_stream import RawMessage
 from semantic_slam.bag.names import absolute
-from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.reader import IN_A_MISSING_FILE, BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
@@ -82,7 +82,7 @@ def run_bag(
         with noted_interrupts():  # inside a constructor of C++, one that is raised may abort the process
             front = stack.enter_context(FrontEndProcess(order)) if reads_ahead else FrontEnd(order, reader)
         with BagWriter(out_bag) as writer:
-            run = OfflineRun(inference, writer, missing_inputs(reader, order.found))
+            run = OfflineRun(inference, writer, MissingInputs.of(reader, order.found))
             _run(run, front, reader.counts[order.found.measurements or order.found.detections])
     dropped = sum(run.dropped_by.values(), Counter[str]())
     if not run.num_keyframes:
@@ -111,11 +111,25 @@ def _looked_through(bag: Path, reader: BagReader, configuration: Configuration) 
     return found, preamble
 
 
-def missing_inputs(reader: BagReader, found: InputTopics) -> Counter[str]:
-    """Messages of a robot's topics that are read in files of the bag that are missing, by reason."""
-    names, read = {absolute(topic): topic for topic in topics.TYPES}, set(astuple(replace(found, identities="")))
-    missing = {topic: number for topic, number in reader.missing.items() if topic in read}
-    return Counter({f"{names[topic]}: in a file that is missing": number for topic, number in missing.items()})
+@dataclass(frozen=True)
+class MissingInputs:
+    """What a bag lacks for want of storage files that are missing."""
+
+    counts: Counter[str]  # messages of a robot's topics that are read, by reason
+    by_ns: int | None  # least log time of what lies behind the first of them; None: nothing does
+    notice: str
+
+    @classmethod
+    def of(cls, reader: BagReader, found: InputTopics) -> "MissingInputs":
+        names, read = {absolute(topic): topic for topic in topics.TYPES}, set(astuple(replace(found, identities="")))
+        missing = {topic: number for topic, number in reader.missing.items() if topic in read}
+        counts = Counter({f"{names[topic]}: {IN_A_MISSING_FILE}": number for topic, number in missing.items()})
+        return cls(counts, reader.missing_by_ns, reader.missing_notice)
+
+    def concern(self, reading: Reading) -> bool:
+        """Whether a run came to what is missing: it read the bag to its end, or something that lies behind."""
+        has_passed = self.by_ns is not None and reading.last_stamp_ns >= self.by_ns
+        return bool(self.counts) and (reading.fault is not None or has_passed)
 
 
 def _run(run: "OfflineRun", front: FrontEnd | FrontEndProcess, num_frames: int) -> None:
@@ -132,8 +146,7 @@ def _run(run: "OfflineRun", front: FrontEnd | FrontEndProcess, num_frames: int) 
 class OfflineRun:
     """Takes what a front end makes of a bag: writes it, and has the keyframes inferred."""
 
-    def __init__(self, inference: InferenceStage, writer: BagWriter, missing: Counter[str]) -> None:
-        """``missing``: inputs that the bag lacks, by reason."""
+    def __init__(self, inference: InferenceStage, writer: BagWriter, missing: MissingInputs) -> None:
         self.num_frames, self.num_keyframes = 0, 0
         self.on_frame: Callable[[], object] = lambda: None
         self.dropped_by: dict[str, Counter[str]] = {}
@@ -166,7 +179,9 @@ class OfflineRun:
             return
         self.fault, stamp_ns = reading.fault, reading.last_stamp_ns
         self.dropped_by = {**reading.dropped_by, "hypotheses": self._inference.lost}
-        if self._missing and self.fault is not None:
-            self.dropped_by["bag"] = self._missing
+        if self._missing.concern(reading):
+            self.dropped_by["bag"] = reading.dropped_by["bag"] + self._missing.counts
+            if self.fault is None:
+                self.say(self._missing.notice)
         told = dropped_message(stamp_ns, self.dropped_by, self._inference.carried)
         self._writer.write(topics.DIAGNOSTICS, told, stamp_ns)

@@ -5,8 +5,11 @@ from dataclasses import dataclass
 MEANINGS = {
     "association_right": "share of detections that the final hypothesis gives their true object",
     "association_f1": "pairs of detections of one object, under the final hypothesis against the truth",
+    "association_f1_annotated": "pairs among the detections that have a true id: what nobody annotated is left out",
     "association_precision": "share of claimed pairs that are true",
     "association_recall": "share of true pairs that are claimed",
+    "detections_without_true_id": "detections of false alarms, or of things that nobody annotated",
+    "objects_without_true_id": "objects that exist at the end, to most of whose detections no true id is known",
     "keyframe_disambiguated": "keyframe from which P(true association) stays at 0.99 or more",
     "min_true_class_probability": "least probability that any object's true class has at the end",
     "class_nll": "mean of −ln P(true class) over the objects at the end, nats",

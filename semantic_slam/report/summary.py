@@ -13,7 +13,7 @@ from semantic_slam.report.plain_json import to_text
 from semantic_slam.report.rendering import environment
 
 EXISTS = 0.5
-SHOWN_METRICS = ("ate_aligned_m", "nees_mean", "association_f1", "class_nll")
+SHOWN_METRICS = ("ate_aligned_m", "nees_mean", "association_f1", "association_f1_annotated", "class_nll")
 
 
 @dataclass(frozen=True, kw_only=True)

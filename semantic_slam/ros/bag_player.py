@@ -18,6 +18,7 @@ Parameters:
 import sys
 import threading
 import time
+from collections import Counter
 from functools import partial
 from pathlib import Path
 
@@ -25,7 +26,7 @@ import rclpy
 from tqdm import tqdm
 
 from semantic_slam.bag.mcap_stream import RawMessage
-from semantic_slam.bag.reader import BagReader
+from semantic_slam.bag.reader import IN_A_MISSING_FILE, BagReader
 from semantic_slam.errors import InputError, MessageError
 from semantic_slam.messages.codec import BY_TYPE_NAME, decode, encode, is_usable
 from semantic_slam.messages.ground_truth import ReplayProgress
@@ -160,6 +161,7 @@ class BagPlayer(PipelineNode):
                     send(bag)
                 except InputError as fault:  # finish the replay of the part before the damage
                     damage = fault
+                    self._tell_missing(bag)
             if not self._is_up:  # the others must not take what was sent for the whole bag
                 return
             self._end_of_bag(bar)
@@ -224,10 +226,13 @@ class BagPlayer(PipelineNode):
                 self._outlets[topic].wait_for_acknowledgement()
 
     def _send_rest(self, bag: BagReader, bar: tqdm, start: Resumption) -> None:
-        frame, cameras = -1, set[str]()
+        frame, cameras, missing_by_ns = -1, set[str](), bag.missing_by_ns
         for message in bag.messages([topic for topic, item in self._playlist.items.items() if not item.is_latched]):
             if not self._is_up:
                 return
+            if missing_by_ns is not None and message.stamp_ns >= missing_by_ns:
+                self._tell_missing(bag)
+                missing_by_ns = None
             item = self._playlist.items[message.topic]
             is_frame = self._is_frame(message)
             frame += is_frame
@@ -243,6 +248,16 @@ class BagPlayer(PipelineNode):
             self._pace.wait(message.stamp_ns)
             self._stamp_ns = message.stamp_ns
             self._send(message)
+
+    def _tell_missing(self, bag: BagReader) -> None:
+        """Count and log, once, the inputs in storage files that are missing, when the replay has come to them."""
+        items = self._playlist.items
+        counts = {items[topic].name: n for topic, n in bag.missing.items() if topic in items and items[topic].is_input}
+        reasons = Counter({f"{name}: {IN_A_MISSING_FILE}": number for name, number in counts.items()})
+        if reasons and not reasons.keys() & self.refused.keys():
+            self.refused.update(reasons)
+            self.get_logger().warning(f"{bag.missing_notice}: {reasons.total()} messages are not played")
+            self.health.publish()  # a short rest of the bag may be played before the next period
 
     def _is_frame(self, message: RawMessage) -> bool:
         """Whether flow control counts the message: one on a frame topic that can be decoded."""

@@ -76,6 +76,25 @@ def with_classes(views: Sequence[ObjectView], path: Path) -> tuple[list[ObjectVi
     return found, [*lines, *unknown_names(path, classes, instances)]
 
 
+def classes_of_folders(files: Sequence[Path], instances: Collection[str]) -> tuple[dict[str, str], list[str]]:
+    """{instance: class} by the files in folders of turntables, {} without files; raises InputError.
+
+    An instance that no file names is a class of its own. Also lines about these, and about names that no instance has.
+    """
+    classes: dict[str, str] = {}
+    lines = []
+    for file in files:
+        of_file = read_classes(file)
+        lines += unknown_names(file, of_file, instances)
+        classes |= of_file
+    without = sorted(set(instances) - set(classes)) if files else []
+    if without:
+        lines.append(
+            f"{files[0]}: instances without a class, each a class of its own ({len(without)}): {', '.join(without)}"
+        )
+    return ({name: name for name in instances} | classes if classes else {}), lines
+
+
 def unknown_names(path: Path, classes: Mapping[str, str], instances: Collection[str]) -> list[str]:
     """A line about the names in a file {instance: class} that no instance has; none where there are no such names."""
     unknown = sorted(set(classes) - set(instances))

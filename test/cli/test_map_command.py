@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,9 @@ from semantic_slam_lab.fuzz import small_drive
 
 from semantic_slam.cli.commands import main
 from semantic_slam.configuration import from_dict
-from semantic_slam.maps.map_file import read_map, read_map_prior
+from semantic_slam.evaluation.belief_bag import read_record
+from semantic_slam.maps.from_belief import saved_map_of_belief
+from semantic_slam.maps.map_file import read_map, read_map_prior, write_map
 from semantic_slam.pipeline.offline import run_bag
 
 PLAIN = from_dict(small_drive.PLAIN)
@@ -49,6 +52,21 @@ def test_a_map_is_saved_shown_and_compared(
     assert capsys.readouterr().out.count("\nsame ") == 2
     assert called(monkeypatch, "merge", place, prior, "--out", tmp_path / "both.map") == 2
     assert "holds what that one knows" in capsys.readouterr().err
+
+
+def test_maps_of_two_keyframes_of_one_run_are_not_merged(
+    belief: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By what ``~/save_map`` writes during a run: the bag tells the recording, of a live run its first stamp does."""
+    record = read_record(belief)
+    for source in (record.run.source, ""):
+        run, places = replace(record.run, source=source), (tmp_path / "early.map", tmp_path / "late.map")
+        write_map(places[0], saved_map_of_belief(record.beliefs[-2], run))
+        late = write_map(places[1], saved_map_of_belief(record.beliefs[-1], run))
+        assert called(monkeypatch, "merge", *places, "--out", tmp_path / "both.map") == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "are of one recording" in line and f"use the later one, {late.map_id}, alone" in line
+        assert read_map(places[0]).provenance.began_ns == record.run.stamp_ns > 0
 
 
 def test_the_next_run_starts_from_the_file(belief: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

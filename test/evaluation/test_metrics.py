@@ -9,7 +9,7 @@ import pytest
 from worlds.belief_factory import small_belief
 
 from semantic_slam.evaluation import classification, history, mixture, trajectory
-from semantic_slam.evaluation.association import pair_score
+from semantic_slam.evaluation.association import annotated_pair_score, objects_without_reference, pair_score
 from semantic_slam.geometry.moments import matched_moments
 from semantic_slam.geometry.pose import pose_vector_from_planar
 from semantic_slam.inference.entropy import association_entropy, component_entropy
@@ -52,6 +52,18 @@ def test_pair_score_does_not_depend_on_names_and_takes_clutter_alone() -> None:
     assert pair_score([0, 0, -1, -1], [4, 4, -1, -1]).f1 == 1.0
     assert pair_score([0, 0, 1, 1], [4, 4, -1, -1]).precision == 0.5
     assert math.isnan(pair_score([0, 1], [0, 1]).f1)
+
+
+def test_what_nobody_annotated_costs_pairs_in_the_one_score_and_none_in_the_other() -> None:
+    """A table (object 5) of four boxes without a true id, and one false alarm in object 1."""
+    estimate, reference = [1, 1, 1, 2, 2, 5, 5, 5, 5], [7, 7, -1, 8, 8, -1, -1, -1, -1]
+    whole = pair_score(estimate, reference)
+    assert (whole.precision, whole.recall, whole.f1) == (2 / 10, 1.0, 4 / 12)
+    known = annotated_pair_score(estimate, reference)
+    assert (known.precision, known.recall, known.f1) == (1.0, 1.0, 1.0)
+    split = annotated_pair_score([1, 3, 1, 2, 2, 5, 5, 5, 5], reference)
+    assert (split.precision, split.recall) == (1.0, 0.5), "a true error is still one"
+    assert objects_without_reference(estimate, reference) == {5}
 
 
 def test_true_association_probability_follows_the_parents() -> None:

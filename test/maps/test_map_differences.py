@@ -8,7 +8,7 @@ import pytest
 from semantic_slam.errors import InputError
 from semantic_slam.geometry import se2
 from semantic_slam.inference.world.map_prior import MapPrior, ObjectPrior
-from semantic_slam.maps.as_prior import saved_map_of_prior
+from semantic_slam.maps.as_prior import map_prior_of, saved_map_of_prior
 from semantic_slam.maps.comparison import Comparison
 from semantic_slam.maps.differences import MapDifference, difference
 from semantic_slam.maps.map_file import with_id
@@ -250,6 +250,46 @@ def test_a_map_is_not_merged_with_one_into_which_it_was_merged() -> None:
     for pair in ((both, one), (other, both), (one, later), (later, both)):
         with pytest.raises(InputError, match="holds what that one knows; use it alone"):
             merged(*pair, "test", same_frame=True)
+
+
+def of_run(known: SavedMap, keyframe: int, began_ns: int = 70, source: str = "") -> SavedMap:
+    """A map as a live run saves it, or the run of a bag; all runs of one configuration have one id."""
+    origin = Provenance(run_id="0123456789abcdef", keyframe=keyframe, began_ns=began_ns, source=source)
+    return with_id(replace(known, provenance=origin))
+
+
+@pytest.mark.parametrize("bag", ["", '{"path": "/bags/monday", "sha256": "ab"}'])
+def test_two_maps_of_one_run_are_not_merged_and_those_of_two_runs_are(bag: str) -> None:
+    early, late = of_run(room(), 100, source=bag), of_run(room(first=20), 200, source=bag)
+    for pair in ((early, late), (late, early)):
+        with pytest.raises(InputError, match=f"count twice; use the later one, {late.map_id}, alone, or merge it with"):
+            merged(*pair, "test")
+    copy = with_id(replace(early, discarded_mass=0.01))
+    with pytest.raises(InputError, match="use one of them alone"):
+        merged(early, copy, "test")
+    other = of_run(room(first=20), 200, began_ns=80, source=bag.replace("ab", "cd"))
+    assert len(merged(early, other, "test", same_frame=True).objects) == len(ROOM)
+
+
+def test_a_run_does_not_count_twice_that_is_in_two_maps_by_way_of_others() -> None:
+    """One is merged or continued from keyframe 100, the other is of keyframe 200: as for maps of one ancestor."""
+    early, late = of_run(room(), 100), of_run(room(first=20), 200)
+    both = with_id(merged(early, of_run(room(first=40), 50, began_ns=80), "test", same_frame=True))
+    prior = map_prior_of(early)
+    told = Provenance(started_from=prior.map_id, ancestors=prior.ancestors, run_id="fedcba9876543210", began_ns=90)
+    session = with_id(replace(room(first=60), provenance=told))
+    for known in (both, session):
+        joint = merged(known, late, "test", same_frame=True).hypotheses.covariances[0]
+        expected = intersected(known.hypotheses.covariances[0], late.hypotheses.covariances[0])
+        np.testing.assert_allclose(joint, expected, atol=1e-9)
+
+
+def test_a_comparison_says_that_maps_hold_the_same_observations() -> None:
+    early, late = of_run(room(), 100), of_run(second(), 200)
+    told, apart = told_of(early, late), told_of(early, of_run(second(), 200, began_ns=80))
+    assert told.same_frame and told.shares_evidence and "less sure than stated" in change_lines(told)[1]
+    assert changes_as_json(told)["shares_evidence"] is True
+    assert not apart.shares_evidence and "less sure" not in "\n".join(change_lines(apart))
 
 
 def test_a_merged_map_without_ancestors_holds_the_maps_that_it_names() -> None:

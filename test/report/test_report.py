@@ -48,6 +48,7 @@ KEYFRAME_FIELDS = {
     *("discarded_mass", "best"),
 }
 METRICS = {
+    *("association_f1_annotated", "detections_without_true_id", "objects_without_true_id"),
     *("association_f1", "association_precision", "association_recall", "keyframe_disambiguated"),
     *("min_true_class_probability", "ate_m", "ate_aligned_m", "dead_reckoning_ate_m"),
     *("dead_reckoning_true_start_ate_m", "nees_mean", "class_nll", "class_ece"),
@@ -93,6 +94,7 @@ def test_metrics_of_the_script(made: Path) -> None:
     """The factory's first lineage is the truth seen from the right place; the others are dead from keyframe 13 on."""
     metrics = load(made)["metrics"]
     assert metrics["association_f1"] == metrics["association_precision"] == metrics["association_recall"] == 1.0
+    assert metrics["association_f1_annotated"] == 1.0 and metrics["objects_without_true_id"] == 0
     assert metrics["keyframe_disambiguated"] == 13
     assert metrics["ate_aligned_m"] <= metrics["ate_m"] < 0.2 < metrics["dead_reckoning_true_start_ate_m"]
     # The prior's mean is off by (6, -5): dead reckoning from it is wrong by about that much.

@@ -50,7 +50,7 @@ def turntables(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("turntables")
     for index, name in enumerate(NAMES):
         write_turntable(root / name, 40 * index, range(0, 180, 6))
-    (root / "classes.json").write_text(json.dumps({name: name.split("_")[0] for name in NAMES}))
+    (root / "classes.json").write_text(json.dumps({name: name.split("_")[0] for name in (*NAMES, "box_l")}))
     return root
 
 
@@ -83,6 +83,7 @@ def test_command_learns_and_states_its_figures(
     assert model.provenance["tagged"] == 3
     printed = capsys.readouterr()
     assert "identified from one view" in printed.out
+    assert f"{turntables / 'classes.json'}: names that no turntable has (1): box_l" in printed.err
     assert f"{tags}: names that no turntable has (1): cap_01" in printed.err
     prediction = model.predict(Viewpoints(np.zeros(1), np.full(1, 0.2), np.ones(1)), model.prior.mean)
     assert np.all(np.isfinite(prediction.mean)) and np.all(prediction.sigma > 0.0)

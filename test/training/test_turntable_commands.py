@@ -17,7 +17,7 @@ from semantic_slam.errors import InputError
 from semantic_slam.pipeline.build_classifier import build_classifier
 from semantic_slam.training.classifier import TrainingConfiguration, hold_out_angles
 from semantic_slam.training.head import HEAD_TRAINING
-from semantic_slam.training.turntables import class_names_of, load_views, with_classes
+from semantic_slam.training.turntables import class_names_of, classes_of_folders, load_views, with_classes
 from semantic_slam.viewpoint.model import Viewpoints, log_likelihood
 from semantic_slam.viewpoint.store import FORMAT, read_model
 
@@ -190,6 +190,19 @@ def test_names_without_a_turntable_are_told(
     assert len(in_classes(Namespace(classes=classes), views)) == len(views)
     assert capsys.readouterr().err.splitlines()[-1] == f"{classes}: names that no turntable has (1): blu_box"
     assert in_classes(Namespace(classes=None), views) == views
+
+
+def test_mistyped_names_in_a_folder_s_own_file_are_told_and_so_is_what_has_no_class(tmp_path: Path) -> None:
+    one, other = tmp_path / "one.json", tmp_path / "other.json"
+    one.write_text(json.dumps({"red_box": "box", "blu_box": "box"}))
+    other.write_text(json.dumps({"cup_1": "cup"}))
+    classes, lines = classes_of_folders([one, other], ("red_box", "blue_box", "cup_1"))
+    assert classes == {"red_box": "box", "blu_box": "box", "cup_1": "cup", "blue_box": "blue_box"}
+    assert lines == [
+        f"{one}: names that no turntable has (1): blu_box",
+        f"{one}: instances without a class, each a class of its own (1): blue_box",
+    ]
+    assert classes_of_folders([], ("red_box",)) == ({}, [])
 
 
 @pytest.mark.parametrize("text", ["[1]", '{"red_box": 3}', '{"green_box": "box"}', "{", ""])

@@ -5,15 +5,12 @@ which configure and activate themselves unless parameter ``autostart`` is false.
 """
 
 import argparse
-import re
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -22,7 +19,6 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.utilities import remove_ros_args
 
 from semantic_slam.cli.exit_codes import CommandParser, exit_code, leave
 from semantic_slam.errors import InputError, MessageError, one_line
@@ -32,6 +28,7 @@ from semantic_slam.ros.node.diagnostics import Diagnostics
 from semantic_slam.ros.node.health import repeated_status
 from semantic_slam.ros.node.interrupt import Interrupt
 from semantic_slam.ros.node.parameters import declare_fixed
+from semantic_slam.ros.node.ros_arguments import parsed, without_ros_arguments
 from semantic_slam.ros.node.worker import Worker
 from semantic_slam.ros.wire.qos import PICTURES, SENSOR_DEPTH
 from semantic_slam.ros.wire.shared_memory import remove_remains
@@ -68,8 +65,6 @@ BEHIND = "came faster than it could be used"
 PASSED = "came while the node was not active"
 SHUTDOWN_S = 0.2
 """Delay of a requested shutdown, so that the service response is sent first."""
-PLACE_IN_RCL = re.compile(r" ?, at /\S+?\.c:\d+")
-"""What rcl adds to its errors: where in its sources they arose."""
 
 
 class PipelineNode(LifecycleNode):  # type: ignore[misc]  # rclpy is not followed by mypy
@@ -272,7 +267,7 @@ def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], A
 def run_node(make_node: Callable[[], PipelineNode]) -> None:
     """Run a node until it ends or is interrupted. Raises InputError, and the exception that stopped its worker."""
     remove_remains()
-    _with_ros_arguments(rclpy.init)
+    parsed(rclpy.init, sys.argv)
     executor = SingleThreadedExecutor()
     interrupt = Interrupt(executor.wake)
     node = None
@@ -305,7 +300,7 @@ def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable
     """The ``main`` of a node's executable; ``description`` is what ``--help`` prints."""
 
     def command() -> None:
-        words = _with_ros_arguments(remove_ros_args, sys.argv)
+        words = without_ros_arguments(sys.argv)
         CommandParser(
             description=description.replace("``", ""),
             formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -318,14 +313,3 @@ def main_of(make_node: Callable[[], PipelineNode], description: str) -> Callable
             command()
 
     return lambda: leave(exit_code(ended_or_interrupted))
-
-
-def _with_ros_arguments(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function that parses ROS arguments of the command line; raises InputError for invalid ones."""
-    try:
-        return function(*arguments)
-    except RuntimeError as fault:  # command line or parameter file
-        for name, file in pairwise(sys.argv):
-            if name == "--params-file" and not Path(file).exists():
-                raise InputError(f"{file}: no such file of parameters; give a copy of config/default.yaml") from None
-        raise InputError(f"{PLACE_IN_RCL.sub('', one_line(fault, 300))}; see config/default.yaml") from None

@@ -23,6 +23,7 @@ from semantic_slam.errors import InputError, one_line
 from semantic_slam.messages import topics
 from semantic_slam.messages.node_status import is_ours
 from semantic_slam.messages.typestore import deserialize
+from semantic_slam.ros.node.ros_arguments import PLACE_IN_RCL, without_ros_arguments
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.shared_memory import remove_remains
 from semantic_slam.ros.wire.transport import receive, relative_name
@@ -153,13 +154,14 @@ class Observer:
 @contextmanager
 def observer(ros_arguments: Sequence[str]) -> Iterator[Observer]:
     """Context manager of an :class:`Observer` with its own rclpy context; raises InputError for bad ROS arguments."""
+    without_ros_arguments([NAME, *ros_arguments])
     context = Context()
     try:
         remove_remains()
         rclpy.init(args=list(ros_arguments), context=context)
         node = rclpy.create_node(NAME, context=context)
     except RuntimeError as fault:
-        raise InputError(f"{one_line(fault, 300)}; see docs/ros.md") from None
+        raise InputError(f"{PLACE_IN_RCL.sub('', one_line(fault, 300))}; see docs/ros.md") from None
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:

@@ -22,6 +22,7 @@ from semantic_slam.errors import InputError, MessageError, SemanticSlamError, on
 from semantic_slam.messages import topics
 from semantic_slam.messages.codec import decode
 from semantic_slam.messages.typestore import deserialize
+from semantic_slam.ros.node.ros_arguments import PLACE_IN_RCL, without_ros_arguments
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import is_installed, relative_name, ros_type
 from semantic_slam.view.live_run import LiveRun
@@ -107,6 +108,7 @@ def serve(host: str, port: int, belief: str, words: list[str]) -> None:
     """Serve the page until interrupted. Raises InputError, and any exception that ended the node."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     os.environ.setdefault(*WITHOUT_SHARED_MEMORY)
+    without_ros_arguments(["view", *words])
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     listener = None
     try:
@@ -149,4 +151,6 @@ def _node(belief: str, words: list[str]) -> ViewNode:
     try:
         return ViewNode(belief, words)
     except (RuntimeError, ValueError) as fault:  # names of topics and ROS arguments
-        raise InputError(f"view: {one_line(fault, 300)}; see --belief and ROS arguments") from None
+        raise InputError(
+            f"view: {PLACE_IN_RCL.sub('', one_line(fault, 300))}; see --belief and ROS arguments"
+        ) from None

@@ -6,18 +6,23 @@ import numpy as np
 import pytest
 from worlds.living_pool import LivingPool
 from worlds.same_beliefs import SUBSTANCE
-from worlds.scenes.lost_world import carried_world, configuration, errors, map_of
+from worlds.scenes.lost_world import STEP_SIGMAS, carried_world, configuration, errors, map_of
 
 from semantic_slam import Configuration, Engine
+from semantic_slam.errors import InputError
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building import make_run_configuration, start_of_run
 from semantic_slam.inference.checkpoints.records import packed, unpacked
 from semantic_slam.inference.inputs.keyframe import Keyframe
+from semantic_slam.inference.kept_steps import KeptSteps
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
+from semantic_slam.inference.relocation.recovery import _Suspect
 from semantic_slam.inference.revision.replay import CHECKPOINT, REACH
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.past.horizon import apart
 from semantic_slam.inference.states.keys import object_key, robot_key
+from semantic_slam.inference.world.carried import SOON
 from semantic_slam.inference.world.map_prior import MapPrior
 
 START, THERE = np.array([4.0, -7.0, 1.9]), np.array([-1.0, -3.0, 0.4])
@@ -122,6 +127,39 @@ def test_the_run_cannot_be_stored_while_it_is_searched_for_where_the_robot_was_s
     assert all(run.storable[:BEFORE])
     follows = run.engine.problem.association.tracks_objects  # new ground, from the first unexpected keyframe on
     assert not any(run.storable[BEFORE + (0 if follows else 3) : BEFORE + 4])
+
+
+@pytest.mark.parametrize("horizon", [SOON, SOON + 1, 100])
+def test_a_restarted_run_holds_every_keyframe_that_it_may_look_at_again(horizon: int) -> None:
+    """On a fixed map the oldest suspect that is open yet, by ``LOOKS``, is within what replays reach, by ``REACH``.
+
+    The shortest horizon is ``SOON``. Where objects come and go a run with suspects is not stored.
+    """
+    settings = Configuration.of(
+        **(SETTINGS | {"history": {"horizon_keyframes": horizon}}),
+        association="enumerated",
+        semantic_model={"kind": "none"},
+    )
+    engine = Engine(settings, map_of())
+    keyframe, recovery = Keyframe.planar(0, motion_sigmas=STEP_SIGMAS), engine.recovery
+    engine.process(keyframe)
+    for now in range(2, 2 * REACH * horizon):
+        engine.steps.append(engine.steps[-1])
+        oldest = next(since for since in range(now) if recovery._is_open(since, _Suspect(1.0), now))
+        first = recovery.first_step
+        assert first is not None and first <= oldest
+    again = KeptSteps()
+    again.go_on(engine.steps.stamps_ns, engine.steps[first:])
+    assert len(again[oldest:]) == len(engine.steps) - oldest
+    with pytest.raises(LostComponentError, match="forgotten at a restart"):
+        again[first - 1 :]
+
+
+@pytest.mark.parametrize("horizon", [20, SOON - 1])
+def test_a_horizon_below_that_is_refused_where_the_robot_may_be_carried(horizon: int) -> None:
+    settings = SETTINGS | {"history": {"horizon_keyframes": horizon}}
+    with pytest.raises(InputError, match=f"set it to {SOON} or more"):
+        Engine(Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **settings), map_of())
 
 
 @pytest.mark.long

@@ -1,5 +1,6 @@
 """A robot that is carried away on a drive of which old poses are marginalised is found as if they were not."""
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -7,9 +8,11 @@ import pytest
 from worlds.same_beliefs import assert_same
 from worlds.scenes.lost_world import PLACES, LostWorld, carried_world, configuration, errors, map_of
 
-from semantic_slam import Engine
+from semantic_slam import Configuration, Engine
 from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.pool import InProcessPool
+from semantic_slam.inference.relocation.places import MOST
+from semantic_slam.inference.relocation.recovery import LOOKS
 from semantic_slam.inference.revision.replay import REACH
 from semantic_slam.inference.world.carried import SOON, new_grounds
 
@@ -101,3 +104,22 @@ def test_keyframes_that_no_replay_may_begin_at_any_more_are_not_held_in_memory(
     assert len(engine.steps) == BEFORE + AFTER
     assert engine.steps.num_on_disk == BEFORE + AFTER - REACH * SOON
     assert [step.index for step in engine.steps] == list(range(BEFORE + AFTER))
+
+
+@pytest.mark.long
+def test_a_candidate_pose_that_waits_for_good_grows_by_its_lineage_alone() -> None:
+    """Of a single object, about which the robot may stand anywhere: no more poses than a horizon holds, few bytes."""
+    one, drive, horizon = np.array([[3.0, -2.0]]), 200, 44
+    settings = MAY_BE | {"history": {"horizon_keyframes": horizon}}
+    plain = Configuration.of(association="enumerated", semantic_model={"kind": "none"}, **settings)
+    engine, sizes = Engine(plain, map_of(one)), []
+    for keyframe in carried_world(START, THERE, 61, drive - 61, places=one).keyframes:
+        engine.process(keyframe)
+        waiting = engine.recovery._places.through
+        assert len(waiting) <= MOST and len(engine.recovery._suspects) <= LOOKS[-1]
+        for own in waiting:
+            assert own.at - own.component.oldest <= 2 * horizon
+            sizes.append((own.at, len(pickle.dumps((own.lineage, own.log_joints)))))
+    (first, small), (last, large) = sizes[0], sizes[-1]
+    assert last == drive and last - first > 2 * horizon
+    assert (large - small) / (last - first) < 40.0, "bytes for each keyframe"
