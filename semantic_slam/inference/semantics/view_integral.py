@@ -1,0 +1,127 @@
+"""Evidence and posterior of views of one object whose descriptor is hardly known, by points instead of Laplace.
+
+Over what a descriptor may be after a first view, the decoder is far from linear, and the Gaussian at the mode is too
+narrow. The Gaussian is therefore found by statistical linearisation (Garcia-Fernandez et al., 2015): a regression of
+the residuals over points of the Gaussian itself, with what the line leaves added to the noise. The evidence is then a
+mean of importance weights over points of that Gaussian, which is so near the posterior that 64 are enough. All points
+are fixed, and each row is computed on its own, so that a result depends neither on batches nor on processes.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array, Index, diagonals, squared_norms
+from semantic_slam.geometry.rows import take
+from semantic_slam.inference.evidence.importance import normal_points
+from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
+from semantic_slam.inference.models.latent.observation import LatentObservation
+
+KNOWN_SHARE, HARDLY_KNOWN_SHARE = 0.4, 0.6
+"""Spread of a descriptor, relative to the prior's, at which the integral begins to count, and counts fully."""
+LEAST_PAIRS, PAIRS_PER_DIMENSION = 32, 2
+"""Number of antithetic pairs of points, at least and per dimension."""
+BATCH = 64
+"""Number of rows at a time: all points of more do not fit into a processor's cache."""
+
+
+def share_of_integral(variances: Array, prior_sigma: Array) -> Array:
+    """(B,) weight in [0, 1] of the integral against Laplace's, from (B, L) variances of descriptors after the view.
+
+    How far the decoder is from linear depends on the spread over which it is used. That of the prior is the range of
+    what it was trained on, over which it describes all objects. The error of Laplace's approximation falls with the
+    square of the ratio; at half the prior's spread it is 0.15 nats, and at a third 0.07.
+    """
+    spread = np.sqrt((variances / prior_sigma**2).mean(axis=-1))
+    return np.asarray(np.clip((spread - KNOWN_SHARE) / (HARDLY_KNOWN_SHARE - KNOWN_SHARE), 0.0, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewIntegral:
+    """B integrals over y ~ N(0, I) of n views each, with (descriptor, azimuth of each view) = offset + gain y."""
+
+    observation: LatentObservation
+    seen: tuple[DetectionFeatures, ...]  # n of B
+    offset: Array  # (B, L + n)
+    gain: Array  # (B, L + n, V)
+
+    def at(self, y: Array, hessian: Array) -> tuple[Array, Array, Array]:
+        """Log evidence (B,), mean (B, V) and information (B, V, V) of y, from a mode and the Hessian there."""
+        evidence, mean, information = np.empty(len(y)), np.empty_like(y), np.empty_like(hessian)
+        for first in range(0, len(y), BATCH):
+            rows = slice(first, first + BATCH)
+            part = self._select(np.arange(len(y))[rows])
+            evidence[rows], mean[rows], information[rows] = part._at(y[rows], hessian[rows])
+        return evidence, mean, information
+
+    def _select(self, rows: Index) -> "ViewIntegral":
+        part = take(self, rows, ("offset", "gain"))
+        object.__setattr__(part, "seen", tuple(each.take(rows) for each in self.seen))
+        return part
+
+    def _at(self, y: Array, hessian: Array) -> tuple[Array, Array, Array]:
+        """The Gaussian of a first linearisation has the points of the evidence, and of the second linearisation."""
+        first = self._evaluated(y, hessian)
+        second = self._evaluated(*first.posterior())
+        return second.log_evidence(), *second.posterior()
+
+    def _evaluated(self, y: Array, hessian: Array) -> "_Evaluated":
+        root = np.linalg.cholesky(hessian)
+        at = y[:, None] + fixed_points(y.shape[1]) @ np.linalg.inv(root)
+        residual, log_normaliser = self._residuals(at)
+        return _Evaluated(y=y, root=root, at=at, residual=residual, log_normaliser=log_normaliser)
+
+    def _residuals(self, y: Array) -> tuple[Array, Array]:
+        """(B, S, n F) whitened residuals and (B, S) log normalisers at (B, S, V) points."""
+        told = self.offset[:, None] + y @ np.swapaxes(self.gain, 1, 2)
+        length = self.observation.num_dimensions
+        parts = [
+            self.observation.residuals(seen, told[..., length + number], told[..., :length])
+            for number, seen in enumerate(self.seen)
+        ]
+        residuals, log_normalisers = zip(*parts, strict=True)
+        return np.concatenate(residuals, axis=2), np.asarray(sum(log_normalisers))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Evaluated:
+    """B views at S points of Gaussians N(y, (root root^T)^-1)."""
+
+    y: Array  # (B, V)
+    root: Array  # (B, V, V)
+    at: Array  # (B, S, V)
+    residual: Array  # (B, S, n F) whitened
+    log_normaliser: Array  # (B, S)
+
+    def posterior(self) -> tuple[Array, Array]:
+        """Mean and information of the Gaussian posterior with the residuals linearised over the Gaussian."""
+        points = fixed_points(self.y.shape[1])
+        centre = self.residual.mean(axis=1)
+        slope = np.swapaxes(self.residual, 1, 2) @ points / len(points)  # (B, n F, V) by the points
+        left = self.residual - centre[:, None] - points @ np.swapaxes(slope, 1, 2)
+        weight = 1.0 / (1.0 + (left**2).mean(axis=1))
+        jacobian = slope @ np.swapaxes(self.root, 1, 2)
+        weighted = np.swapaxes(jacobian * weight[..., None], 1, 2)
+        information = np.eye(self.y.shape[1]) + weighted @ jacobian
+        gradient = self.y + (weighted @ centre[..., None])[..., 0]
+        return self.y - np.linalg.solve(information, gradient[..., None])[..., 0], information
+
+    def log_evidence(self) -> Array:
+        """(B,) log mean of the points' importance weights."""
+        points = fixed_points(self.y.shape[1])
+        squares = squared_norms(self.residual) + squared_norms(self.at) - squared_norms(points)
+        mean = np.logaddexp.reduce(self.log_normaliser - 0.5 * squares, axis=1) - np.log(len(points))
+        return np.asarray(mean - np.log(diagonals(self.root)).sum(axis=1))
+
+
+@lru_cache(maxsize=64)
+def fixed_points(size: int) -> Array:
+    """(S, size) antithetic quasi-random normal points, whose mean is 0 and whose covariance is I exactly."""
+    pairs = max(LEAST_PAIRS, 2 ** int(np.ceil(np.log2(PAIRS_PER_DIMENSION * size))))  # a power of two is balanced
+    half = normal_points(pairs, size)
+    root = np.linalg.cholesky(half.T @ half / pairs)
+    half = np.linalg.solve(root, half.T).T
+    points: Array = np.concatenate([half, -half])
+    points.setflags(write=False)
+    return points
