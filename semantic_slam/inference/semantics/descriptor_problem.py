@@ -18,6 +18,7 @@ from semantic_slam.inference.models.latent.observation import (
     LatentObservation,
     azimuth_slopes,
 )
+from semantic_slam.inference.models.planar.frames import camera_in_object
 from semantic_slam.inference.states.spaces import Spaces
 
 
@@ -66,6 +67,12 @@ class DescriptorProblem:
         transposed = np.swapaxes(jacobian, 1, 2)
         gradient = v + (transposed @ residual[..., None])[..., 0]
         return energy, gradient, np.eye(v.shape[1]) + transposed @ jacobian
+
+    def azimuths(self, v: Array) -> Array:
+        """(B, n) directions [rad] from objects to the camera, in the objects' frames."""
+        x, o, _, _ = self._placed_states(v)
+        towards = camera_in_object(x, o, np.tile(self.seen.sensor, (len(v), 1)))
+        return np.arctan2(towards[:, 1], towards[:, 0]).reshape(self.active.shape)
 
     def azimuth_gain(self, v: Array) -> Array:
         """(B, n, V) Jacobian of the direction of view by v."""

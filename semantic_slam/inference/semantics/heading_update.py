@@ -147,7 +147,8 @@ class _Directions:
         gain[:, :, :size] = self.root
         gain[:, -1] *= -1.0
         gain[:, -1, -1] = self.sigma_rad
-        return ViewIntegral(observation=self.observation, seen=(self.seen,), offset=offset, gain=gain)
+        turn = np.zeros((count, 1))
+        return ViewIntegral(observation=self.observation, seen=(self.seen,), turn=turn, offset=offset, gain=gain)
 
     def covariances(self, hessian: Array) -> Array:
         """(B, L + 1, L + 1) covariances of descriptor and heading."""

@@ -39,12 +39,13 @@ def share_of_integral(variances: Array, prior_sigma: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class ViewIntegral:
-    """B integrals over y ~ N(0, I) of n views each, with (descriptor, azimuth of each view) = offset + gain y."""
+    """B integrals over y ~ N(0, I) of n views each, with (descriptor, azimuth of the first view) = offset + gain y."""
 
     observation: LatentObservation
     seen: tuple[DetectionFeatures, ...]  # n of B
-    offset: Array  # (B, L + n)
-    gain: Array  # (B, L + n, V)
+    turn: Array  # (B, n) azimuth of each view from that of the first
+    offset: Array  # (B, L + 1)
+    gain: Array  # (B, L + 1, V)
 
     def at(self, y: Array, hessian: Array) -> tuple[Array, Array, Array]:
         """Log evidence (B,), mean (B, V) and information (B, V, V) of y, from a mode and the Hessian there."""
@@ -56,29 +57,33 @@ class ViewIntegral:
         return evidence, mean, information
 
     def _select(self, rows: Index) -> "ViewIntegral":
-        part = take(self, rows, ("offset", "gain"))
+        part = take(self, rows, ("turn", "offset", "gain"))
         object.__setattr__(part, "seen", tuple(each.take(rows) for each in self.seen))
         return part
 
     def _at(self, y: Array, hessian: Array) -> tuple[Array, Array, Array]:
-        """The Gaussian of a first linearisation has the points of the evidence, and of the second linearisation."""
-        first = self._evaluated(y, hessian)
-        second = self._evaluated(*first.posterior())
-        return second.log_evidence(), *second.posterior()
+        """The Gaussian of a first linearisation has the points of the evidence and of a second linearisation.
 
-    def _evaluated(self, y: Array, hessian: Array) -> "_Evaluated":
-        root = np.linalg.cholesky(hessian)
-        at = y[:, None] + fixed_points(y.shape[1]) @ np.linalg.inv(root)
+        They are other points than the first ones, to which that Gaussian is fitted: with the same ones evidence is low.
+        """
+        first, second = fixed_points(y.shape[1])
+        gaussian = self._evaluated(y, hessian, first).posterior()
+        evaluated = self._evaluated(*gaussian, second)
+        return evaluated.log_evidence(), *evaluated.posterior()
+
+    def _evaluated(self, y: Array, hessian: Array, points: Array) -> "_Evaluated":
+        root = np.asarray(np.linalg.cholesky(hessian))
+        at = y[:, None] + points @ np.linalg.inv(root)
         residual, log_normaliser = self._residuals(at)
-        return _Evaluated(y=y, root=root, at=at, residual=residual, log_normaliser=log_normaliser)
+        return _Evaluated(y=y, root=root, points=points, at=at, residual=residual, log_normaliser=log_normaliser)
 
     def _residuals(self, y: Array) -> tuple[Array, Array]:
         """(B, S, n F) whitened residuals and (B, S) log normalisers at (B, S, V) points."""
         told = self.offset[:, None] + y @ np.swapaxes(self.gain, 1, 2)
-        length = self.observation.num_dimensions
+        azimuth, e = told[..., -1], told[..., :-1]
         parts = [
-            self.observation.residuals(seen, told[..., length + number], told[..., :length])
-            for number, seen in enumerate(self.seen)
+            self.observation.residuals(seen, azimuth + turn[:, None], e)
+            for seen, turn in zip(self.seen, self.turn.T, strict=True)
         ]
         residuals, log_normalisers = zip(*parts, strict=True)
         return np.concatenate(residuals, axis=2), np.asarray(sum(log_normalisers))
@@ -90,16 +95,16 @@ class _Evaluated:
 
     y: Array  # (B, V)
     root: Array  # (B, V, V)
+    points: Array  # (S, V) standard normal
     at: Array  # (B, S, V)
     residual: Array  # (B, S, n F) whitened
     log_normaliser: Array  # (B, S)
 
     def posterior(self) -> tuple[Array, Array]:
         """Mean and information of the Gaussian posterior with the residuals linearised over the Gaussian."""
-        points = fixed_points(self.y.shape[1])
         centre = self.residual.mean(axis=1)
-        slope = np.swapaxes(self.residual, 1, 2) @ points / len(points)  # (B, n F, V) by the points
-        left = self.residual - centre[:, None] - points @ np.swapaxes(slope, 1, 2)
+        slope = np.swapaxes(self.residual, 1, 2) @ self.points / len(self.points)  # (B, n F, V) by the points
+        left = self.residual - centre[:, None] - self.points @ np.swapaxes(slope, 1, 2)
         weight = 1.0 / (1.0 + (left**2).mean(axis=1))
         jacobian = slope @ np.swapaxes(self.root, 1, 2)
         weighted = np.swapaxes(jacobian * weight[..., None], 1, 2)
@@ -109,18 +114,21 @@ class _Evaluated:
 
     def log_evidence(self) -> Array:
         """(B,) log mean of the points' importance weights."""
-        points = fixed_points(self.y.shape[1])
-        squares = squared_norms(self.residual) + squared_norms(self.at) - squared_norms(points)
-        mean = np.logaddexp.reduce(self.log_normaliser - 0.5 * squares, axis=1) - np.log(len(points))
+        squares = squared_norms(self.residual) + squared_norms(self.at) - squared_norms(self.points)
+        mean = np.logaddexp.reduce(self.log_normaliser - 0.5 * squares, axis=1) - np.log(len(self.points))
         return np.asarray(mean - np.log(diagonals(self.root)).sum(axis=1))
 
 
 @lru_cache(maxsize=64)
-def fixed_points(size: int) -> Array:
-    """(S, size) antithetic quasi-random normal points, whose mean is 0 and whose covariance is I exactly."""
+def fixed_points(size: int) -> tuple[Array, Array]:
+    """Two sets (S, size) of antithetic quasi-random normal points, whose means are 0 and covariances I exactly."""
     pairs = max(LEAST_PAIRS, 2 ** int(np.ceil(np.log2(PAIRS_PER_DIMENSION * size))))  # a power of two is balanced
-    half = normal_points(pairs, size)
-    root = np.linalg.cholesky(half.T @ half / pairs)
+    first, second = np.split(normal_points(2 * pairs, size), 2)
+    return _balanced(first), _balanced(second)
+
+
+def _balanced(half: Array) -> Array:
+    root = np.linalg.cholesky(half.T @ half / len(half))
     half = np.linalg.solve(root, half.T).T
     points: Array = np.concatenate([half, -half])
     points.setflags(write=False)
