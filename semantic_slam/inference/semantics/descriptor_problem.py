@@ -2,7 +2,8 @@
 
 The geometric posterior of continuation b is the Gaussian at its mode, and the descriptors are jointly Gaussian with it.
 In v ~ N(0, I) tangent vectors and descriptors are linear, t = t* + T v and e = e* + D v, so that the evidence of the
-features is the integral of N(v; 0, I) N(f; mu(x, o, e), Sigma), computed by a damped Laplace approximation.
+features is the integral of N(v; 0, I) N(f; mu(x, o, e), Sigma), computed by a damped Laplace approximation, and where
+descriptors are hardly known by ``descriptor_posterior``.
 """
 
 from dataclasses import dataclass
