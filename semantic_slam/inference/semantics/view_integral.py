@@ -4,7 +4,7 @@ Over what a descriptor may be after a first view, the decoder is far from linear
 narrow. A better one is found by statistical linearisation (posterior linearisation; Garcia-Fernandez et al., 2015): a
 regression of the residuals over points of the Gaussian itself, with what the line leaves added to the noise. The
 evidence is a mean of importance weights over points of that Gaussian, which is so near the posterior that 64 of them
-are as exact as some thousands of the Gaussian at the mode. The points are fixed, and each row is computed on its own,
+are as exact as a thousand of the Gaussian at the mode. The points are fixed, and each row is computed on its own,
 so that a result depends neither on batches nor on processes.
 """
 
