@@ -47,6 +47,13 @@ class DescriptorModelContract:
         assert guess.mean.shape == guess.sigma.shape == (self.count, dimensions)
         assert model.class_log_likelihood(guess).shape == (self.count, len(model.class_names))
 
+    def test_mean_and_sigma_are_those_of_the_prediction(self, model: DescriptorModel) -> None:
+        looked, descriptors = self.viewpoints(), self.descriptors(model)
+        prediction = model.predict(looked, descriptors)
+        mean, sigma = model.mean_and_sigma(looked, descriptors)
+        np.testing.assert_allclose(mean, prediction.mean, atol=1e-9)
+        np.testing.assert_allclose(sigma, prediction.sigma, atol=1e-9)
+
     def test_spreads_are_positive(self, model: DescriptorModel) -> None:
         prediction = model.predict(self.viewpoints(), self.descriptors(model))
         for sigma in (prediction.sigma, model.prior.sigma, model.encode(prediction.mean).sigma):

@@ -100,6 +100,10 @@ class LatentModel:
         """(B, F) predicted mean features only, for rasters over many viewpoints or descriptors."""
         return self.decoder.value(np.concatenate([encoded(viewpoints), descriptors], axis=1))
 
+    def mean_and_sigma(self, viewpoints: Viewpoints, descriptors: Array) -> tuple[Array, Array]:
+        mean = self.mean(viewpoints, descriptors)
+        return mean, np.repeat(self.noise.tempered[None], len(mean), axis=0)
+
     def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:
         direction, by_direction = encoded_with_derivative(viewpoints)
         tangents = np.repeat(self._tangents, len(descriptors), axis=0)

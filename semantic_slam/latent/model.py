@@ -58,6 +58,9 @@ class DescriptorModel(Protocol):
     def predict(self, viewpoints: Viewpoints, descriptors: Array) -> LatentPrediction:
         """Predict features for (B,) viewpoints and (B, L) descriptors."""
 
+    def mean_and_sigma(self, viewpoints: Viewpoints, descriptors: Array) -> tuple[Array, Array]:
+        """(B, F) mean and sigma of :meth:`predict` without derivatives, for many descriptors of a view."""
+
     def encode(self, features: Array) -> DescriptorBelief:
         """Initial descriptor estimates from (B, F) features, regardless of the viewing direction (Eq. 5.12)."""
 

@@ -2,7 +2,8 @@
 
 The geometric posterior of continuation b is the Gaussian at its mode, and the descriptors are jointly Gaussian with it.
 In v ~ N(0, I) tangent vectors and descriptors are linear, t = t* + T v and e = e* + D v, so that the evidence of the
-features is the integral of N(v; 0, I) N(f; mu(x, o, e), Sigma), computed by a damped Laplace approximation.
+features is the integral of N(v; 0, I) N(f; mu(x, o, e), Sigma), computed by a damped Laplace approximation, and where
+descriptors are hardly known by ``descriptor_posterior``.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from semantic_slam.inference.models.latent.observation import (
     LatentObservation,
     azimuth_slopes,
 )
+from semantic_slam.inference.models.planar.frames import camera_in_object
 from semantic_slam.inference.states.spaces import Spaces
 
 
@@ -66,6 +68,12 @@ class DescriptorProblem:
         transposed = np.swapaxes(jacobian, 1, 2)
         gradient = v + (transposed @ residual[..., None])[..., 0]
         return energy, gradient, np.eye(v.shape[1]) + transposed @ jacobian
+
+    def azimuths(self, v: Array) -> Array:
+        """(B, n) directions [rad] from objects to the camera, in the objects' frames."""
+        x, o, _, _ = self._placed_states(v)
+        towards = camera_in_object(x, o, np.tile(self.seen.sensor, (len(v), 1)))
+        return np.arctan2(towards[:, 1], towards[:, 0]).reshape(self.active.shape)
 
     def azimuth_gain(self, v: Array) -> Array:
         """(B, n, V) Jacobian of the direction of view by v."""

@@ -10,6 +10,7 @@ from semantic_slam.inference.evidence.laplace import Mode, find_modes
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.planar.frames import camera_bearing
 from semantic_slam.inference.semantics.descriptor_joint import descriptor_problem
+from semantic_slam.inference.semantics.descriptor_posterior import Posterior, integrated
 from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem
 from semantic_slam.inference.semantics.descriptor_tables import UnorientedView, update_unoriented
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
@@ -60,8 +61,9 @@ class DescriptorViews:
         if len(rows):
             problem = descriptor_problem(given, self._observation, rows, active[rows])
             v, mode = best_mode(problem)
-            log_weights[rows] = mode.log_evidence
-            self._record(given, rows, problem, v, mode, views)
+            after = integrated(problem, v, mode, posterior(problem, v, mode))
+            log_weights[rows] = mode.log_evidence + after.log_factor
+            self._record(given, rows, problem, after, views)
         if turned.any():
             self._add_turned(given, turned, log_weights, views)
         return SemanticEvidence.of(log_weights, views)
@@ -118,14 +120,12 @@ class DescriptorViews:
         given: SemanticInput,
         rows: Index,
         problem: DescriptorProblem,
-        v: Array,
-        mode: Mode,
+        after: Posterior,
         views: list[dict[int, ObjectViews]],
     ) -> None:
-        descriptors, variances, directions = posterior(problem, v, mode)
         batch, number = np.nonzero(problem.active)
         slots = problem.slots[batch, number]
-        belief = DescriptorBelief(descriptors[batch, slots], np.sqrt(variances[batch, slots]))
+        belief = DescriptorBelief(after.descriptors[batch, slots], np.sqrt(after.variances[batch, slots]))
         likelihood = self._observation.model.class_log_likelihood(belief)
         places = given.stack.rows.objects[rows[batch], number]
         epistemic = epistemic_parts(self._observation.model, belief, given.log_class_prior[places])
@@ -147,7 +147,7 @@ class DescriptorViews:
                 descriptor=DescriptorRecord(
                     mean=belief.mean[at],
                     variance=belief.sigma[at] ** 2,
-                    direction_sigma_rad=float(directions[row, own]),
+                    direction_sigma_rad=float(after.directions[row, own]),
                     entering=(*entering, (given.step.index, given.step.detections[index])),
                 ),
             )
@@ -210,8 +210,8 @@ def _more_starts(problem: DescriptorProblem, v: Array) -> list[tuple[Array, Inde
     return starts
 
 
-def posterior(problem: DescriptorProblem, v: Array, mode: Mode) -> tuple[Array, Array, Array]:
-    """(B, n, L) descriptors, their (B, n, L) variances, and (B, n) standard deviations of the directions of view."""
+def posterior(problem: DescriptorProblem, v: Array, mode: Mode) -> Posterior:
+    """Descriptors and directions by the Gaussian at the mode."""
     gain = problem.gain[:, problem.num_tangent :]
     spread = np.linalg.solve(mode.hessian, np.swapaxes(gain, 1, 2))
     variances = np.einsum("biv,bvi->bi", gain, spread)
@@ -219,7 +219,12 @@ def posterior(problem: DescriptorProblem, v: Array, mode: Mode) -> tuple[Array, 
     towards = np.linalg.solve(mode.hessian, np.swapaxes(turn, 1, 2))
     sigma = np.sqrt(np.maximum(np.einsum("bnv,bvn->bn", turn, towards), 0.0))
     descriptors = problem.descriptors(v)
-    return descriptors, variances.reshape(descriptors.shape), sigma
+    return Posterior(
+        log_factor=np.zeros(len(v)),
+        descriptors=descriptors,
+        variances=variances.reshape(descriptors.shape),
+        directions=sigma,
+    )
 
 
 def epistemic_parts(model: DescriptorModel, belief: DescriptorBelief, log_prior: Array) -> Array:

@@ -4,12 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array, Flags, Index, diagonals
 from semantic_slam.geometry.rows import take
-from semantic_slam.inference.evidence.laplace import find_modes
+from semantic_slam.inference.evidence.laplace import Mode, find_modes
 from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent.observation import LatentObservation
-from semantic_slam.inference.states.heading_mixture import HeadingMixture
+from semantic_slam.inference.semantics.view_integral import ViewIntegral, share_of_integral
+from semantic_slam.inference.states.heading_mixture import KEPT_NATS, HeadingMixture
 
 MAX_ITERATIONS = 8
 TOLERANCE = 0.05
@@ -48,19 +49,52 @@ def updated_mixtures(
         sigma_rad=sigma[repeated],
     )
     mode = find_modes(problem, problem.start(), MAX_ITERATIONS, TOLERANCE)
-    after = problem.states(mode.y)
-    size = mean.shape[1]
-    spread = np.linalg.solve(mode.hessian[:, :, :], _padded(problem.root, mode.y.shape[1]))
-    covariances = problem.root @ spread[:, :size]
-    covariances = 0.5 * (covariances + np.swapaxes(covariances, 1, 2))
+    moved = _Moved(mode.y, problem.covariances(mode.hessian), mode.log_evidence)
+    before = np.concatenate([item.modes.log_weight for item in sightings])
+    _integrate(problem, mode, moved, _counting(before + mode.log_evidence, sizes))
+    after = problem.states(moved.y)
     found, at = [], 0
     for item, count in zip(sightings, sizes, strict=True):
         rows = slice(at, at + count)
         at += count
-        log_evidence = float(np.logaddexp.reduce(item.modes.log_weight + mode.log_evidence[rows]))
-        moved = replace(item.modes, mean=after[rows], covariance=covariances[rows])
-        found.append((moved.weighted(mode.log_evidence[rows]), log_evidence))
+        log_evidence = float(np.logaddexp.reduce(item.modes.log_weight + moved.log_evidence[rows]))
+        modes = replace(item.modes, mean=after[rows], covariance=moved.covariance[rows])
+        found.append((modes.weighted(moved.log_evidence[rows]), log_evidence))
     return found
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """B Gaussians after a view, and the view's log evidence by each; filled in place."""
+
+    y: Array  # (B, V)
+    covariance: Array  # (B, L + 1, L + 1) of descriptor and heading
+    log_evidence: Array  # (B,)
+
+
+def _counting(log_weight: Array, sizes: list[int]) -> Flags:
+    """(B,) components that are near enough to the best of their mixture not to be dropped after the view."""
+    best = np.maximum.reduceat(log_weight, np.cumsum([0, *sizes[:-1]]))
+    return np.asarray(log_weight >= np.repeat(best, sizes) - KEPT_NATS)
+
+
+def _integrate(problem: "_Directions", mode: Mode, moved: _Moved, counting: Flags) -> None:
+    """Integrals in place of Laplace's approximation, as far as descriptors are hardly known after the view."""
+    length = problem.observation.num_dimensions
+    variances = diagonals(moved.covariance)[:, :length]
+    share = np.where(counting, share_of_integral(variances, problem.observation.prior.sigma), 0.0)
+    rows = np.flatnonzero(share)
+    if not len(rows):
+        return
+    part, share = problem.select(rows), share[rows]
+    log_evidence, y, information = part.integral().at(mode.y[rows], mode.hessian[rows])
+    for all_rows, own in (
+        (moved.log_evidence, log_evidence),
+        (moved.y, y),
+        (moved.covariance, part.covariances(information)),
+    ):
+        weight = share.reshape(-1, *(1,) * (own.ndim - 1))
+        all_rows[rows] += weight * (own - all_rows[rows])
 
 
 def _from_their_heights(seen: DetectionFeatures, elevations_rad: list[float | None]) -> DetectionFeatures:
@@ -103,6 +137,24 @@ class _Directions:
     def select(self, selection: Index) -> "_Directions":
         """The chosen heading problems of the batch."""
         return take(self, selection, ("seen", "mean", "root", "bearing_rad", "sigma_rad"))
+
+    def integral(self) -> ViewIntegral:
+        """The integrals that the energies' exponentials have."""
+        count, size = self.mean.shape
+        offset = self.mean.copy()
+        offset[:, -1] = self.bearing_rad - self.mean[:, -1]
+        gain = np.zeros((count, size, size + 1))
+        gain[:, :, :size] = self.root
+        gain[:, -1] *= -1.0
+        gain[:, -1, -1] = self.sigma_rad
+        turn = np.zeros((count, 1))
+        return ViewIntegral(observation=self.observation, seen=(self.seen,), turn=turn, offset=offset, gain=gain)
+
+    def covariances(self, hessian: Array) -> Array:
+        """(B, L + 1, L + 1) covariances of descriptor and heading."""
+        spread = np.linalg.solve(hessian, _padded(self.root, hessian.shape[1]))
+        covariances = self.root @ spread[:, : self.mean.shape[1]]
+        return np.asarray(0.5 * (covariances + np.swapaxes(covariances, 1, 2)))
 
     def states(self, w: Array) -> Array:
         """(B, L + 1) descriptors and heading at whitened variables ``w``."""

@@ -43,6 +43,10 @@ class HarmonicModel:
         by_descriptor = np.einsum("bh,hfl->bfl", basis, self.mixing)
         return LatentPrediction(mean, np.full_like(mean, self.noise), by_direction, by_descriptor)
 
+    def mean_and_sigma(self, viewpoints: Viewpoints, descriptors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        prediction = self.predict(viewpoints, descriptors)
+        return prediction.mean, prediction.sigma
+
     def encode(self, features: np.ndarray) -> DescriptorBelief:
         """Least squares around the circle: the descriptor of the best direction."""
         around = np.arange(0.0, 2.0 * np.pi, np.pi / 36)

@@ -93,6 +93,21 @@ class LatentObservation:
             log_normaliser=np.asarray(log_peak),
         )
 
+    def residuals(self, features: DetectionFeatures, azimuth: Array, e: Array) -> tuple[Array, Array]:
+        """(B, S, F) whitened residuals of B detections at (B, S) azimuths and (B, S, L) descriptors.
+
+        The (B, S) log normalisers come with them: log p = log_normaliser - |residual|^2 / 2.
+        """
+        shape = azimuth.shape
+        elevation = np.repeat(features.elevation_rad, shape[1])
+        viewpoints = Viewpoints(azimuth.ravel(), elevation, np.ones(azimuth.size))  # the range does not count
+        mean, sigma = self.model.mean_and_sigma(viewpoints, e.reshape(azimuth.size, -1))
+        variance = sigma.reshape(*shape, -1) ** 2 + features.variance[:, None]
+        residual = mean.reshape(variance.shape) - features.feature[:, None]
+        residual /= np.sqrt(self.tempering * variance)
+        log_peak = np.log(variance).sum(axis=-1) + variance.shape[-1] * LOG_2PI
+        return residual, np.asarray(-0.5 * log_peak / self.tempering)
+
 
 def azimuth_slopes(x: Array, o: Array, sensor: Array) -> Array:
     """(B, 6) Jacobian of the azimuth from which (B, 3) robots see (B, 3) objects, by both poses."""
