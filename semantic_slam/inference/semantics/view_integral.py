@@ -8,7 +8,7 @@ are as exact as a thousand of the Gaussian at the mode. The points are fixed, an
 so that a result depends neither on batches nor on processes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -63,8 +63,7 @@ class ViewIntegral:
 
     def _select(self, rows: Index) -> "ViewIntegral":
         part = take(self, rows, ("turn", "offset", "gain"))
-        object.__setattr__(part, "seen", tuple(each.take(rows) for each in self.seen))
-        return part
+        return replace(part, seen=tuple(each.take(rows) for each in self.seen))
 
     def _at(self, y: Array, hessian: Array) -> tuple[Array, Array, Array]:
         """The Gaussian of a first linearisation has the points of the evidence and of a second linearisation.
