@@ -268,6 +268,7 @@ class KeyframeAssembler:
             return None
         point, last = self._odometry.at(measurements.stamp_ns), self._last_keyframe or self._odometry.start
         assert last is not None
+        level = self._level(point)
         covariance = motion_covariance if self._in_space is None else motion_covariance_in_space
         keyframe = Keyframe(
             index=self._next_index,
@@ -277,7 +278,8 @@ class KeyframeAssembler:
             measurements=named,
             odometry_slopes=motion_slopes(last, point),
             odometry_shifts=self._shifts(last, point),
-            level=self._level(point),
+            level=level,
+            is_level_to_come=level is None and self._imu is not None,
         )
         self._measurements.settle()
         self._next_index += 1

@@ -53,7 +53,7 @@ def look_by_accelerations(
     """Measure gravity by accelerations alone, as :func:`look_of`. Raises NoLookError."""
     shown = [(stamp_ns, reading.acceleration) for stamp_ns, reading in readings if reading.acceleration is not None]
     if not shown:
-        raise NoLookError("no message within imu.window_s before a keyframe")
+        raise NoLookError("neither an orientation nor accelerations within imu.window_s before a keyframe")
     stamps = np.array([stamp_ns for stamp_ns, _ in shown], dtype=np.int64)
     return _by_accelerations(window, stamps, np.array([told for _, told in shown]), settings, is_first=is_first)
 

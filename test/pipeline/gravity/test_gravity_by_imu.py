@@ -204,8 +204,7 @@ def test_what_tells_nothing_is_left_out_with_its_reason() -> None:
     assert in_units_of_g.look(0.0) is None and strange.look(0.0) is None and strange.look(0.5) is None
     assert in_units_of_g.dropped == {"imu: accelerations that do not come to gravity, 9.81 m/s^2": 1}
     assert strange.dropped == {
-        "imu: no static transforms from base_link to 'lidar', publish /tf_static or set imu.extrinsics": 1,
-        "imu: not used, for it told nothing at the first keyframe": 1,
+        "imu: no static transforms from base_link to 'lidar', publish /tf_static or set imu.extrinsics": 2,
     }
 
 
@@ -243,13 +242,20 @@ def told_messages(motion: Motion) -> list[list[Any]]:
 
 
 def assembled(arrival: list[tuple[int, Any]]) -> tuple[list[Keyframe], Counter[str]]:
-    assembler = KeyframeAssembler(settings(), imu=ImuSource(tree()))
+    found, dropped, _ = assembled_by(KeyframeAssembler(settings(), imu=ImuSource(tree())), arrival)
+    return found, dropped
+
+
+def assembled_by(
+    assembler: KeyframeAssembler, arrival: list[tuple[int, Any]]
+) -> tuple[list[Keyframe], Counter[str], list[str]]:
+    """Keyframes, what was dropped, and lines of the console."""
     adders = (assembler.add_odometry, assembler.add_imu, assembler.add_measurements)
     keyframes = []
     for stream, item in arrival:
         adders[stream](item)
         keyframes += assembler.take()
-    return [*keyframes, *assembler.flush()], assembler.dropped
+    return [*keyframes, *assembler.flush()], assembler.dropped, assembler.news()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -280,6 +286,30 @@ def test_a_run_does_not_begin_just_before_its_sensor_is_heard() -> None:
     live.listen(6.0, frame="lidar")
     assert live.gravity.begins_later(at(0.0)) and live.gravity.begins_later(at(5.0))
     assert not live.gravity.begins_later(at(5.5))
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.4])
+def test_a_run_whose_sensor_tells_nothing_at_first_begins_with_its_tilt_open(
+    scale: float,
+) -> None:
+    """As of one that warms up, or is jolted; without a sensor the tilt is known as configured."""
+    motion = carried(turn_rad_s=0.5)
+    odometry, _, frames = told_messages(motion)
+    bad, good = np.arange(-1.5, 0.2, 0.01), np.arange(0.2, 1.5, 0.01)
+    readings = shown_messages(motion, bad, scale) + shown_messages(motion, good)
+    arrival = [(n, item) for n, stream in enumerate((odometry, readings, frames)) for item in stream]
+    found, _, told = assembled_by(KeyframeAssembler(settings(), imu=ImuSource(tree())), arrival)
+    assert found[0].level is None and found[-1].level is not None
+    np.testing.assert_allclose(found[-1].level[:3], so3.matrix(motion(np.array([1.0]))[0, 3:])[2], atol=0.02)
+    pose, covariance = start_of(settings(), None, found[0])
+    np.testing.assert_allclose(np.diagonal(covariance), [0.01, 0.01, 0.01, 0.25, 0.25, 0.01])
+    assert len(told) == 1 and told[0].startswith("imu tells nothing at the first keyframe (")
+    without, _, said = assembled_by(KeyframeAssembler(settings()), [item for item in arrival if item[0] != 1])
+    same_pose, known = start_of(settings(), None, without[0])
+    np.testing.assert_array_equal(pose, same_pose)
+    np.testing.assert_allclose(np.diagonal(known), [0.01] * 6)
+    by_hand = PoseEstimate(0, "map", pose, 1e-4 * np.eye(6))
+    assert start_of(settings(), by_hand, found[0])[1] is by_hand.covariance and said == []
 
 
 def test_extrinsics_that_are_none_are_refused_by_name() -> None:
