@@ -134,7 +134,7 @@ class KeyframeAssembler:
     def add_imu(self, message: Any) -> None:
         """Take a sensor_msgs/Imu; ignored if the configuration does not use it."""
         if self._imu is not None:
-            self._imu.add(message)
+            self._imu.add(message, self._odometry.last_stamp_ns)
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
         """Take the measurements of one frame; detections that are no valid measurements are dropped, as such scores."""

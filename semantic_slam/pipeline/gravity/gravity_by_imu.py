@@ -29,7 +29,9 @@ from semantic_slam.pipeline.start import ANY_TILT_RAD
 from semantic_slam.reasons import count, quoted
 
 SILENT_NS = 2 * NANOSECONDS
-"""Lag behind odometry above which the topic counts as silent."""
+"""Advance of odometry without a message above which the topic counts as silent."""
+MOST_BEHIND_NS = 30 * NANOSECONDS
+"""Lag of the stamps behind odometry above which, live, messages are not in a queue, but have another clock."""
 START_NS = 5 * NANOSECONDS
 """Longest delay, by stamps, of a run's start for the first message and, live, for the transform to its frame."""
 OPEN = (
@@ -49,7 +51,15 @@ class ImuSource:
 class GravityByImu:
     """Buffers IMU readings and measures gravity at keyframes; ``dropped`` counts, by reason, what was not used."""
 
-    STATE: ClassVar[tuple[str, ...]] = ("_readings", "_last_look_ns", "_has_begun", "_wanted_ns", "_watch", "_news")
+    STATE: ClassVar[tuple[str, ...]] = (
+        "_readings",
+        "_last_look_ns",
+        "_has_begun",
+        "_wanted_ns",
+        "_watch",
+        "_news",
+        "_heard_ns",
+    )
 
     def __init__(self, configuration: Configuration, source: ImuSource, dropped: Counter[str]) -> None:
         """Raises InputError for invalid extrinsics."""
@@ -62,23 +72,38 @@ class GravityByImu:
         self._watch = OrientationWatch(configuration.imu)
         self._last_look_ns: int | None = None
         self._news: list[str] = []
+        self._heard_ns: int | None = None  # newest odometry stamp when the topic's newest message came
         self._has_begun = False
         self._wanted_ns: int | None = None  # stamp of the first measurements that were to become a keyframe
         self.window_ns = round(configuration.imu.window_s * NANOSECONDS)
 
-    def add(self, message: Any) -> None:
-        """Take a sensor_msgs/Imu."""
+    def add(self, message: Any, newest_odometry_ns: int | None = None) -> None:
+        """Take a sensor_msgs/Imu, at the odometry that has come so far; None: there is none."""
         reading = imu_reading(message)
         if reading.fault:
             self._dropped[f"{topics.IMU}: {reading.fault}"] += 1
+        last_ns = self._readings.last_stamp_ns
         self._readings.add(header_stamp_ns(message), reading)
+        if self._readings.last_stamp_ns != last_ns:
+            self._heard_ns = newest_odometry_ns
 
     def is_known(self, stamp_ns: int, newest_odometry_ns: int) -> bool:
-        """Whether all readings up to an instant have arrived, or, live, are not waited for any longer."""
+        """Whether all readings up to an instant have arrived, or, live, are not waited for any longer.
+
+        Live, odometry may be ahead only because messages of this topic are more and queue. The topic counts as
+        silent by how far odometry has advanced since its last message came, unless it lags too far to be in a queue.
+        """
         if self._readings.has_reached(stamp_ns):
             return True
         patience_ns = SILENT_NS if self._has_begun else START_NS
-        return not self._source.waits and newest_odometry_ns - stamp_ns > patience_ns
+        since_ns = max(stamp_ns, self._queued_until_ns(newest_odometry_ns))
+        return not self._source.waits and newest_odometry_ns - since_ns > patience_ns
+
+    def _queued_until_ns(self, newest_odometry_ns: int) -> int:
+        """Newest odometry stamp up to which the topic was heard; 0: never, or it lags too far behind."""
+        last_ns = self._readings.last_stamp_ns
+        is_behind = last_ns is not None and newest_odometry_ns - last_ns <= MOST_BEHIND_NS
+        return self._heard_ns if is_behind and self._heard_ns is not None else 0
 
     def is_silent(self, newest_odometry_ns: int) -> bool:
         """Whether the topic lags behind odometry by more than ``SILENT_NS``."""

@@ -228,6 +228,47 @@ def test_messages_are_waited_for_and_live_one_that_is_silent_is_not() -> None:
     assert patient.gravity.is_known(now, now)
 
 
+def behind(imu: ImuSource, late_s: float = 0.0) -> list[Keyframe]:
+    """Keyframes of a node that is behind and takes topics in turn; the sensor's clock is ``late_s`` late.
+
+    Odometry at 20 Hz is then seconds ahead of the sensor at 100 Hz, all of whose messages come.
+    """
+    motion, since = carried(turn_rad_s=0.2), 100.0
+    times = np.arange(0.0, 14.0, 0.05)
+    odometry = [
+        to_message(OdometryEstimate(at(since + time_s), "odom", "base_link", pose, np.zeros((6, 6))))
+        for time_s, pose in zip(times, motion(times), strict=True)
+    ]
+    readings = shown_messages(lambda now: motion(now - since), np.arange(since, since + 13.0, 0.01))
+    for message in readings:
+        message.header.stamp.sec -= round(late_s)
+    frames = [Keyframe.spatial(0, stamp_ns=at(since + second)).measurements for second in range(2, 12)]
+    assembler = KeyframeAssembler(settings(), imu=imu)
+    found = []
+    for turn, reading in enumerate(readings):
+        if turn < len(odometry):
+            assembler.add_odometry(odometry[turn])
+        if turn < len(frames):
+            assembler.add_measurements(frames[turn])
+        assembler.add_imu(reading)
+        found += assembler.take()
+    return found
+
+
+def test_live_messages_that_queue_are_waited_for_as_offline() -> None:
+    live, offline = (behind(ImuSource(tree(), waits=waits)) for waits in (False, True))
+    assert len(live) == len(offline) == 10
+    for one, other in zip(live, offline, strict=True):
+        assert one.level is not None
+        np.testing.assert_array_equal(one.level, other.level)
+
+
+def test_live_a_sensor_whose_clock_is_a_minute_late_is_not_waited_for() -> None:
+    """Else each belief would be late by that minute."""
+    live = behind(ImuSource(tree(), waits=False), late_s=60.0)
+    assert [keyframe.level for keyframe in live] == [None] * 10
+
+
 def told_messages(motion: Motion) -> list[list[Any]]:
     """Odometry, topic imu and frames without a detection of three seconds; the sensor's clock steps back once."""
     times = np.arange(-1.5, 1.5, 0.05)
