@@ -16,7 +16,7 @@ OF_IMU_MESSAGES = tuple(f"{topics.IMU}: {fault}" for fault in FAULTS)
 SAID_ELSEWHERE = (
     "time goes backwards", "leaps ahead", "set back", "stamp repeats", "of their stamp", "at their stamp",
     "none of the detections' stamp", "half of it lies", "size ", "frame id", "of frame", "unknown label", "box ",
-    "no static transforms", "/tf from", "same outline", "come to gravity",
+    "no static transforms", "/tf from", "same outline", "come to gravity", "contradict",
     "jumps farther", "scores outside 0..1",
 )  # fmt: skip
 NO_CAMERA = f"no {topics.CAMERA_INFO} came"

@@ -15,7 +15,8 @@ from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.pipeline.gravity.imu_look import NO_GRAVITY
 from semantic_slam.pipeline.gravity.imu_use import NAME as TOPIC
 from semantic_slam.pipeline.gravity.imu_use import TYPE, unused_because
-from semantic_slam.pipeline.gravity.orientation_watch import DISAGREE_RAD, REMEDY, angle_between, contradiction
+from semantic_slam.pipeline.gravity.orientation_watch import DISAGREE_RAD, REMEDY, contradiction
+from semantic_slam.pipeline.gravity.up_fault import MOUNT, SHOWS, UPSIDE_DOWN_RAD, angle_between, off_z, up_fault
 from semantic_slam.pipeline.start import ANY_TILT_RAD
 
 NAME = "imu"
@@ -23,14 +24,9 @@ MOST_OFF_M_S2 = 1.5
 """Tolerated difference [m/s^2] of the mean acceleration of a recording from gravity."""
 LEAST_M_S2 = 3.0
 """Mean acceleration [m/s^2] below which gravity has been removed."""
-ON_ITS_SIDE_RAD, UPSIDE_DOWN_RAD = np.radians(60.0), np.radians(120.0)
-"""Angles between up and the body's z axis from which the sensor counts as tilted, and as upside down."""
-AXES = ("x", "y", "z", "-x", "-y", "-z")
-SHOWS = "a level sensor shows +9.81 m/s^2 along its axis that points up (REP 145)"
 JOLTED = 0.1
 """Part of the keyframes whose accelerations may be no gravity."""
 EARLY = "so have the sensor run at rest for a second before the first detections, or tell /initialpose"
-MOUNT = "give its pose in the body by /tf_static or imu.extrinsics"
 
 
 def check(summary: InputSummary) -> Iterator[Finding]:
@@ -105,10 +101,6 @@ def _up(record: ImuRecord, rotation: Array) -> Iterator[Finding]:
     if not told or np.linalg.norm(mean := np.mean(told, axis=0)) == 0.0:
         return
     up = rotation @ mean / np.linalg.norm(mean)
-    off = angle_between(up, np.array([0.0, 0.0, 1.0]))
-    axis = AXES[int(np.argmax([*up, *-up]))]
-    what = f"{TOPIC}: up is along {axis} of the body, {np.degrees(off):.0f} deg off z"
-    if off > UPSIDE_DOWN_RAD:
-        yield error(NAME, what, f"{MOUNT}; {SHOWS}")
-    elif off > ON_ITS_SIDE_RAD:
-        yield warning(NAME, what, f"{MOUNT}; {SHOWS}; of a body that is carried so this is right")
+    what, remedy = up_fault(TOPIC, up)
+    if what:
+        yield (error if off_z(up) > UPSIDE_DOWN_RAD else warning)(NAME, what, remedy)

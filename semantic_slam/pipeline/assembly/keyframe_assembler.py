@@ -161,6 +161,11 @@ class KeyframeAssembler:
         return told if self._imu is None else [*told, *self._imu.news()]
 
     @property
+    def imu_faults(self) -> list[str]:
+        """What is wrong with what topic imu tells, so far."""
+        return [] if self._imu is None else self._imu.faults
+
+    @property
     def num_waiting(self) -> int:
         """Number of measurements that wait for odometry, identities or IMU; 0 while a suspicious stamp is on hold.
 

@@ -132,8 +132,13 @@ class GravityByImu:
         """Remove the readings that no keyframe after this instant needs."""
         self._readings.forget_before(stamp_ns - self.window_ns)
 
+    @property
+    def faults(self) -> list[str]:
+        """What is wrong with what the topic tells, so far."""
+        return self._watch.faults
+
     def news(self) -> list[str]:
-        """Lines on a first keyframe without a measurement, and on orientations that contradict accelerations, once."""
+        """Lines on a first keyframe without a measurement, and on :attr:`faults`, once."""
         told, self._news = self._news, []
         return [*told, *self._watch.news()]
 
@@ -159,8 +164,10 @@ class GravityByImu:
         readings = [item for item in found if item[1].frame_id == frame_id]
         window = ImuWindow(stamp_ns, self.window_ns, self._pose_of(frame_id), path)
         look = look_of(readings, window, self._settings, is_first=self._last_look_ns is None)
-        self._watch.compare(look, readings, window)
-        return look
+        used = self._watch.trusted(look, readings, window)
+        if used is not look:
+            count(self._dropped, f"{topics.IMU}: orientation that contradicts accelerations, which count")
+        return used
 
     def _is_placed(self, frame_id: str) -> bool:
         """Whether the sensor's pose in the body frame is known."""

@@ -115,11 +115,13 @@ def test_an_orientation_counts_before_accelerations_and_as_sure_as_it_states() -
     np.testing.assert_allclose(body.look(0.0), np.append(body.up(0.0), 0.003**2), atol=1e-9)
 
 
-def with_orientations(body: Body, until_s: float, turn: np.ndarray | None = None, variance: float = 0.01) -> None:
+def with_orientations(
+    body: Body, until_s: float, turn: np.ndarray | None = None, variance: float = 0.01, scale: float = 1.0
+) -> None:
     """Listen to messages with orientations: true ones, or a ``turn`` that never changes."""
     times = np.arange(-2.0, until_s + 1e-9, 0.01)
     turns = se3.compose(body.motion(times), T_BODY_IMU)[:, 3:] if turn is None else np.tile(turn, (len(times), 1))
-    for message, told in zip(shown_messages(body.motion, times), turns, strict=True):
+    for message, told in zip(shown_messages(body.motion, times, scale), turns, strict=True):
         x, y, z, w = told.tolist()
         message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = x, y, z, w
         message.orientation_covariance = (variance * np.eye(3)).ravel()
@@ -137,19 +139,48 @@ def test_by_a_covariance_that_means_unknown_accelerations_count() -> None:
     assert body.dropped == {} and body.gravity.news() == []
 
 
-def test_orientations_that_contradict_accelerations_are_told_once() -> None:
-    """Of a driver that states an orientation which it does not measure; three keyframes in succession show it."""
+def test_orientations_that_contradict_accelerations_do_not_count_and_are_told_once() -> None:
+    """Of a driver that states an orientation which it does not measure; the first keyframe shows it."""
     body = Body(carried(acceleration=0.4))
     with_orientations(body, 2.0, IDENTITY)
     told = []
     for time_s in (0.0, 0.5, 1.0, 1.5, 2.0):
-        body.look(time_s)
+        np.testing.assert_allclose(body.look(time_s), np.append(body.up(time_s), SIGMA**2), atol=1e-3)
         told.append(body.gravity.news())
-    shown = se3.compose(body.motion(np.array([1.0])), T_BODY_IMU)[0, 3:]
+    shown = se3.compose(body.motion(np.array([0.0])), T_BODY_IMU)[0, 3:]
     off = np.degrees(np.arccos(so3.matrix(shown)[2, 2]))
-    assert [len(lines) for lines in told] == [0, 0, 1, 0, 0]
-    assert told[2][0].startswith(f"imu: up by its orientation is {off:.0f} deg off up by its accelerations, and")
-    assert "-1 as first entry of orientation_covariance" in told[2][0]
+    assert [len(lines) for lines in told] == [1, 0, 0, 0, 0]
+    assert told[0][0].startswith(f"imu: up by its orientation is {off:.0f} deg off up by its accelerations, and these")
+    assert "-1 as first entry of orientation_covariance" in told[0][0]
+    assert body.gravity.faults == told[0]
+    assert body.dropped == {"imu: orientation that contradicts accelerations, which count": 5}
+    message = imu_message(at(2.5), "imu_link", np.zeros(3), IDENTITY, 0.01)
+    body.gravity.add(message)
+    assert body.look(2.5) is None  # accelerations leave a gap, and orientations are not believed any more
+
+
+def test_of_orientations_and_contradicting_accelerations_that_are_upside_down_neither_counts() -> None:
+    """A driver may show accelerations with the wrong sign and right orientations, or a body be upside down."""
+    body = Body(carried())
+    with_orientations(body, 1.0, scale=-1.0)
+    assert body.look(0.0) is None and body.look(0.5) is None
+    assert body.dropped == {"imu: orientation contradicts accelerations, which are upside down": 2}
+    contradicted, opened = sorted(body.gravity.news(), reverse=True)
+    assert "180 deg off up by its accelerations, and neither counts" in contradicted
+    assert opened.startswith("imu tells nothing at the first keyframe (orientation contradicts accelerations, which")
+
+
+@pytest.mark.parametrize(
+    ("frame", "scale", "axis"), [("imu_link", -1.0, "-z of the body, 159 deg"), ("base_link", 1.0, "of the body, ")]
+)
+def test_accelerations_upside_down_or_of_another_frame_are_told_once(frame: str, scale: float, axis: str) -> None:
+    """With the line of the doctor; nothing in the run itself contradicts them."""
+    body = Body(carried())
+    body.listen(1.0, scale=scale, frame=frame)
+    found = [body.look(time_s) is not None for time_s in (0.0, 0.5, 1.0)]
+    (line,) = body.gravity.news()
+    assert found == [True] * 3 and line.startswith("imu: up is along ") and axis in line
+    assert "give its pose in the body by /tf_static or imu.extrinsics" in line and body.gravity.faults == [line]
 
 
 def test_orientations_that_state_to_be_rough_contradict_nothing() -> None:
