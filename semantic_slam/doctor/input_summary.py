@@ -80,6 +80,7 @@ class ImuRecord:
     """Readings of an IMU, in its own frame."""
 
     frame_id: str = ""  # of the newest message; "": none was looked at
+    num_messages: int = 0
     ups: list[Array] = field(default_factory=list)  # (3,) by orientations that are stated
     accelerations: list[Array] = field(default_factory=list)  # (3,) [m/s^2]
 

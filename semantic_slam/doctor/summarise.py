@@ -177,6 +177,7 @@ def _are_doubled(told: Detections | SemanticMeasurements) -> bool:
 def _look_at_imu(record: ImuRecord, message: Any) -> None:
     reading, acceleration = imu_reading(message), shown_acceleration(message)
     record.frame_id = reading.frame_id
+    record.num_messages += 1
     if reading.up is not None:
         record.ups.append(reading.up)
     if acceleration is not None:

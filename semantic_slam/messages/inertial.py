@@ -25,6 +25,11 @@ MOST_M_S2, MOST_COVARIANCE = 1e3, 1e3
 """Largest plausible acceleration [m/s^2], and entry of a covariance [rad^2]."""
 UNKNOWN_VARIANCE = 1.0
 """Variance [rad^2] of roll or pitch above which an orientation is not provided: many drivers state 1e6 for unknown."""
+NO_ROTATION, NOTHING_TOLD = FAULTS = (
+    "orientation that is no rotation",
+    "neither an orientation nor accelerations",
+)
+"""Faults of single messages."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +52,9 @@ def imu_reading(message: Any) -> ImuReading:
     is_told = covariance[0] != NOT_TOLD and not is_untouched and not covariance[[0, 4]].max() > UNKNOWN_VARIANCE
     if is_told and (np.abs(turn) < 2.0).all() and abs(np.linalg.norm(turn) - 1.0) <= NEARLY:
         return ImuReading(frame_id, so3.matrix(so3.normalised(turn))[2], variance, acceleration)
-    fault = "orientation that is no rotation" if is_told else ""
+    fault = NO_ROTATION if is_told else ""
     if acceleration is None:
-        fault = fault or "neither an orientation nor accelerations"
+        fault = fault or NOTHING_TOLD
     return ImuReading(frame_id, acceleration=acceleration, fault=fault)
 
 

@@ -123,14 +123,15 @@ def keyframe_to_message(value: Keyframe, run_id: str, *, again: bool = False) ->
 
 def keyframe_from_message(message: Any) -> Keyframe:
     """Keyframe of a message; the run id (``message.run_id``) and ``message.again`` are not part of it."""
-    arrays = unpack(KEYFRAME_TYPE, KEYFRAME_LAYOUT, message)
+    told = unpack(KEYFRAME_TYPE, KEYFRAME_LAYOUT, message)
+    arrays: dict[str, Any] = {name: array if array.size else None for name, array in told.items()}
     return Keyframe(
         index=int(message.keyframe),
         stamp_ns=header_stamp_ns(message),
         odometry=pose_vector(message.odometry.pose),
         odometry_covariance=covariance_matrix(message.odometry),
         measurements=measurements_from_message(message.measurements),
-        **{name: array if array.size else None for name, array in arrays.items()},
+        **arrays,
     )
 
 

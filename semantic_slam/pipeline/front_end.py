@@ -85,7 +85,8 @@ class FrontEnd:
             has_depth=bool(found.depth),
             fixed_transforms=preamble.transforms if found.transforms else None,
         )
-        self._imu = "" if unused_because(configuration) else found.imu
+        is_imu_used = not unused_because(configuration) and reader.counts[found.imu] > 0
+        self._imu = found.imu if is_imu_used else ""
         self._keyframes = KeyframeAssembler(
             configuration,
             has_identities=bool(found.identities),

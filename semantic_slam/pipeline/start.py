@@ -55,13 +55,16 @@ def start_of(configuration: Configuration, told: PoseEstimate | None, first: Key
 
     A pose ``told`` by topic initialpose is taken unchanged. Otherwise a gravity measurement in the first keyframe gives
     the body's roll and pitch, unless it is less exact than :data:`ANY_TILT_RAD`. Since inference uses that measurement,
-    too, the covariance of roll and pitch is widened to that value, so that it does not count twice.
+    too, the covariance of roll and pitch is widened to that value, so that it does not count twice. It is also widened
+    where an IMU is there that told nothing so far, as later keyframes use its measurements.
     """
     if told is not None:
         return told.pose, told.covariance
     pose, covariance = initial_pose_of(configuration)
-    if first.level is None or unused_because(configuration):
+    if unused_because(configuration):
         return pose, covariance
+    if first.level is None:
+        return pose, without_tilt(covariance) if first.is_level_to_come else covariance
     has_tilt = first.level[3] <= ANY_TILT_RAD**2
     return (_tilted(pose, first) if has_tilt else pose), without_tilt(covariance)
 

@@ -7,9 +7,11 @@ import numpy as np
 
 from semantic_slam.configuration import from_dict
 from semantic_slam.errors import InputError
+from semantic_slam.evaluation.history import best_index
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import planar_from_pose_vector
 from semantic_slam.geometry.so3 import matrix
+from semantic_slam.inference.belief import HybridBelief
 from semantic_slam.inference.building import initial_pose_of
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.pipeline.start import without_tilt
@@ -20,12 +22,14 @@ TOLD, UNKNOWN = "told", ""
 SAID = {
     CONFIGURED: "from the configuration",
     LEVELLED: "from the configuration, roll and pitch from gravity",
-    OPEN_TILT: "from the configuration, roll and pitch left open, as gravity was measured too roughly at first",
+    OPEN_TILT: "from the configuration, roll and pitch left open, as imu told too little at the first keyframe",
     TOLD: "told on topic initialpose or by a program, in place of the configuration's",
     UNKNOWN: "source not recorded",
 }
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 UNITS = ("m", "m", "m", "rad", "rad", "rad")
+KNOWN_TILT_RAD = 0.2
+"""Standard deviation of roll or pitch at the end of a run up to which gravity counts as measured."""
 PLANAR = (0, 1, 5)
 """Indices of x, y and yaw."""
 
@@ -49,6 +53,17 @@ class Start:
 def start_of(run: RunConfiguration, configuration: dict[str, Any]) -> Start:
     """The start that ``run`` used; its source is found by comparison with the ``configuration`` of that run."""
     return Start(run.initial_pose, run.initial_covariance, _source(run, configuration))
+
+
+def open_tilt(start: Start, last: HybridBelief) -> str:
+    """A sentence where roll and pitch were open at the ``start`` and are little better known in the ``last`` belief."""
+    sigma_rad = np.sqrt(np.linalg.eigvalsh(last.pose_covariances[best_index(last)][3:5, 3:5])[-1])
+    if start.source != OPEN_TILT or sigma_rad <= KNOWN_TILT_RAD:
+        return ""
+    return (
+        "Gravity was hardly measured: roll and pitch were left open at the start, and in the end are known to"
+        f" ± {sigma_rad:.2g} rad, and so is how level the map is."
+    )
 
 
 def _source(run: RunConfiguration, configuration: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from semantic_slam.inference.relocation.carried_spans import carried_line
 from semantic_slam.maps.from_belief import num_unplaced
 from semantic_slam.report.document import Analysis
 from semantic_slam.report.shown.objects import CERTAIN, ObjectView
+from semantic_slam.report.start import open_tilt
 from semantic_slam.report.wording import known, listed, number, percent
 
 NAMED = 4
@@ -42,6 +43,8 @@ def warnings(analysis: Analysis, objects: list[ObjectView]) -> list[str]:
     used = {reason: count for reason, count in analysis.record.dropped.items() if count}
     if used:
         found.append("Dropped: " + ", ".join(f"{count} × {reason}" for reason, count in used.items()) + ".")
+    if told := open_tilt(analysis.start, analysis.record.beliefs[-1]):
+        found.append(told)
     if carried := analysis.record.carried:
         world = analysis.configuration.get("open_world", {})
         line = carried_line(carried, learns_region=bool(world.get("learn_region")))

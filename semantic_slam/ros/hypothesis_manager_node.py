@@ -373,7 +373,8 @@ class HypothesisManagerNode(PipelineNode):
         text += ", paused" if self._is_paused else ""
         fault = self._snapshots.fault
         of_journal = [Status("journal", Level.WARN, fault)] if fault else []
-        return [Status("keyframes", Level.OK, text, {"keyframes": number}), self._explanation, *of_journal]
+        imu = [Status(topics.IMU, Level.WARN, line) for line in self._session.assembler.imu_faults]
+        return [Status("keyframes", Level.OK, text, {"keyframes": number}), self._explanation, *of_journal, *imu]
 
 
 main = main_of(HypothesisManagerNode, __doc__ or "")

@@ -55,6 +55,29 @@ def world_down(message: Any) -> None:
     told.x, told.y, told.z, told.w = told.w, -told.z, told.y, -told.x
 
 
+def begins_after(seconds: float) -> Callable[[Entries], Entries]:
+    """The sensor begins so long after the first detection."""
+
+    def cut(entries: Entries) -> Entries:
+        first_ns = of_topic(entries, topics.DETECTIONS)[0].stamp_ns
+        return [each for each in entries if each.topic != topics.IMU or each.stamp_ns > first_ns + round(seconds * 1e9)]
+
+    return cut
+
+
+def first_scaled(factor: float, every: int = 14) -> Callable[[Entries], Entries]:
+    """Accelerations in the 0.6 s before every so manieth detection, beginning with the first, are scaled."""
+
+    def change(entries: Entries) -> Entries:
+        stamps = np.array([entry.stamp_ns for entry in of_topic(entries, topics.DETECTIONS)][::every])
+        for entry in of_topic(entries, topics.IMU):
+            if ((entry.stamp_ns <= stamps) & (entry.stamp_ns > stamps - 600_000_000)).any():
+                scaled(factor)(entry.message)
+        return entries
+
+    return change
+
+
 def renamed(entries: Entries) -> Entries:
     for entry in of_topic(entries, topics.IMU):
         entry.topic = "/camera/imu"
@@ -78,6 +101,9 @@ def retyped(entries: Entries) -> Entries:
         (each(topics.TF_STATIC, rotated(0.5, 0.5, 0.5, 0.5)), "error: imu: /imu: up is along -z of the body"),
         (each(topics.IMU, scaled(-1.0)), "error: imu: /imu: up is along -z of the body"),
         (each(topics.IMU, scaled(1.0 / 9.81)), "error: imu: /imu: accelerations come to 1.00 m/s^2 on average"),
+        (first_scaled(0.0), "warning: imu: /imu measures gravity at keyframe 1 first, of 14 keyframes (neither"),
+        (first_scaled(1.4), "warning: imu: /imu measures gravity at keyframe 1 first, of 14 keyframes (acceler"),
+        (first_scaled(1.4, every=3), "warning: imu: /imu measures gravity at 9 of 14 keyframes (accelerations that"),
     ],
 )
 def test_each_mistake_is_found_alone(tmp_path: Path, plant: Callable[[Entries], Entries], words: str) -> None:
@@ -89,3 +115,16 @@ def test_an_orientation_in_a_world_with_z_down_is_told_by_accelerations(tmp_path
     found = examined(tmp_path, each(topics.IMU, world_down)(flown(tilt_rad=0.01)))
     assert [finding.check for finding in found] == ["imu", "imu"]
     assert "up by its orientation is 179 deg off up by its accelerations; give orientations" in found[0].line
+
+
+def test_a_sensor_that_begins_late_is_told_with_what_it_costs(tmp_path: Path) -> None:
+    """Beside the warning that two of fourteen keyframes had no message."""
+    first, second = examined(tmp_path, begins_after(5.5)(flown()))
+    assert first.what.startswith("/imu measures gravity at keyframe 2 first, of 14 keyframes (no message within")
+    assert "until then roll and pitch are known to 0.5 rad alone" in first.remedy
+    assert second.check == "dropped" and second.remedy.startswith("record imu and odom at their full rates")
+
+
+def test_frames_before_a_sensor_that_begins_soon_are_told_with_their_remedy(tmp_path: Path) -> None:
+    (found,) = examined(tmp_path, begins_after(4.0)(flown()))
+    assert "just before imu is heard" in found.what and found.remedy.startswith("start the sensor before")

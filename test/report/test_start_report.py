@@ -20,6 +20,7 @@ from semantic_slam.pipeline.start import without_tilt
 from semantic_slam.report.comparison import Run
 from semantic_slam.report.document import Analysis, analyse, report_document
 from semantic_slam.report.page import render_page
+from semantic_slam.report.verdict import warnings
 
 PLANAR = Configuration(initial_pose=InitialPoseConfiguration(mean=(1.0, -2.0, 0.5), sigma=(0.1, 0.2, 0.05)))
 SPATIAL = Configuration(
@@ -82,8 +83,19 @@ def test_gravity_is_not_named_where_it_left_the_configured_roll_and_pitch() -> N
     analysis = started(pose, without_tilt(covariance), written(SPATIAL))
     assert report_document(analysis)["start"]["source"] == "configuration, roll and pitch open"
     assert said(analysis).endswith(
-        "; from the configuration, roll and pitch left open, as gravity was measured too roughly at first"
+        "; from the configuration, roll and pitch left open, as imu told too little at the first keyframe"
     )
+
+
+@pytest.mark.parametrize(("sigma_rad", "says"), [(0.5, True), (0.03, False)])
+def test_the_head_says_that_a_tilt_left_open_at_the_start_stayed_so(sigma_rad: float, says: bool) -> None:
+    pose, covariance = initial_pose_of(SPATIAL)
+    analysis = started(pose, without_tilt(covariance), written(SPATIAL))
+    (belief,) = analysis.record.beliefs
+    wide = np.tile(np.diag([1e-4, 1e-4, 1e-4, sigma_rad**2, 1e-4, 1e-4]), (len(belief.poses), 1, 1))
+    record = dataclasses.replace(analysis.record, beliefs=(dataclasses.replace(belief, pose_covariances=wide),))
+    told = [line for line in warnings(dataclasses.replace(analysis, record=record), []) if "Gravity was hardly" in line]
+    assert ["in the end are known to ± 0.5 rad" in line for line in told] == [True] * says
 
 
 @pytest.mark.parametrize("settings", ["", "[1", '{"initial_pose": {"mean": ["here"]}}'])

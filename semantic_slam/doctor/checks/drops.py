@@ -6,15 +6,17 @@ from semantic_slam.doctor.finding import Finding, Severity, error, of_fault, war
 from semantic_slam.doctor.input_summary import InputSummary
 from semantic_slam.errors import InputError
 from semantic_slam.messages import topics
+from semantic_slam.messages.inertial import FAULTS
 from semantic_slam.perception.places import BAD_COVARIANCE, BAD_RANGE, NO_PLACE
 
 NAME = "dropped"
 SOME, MOST = 0.1, 0.9
-"""Per detection message."""
+"""Per detection message; what is wrong with messages of topic imu themselves, per message of it."""
+OF_IMU_MESSAGES = tuple(f"{topics.IMU}: {fault}" for fault in FAULTS)
 SAID_ELSEWHERE = (
     "time goes backwards", "leaps ahead", "set back", "stamp repeats", "of their stamp", "at their stamp",
     "none of the detections' stamp", "half of it lies", "size ", "frame id", "of frame", "unknown label", "box ",
-    "no static transforms", "/tf from", "same outline", "imu: not used", "come to gravity",
+    "no static transforms", "/tf from", "same outline", "come to gravity", "contradict",
     "jumps farther", "scores outside 0..1",
 )  # fmt: skip
 NO_CAMERA = f"no {topics.CAMERA_INFO} came"
@@ -28,6 +30,7 @@ REMEDIES = {
     "orientation that is no rotation": "say -1 in orientation_covariance[0] where there is none (REP 145)",
     "nor accelerations": "publish what the accelerometer shows, or an orientation (REP 145)",
     "imu.window_s before": "record imu and odom at their full rates, from the start to the end of the drive",
+    "just before imu": "start the sensor before the detections, as frames of up to 5 s before it are left out",
     "robot accelerates": "gravity is felt where the robot moves steadily; publish an orientation to have it everywhere",
     BAD_COVARIANCE: "give variances above zero, or NaN where they are not known",
 }
@@ -40,12 +43,15 @@ def check(summary: InputSummary) -> Iterator[Finding]:
     refused = any(text.startswith(f"{topics.CAMERA_INFO}: ") for text in summary.faults)  # one came, and is no camera
     told = (*SAID_ELSEWHERE, NO_CAMERA) if refused else SAID_ELSEWHERE
     for reason, count in sorted(summary.dropped.items()):
-        share = count / max(summary.num_frames, 1)
+        num, what = summary.num_frames, "detection messages"
+        if reason in OF_IMU_MESSAGES:
+            num, what = summary.imu.num_messages, f"messages of {topics.IMU}"
+        share = count / max(num, 1)
         if share > SOME and not any(words in reason for words in told):
             yield Finding(
                 Severity.ERROR if share > MOST else Severity.WARNING,
                 NAME,
-                f"{reason} ({count} in the first {summary.num_frames} detection messages)".replace(";", ","),
+                f"{reason} ({count} in the first {num} {what})".replace(";", ","),
                 next((remedy for words, remedy in REMEDIES.items() if words in reason), "see docs/troubleshooting.md"),
             )
 

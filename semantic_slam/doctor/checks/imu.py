@@ -1,4 +1,4 @@
-"""Check of the IMU: wrong type, missing transform, and accelerations or orientations with a wrong up direction."""
+"""Check of the IMU: wrong type, missing transform, a wrong up direction, and keyframes without a measurement."""
 
 from collections.abc import Iterator
 
@@ -9,25 +9,34 @@ from semantic_slam.doctor.input_summary import ImuRecord, InputSummary
 from semantic_slam.errors import InputError
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.geometry.pose import rotation_matrix
+from semantic_slam.messages import topics
 from semantic_slam.messages.inertial import GRAVITY_M_S2
 from semantic_slam.messages.sensor import sensor_pose
+from semantic_slam.pipeline.gravity.imu_look import NO_GRAVITY
 from semantic_slam.pipeline.gravity.imu_use import NAME as TOPIC
 from semantic_slam.pipeline.gravity.imu_use import TYPE, unused_because
-from semantic_slam.pipeline.gravity.orientation_watch import DISAGREE_RAD, REMEDY, angle_between, contradiction
+from semantic_slam.pipeline.gravity.orientation_watch import DISAGREE_RAD, REMEDY, contradiction
+from semantic_slam.pipeline.gravity.up_fault import MOUNT, SHOWS, UPSIDE_DOWN_RAD, angle_between, off_z, up_fault
+from semantic_slam.pipeline.start import ANY_TILT_RAD
 
 NAME = "imu"
 MOST_OFF_M_S2 = 1.5
 """Tolerated difference [m/s^2] of the mean acceleration of a recording from gravity."""
 LEAST_M_S2 = 3.0
 """Mean acceleration [m/s^2] below which gravity has been removed."""
-ON_ITS_SIDE_RAD, UPSIDE_DOWN_RAD = np.radians(60.0), np.radians(120.0)
-"""Angles between up and the body's z axis from which the sensor counts as tilted, and as upside down."""
-AXES = ("x", "y", "z", "-x", "-y", "-z")
-SHOWS = "a level sensor shows +9.81 m/s^2 along its axis that points up (REP 145)"
-MOUNT = "give its pose in the body by /tf_static or imu.extrinsics"
+JOLTED = 0.1
+"""Part of the keyframes whose accelerations may be no gravity."""
+EARLY = "so have the sensor run at rest for a second before the first detections, or tell /initialpose"
 
 
 def check(summary: InputSummary) -> Iterator[Finding]:
+    found = list(_of_messages(summary))
+    yield from found
+    if not found:
+        yield from _of_keyframes(summary)
+
+
+def _of_messages(summary: InputSummary) -> Iterator[Finding]:
     if unused_because(summary.configuration):
         return
     kind = summary.types.get(TOPIC, TYPE)
@@ -47,6 +56,26 @@ def check(summary: InputSummary) -> Iterator[Finding]:
         yield error(NAME, what, MOUNT)
         return
     yield from _up(summary.imu, rotation_matrix(pose[3:]))
+
+
+def _of_keyframes(summary: InputSummary) -> Iterator[Finding]:
+    """Whether keyframes have no measurement although nothing is wrong with the messages on average."""
+    measured = [not keyframe.is_level_to_come for keyframe in summary.keyframes]
+    if all(measured):
+        return
+    counted = {reason: count for reason, count in summary.dropped.items() if reason.startswith(f"{topics.IMU}: ")}
+    told = [f"{reason.removeprefix(f'{topics.IMU}: ')}: {count}" for reason, count in sorted(counted.items())]
+    whole = f"of {len(measured)} keyframes ({'; '.join(told)})".replace(";", ",")
+    jolted = sum(count for reason, count in counted.items() if NO_GRAVITY in reason)
+    if not any(measured):
+        what = f"{TOPIC} measures gravity at none {whole}"
+        yield error(NAME, what, f"roll and pitch are known to {ANY_TILT_RAD} rad alone, {EARLY}")
+    elif jolted > JOLTED * len(measured):
+        what = f"{TOPIC} measures gravity at {sum(measured)} {whole}"
+        yield warning(NAME, what, "mount the sensor where nothing jolts it, or publish an orientation")
+    elif not measured[0] and not summary.is_live:
+        what = f"{TOPIC} measures gravity at keyframe {measured.index(True)} first, {whole}"
+        yield warning(NAME, what, f"until then roll and pitch are known to {ANY_TILT_RAD} rad alone, {EARLY}")
 
 
 def _accelerations(record: ImuRecord) -> Iterator[Finding]:
@@ -72,10 +101,6 @@ def _up(record: ImuRecord, rotation: Array) -> Iterator[Finding]:
     if not told or np.linalg.norm(mean := np.mean(told, axis=0)) == 0.0:
         return
     up = rotation @ mean / np.linalg.norm(mean)
-    off = angle_between(up, np.array([0.0, 0.0, 1.0]))
-    axis = AXES[int(np.argmax([*up, *-up]))]
-    what = f"{TOPIC}: up is along {axis} of the body, {np.degrees(off):.0f} deg off z"
-    if off > UPSIDE_DOWN_RAD:
-        yield error(NAME, what, f"{MOUNT}; {SHOWS}")
-    elif off > ON_ITS_SIDE_RAD:
-        yield warning(NAME, what, f"{MOUNT}; {SHOWS}; of a body that is carried so this is right")
+    what, remedy = up_fault(TOPIC, up)
+    if what:
+        yield (error if off_z(up) > UPSIDE_DOWN_RAD else warning)(NAME, what, remedy)

@@ -43,6 +43,7 @@ class Keyframe:
     odometry_slopes: Array | None = None  # (3, 3) Jacobian of the planar motion by its biases; None: that of one arc
     odometry_shifts: Array | None = None  # (9, 3) changes of the planar motion by clock offsets; None: not stated
     level: Array | None = None  # (4,) direction of up in the body frame, and its variance [rad^2]; None: not measured
+    is_level_to_come: bool = False  # ``level`` is not measured here, and an IMU is there to measure it later
 
     @classmethod
     def planar(

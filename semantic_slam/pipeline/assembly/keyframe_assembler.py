@@ -134,7 +134,7 @@ class KeyframeAssembler:
     def add_imu(self, message: Any) -> None:
         """Take a sensor_msgs/Imu; ignored if the configuration does not use it."""
         if self._imu is not None:
-            self._imu.add(message)
+            self._imu.add(message, self._odometry.last_stamp_ns)
 
     def add_measurements(self, measurements: SemanticMeasurements) -> None:
         """Take the measurements of one frame; detections that are no valid measurements are dropped, as such scores."""
@@ -159,6 +159,11 @@ class KeyframeAssembler:
         """Lines for the console, each once."""
         told = [*self._odometry.news(), *self._watch.news()]
         return told if self._imu is None else [*told, *self._imu.news()]
+
+    @property
+    def imu_faults(self) -> list[str]:
+        """What is wrong with what topic imu tells, so far."""
+        return [] if self._imu is None else self._imu.faults
 
     @property
     def num_waiting(self) -> int:
@@ -268,6 +273,7 @@ class KeyframeAssembler:
             return None
         point, last = self._odometry.at(measurements.stamp_ns), self._last_keyframe or self._odometry.start
         assert last is not None
+        level = self._level(point)
         covariance = motion_covariance if self._in_space is None else motion_covariance_in_space
         keyframe = Keyframe(
             index=self._next_index,
@@ -277,7 +283,8 @@ class KeyframeAssembler:
             measurements=named,
             odometry_slopes=motion_slopes(last, point),
             odometry_shifts=self._shifts(last, point),
-            level=self._level(point),
+            level=level,
+            is_level_to_come=level is None and self._imu is not None,
         )
         self._measurements.settle()
         self._next_index += 1

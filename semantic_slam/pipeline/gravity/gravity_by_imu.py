@@ -1,8 +1,7 @@
 """Gravity direction (roll and pitch) at keyframes, measured by topic imu.
 
-The start pose of a run takes roll and pitch from the measurement in its first keyframe (``start_of``). Without it later
-measurements might contradict the start pose and are not used. Therefore a run does not start shortly before the first
-IMU message.
+The start pose of a run takes roll and pitch from the measurement in its first keyframe (``start_of``). Without it they
+are unknown until a later keyframe has one, so that a run does not start shortly before the first IMU message.
 """
 
 from collections import Counter
@@ -26,12 +25,19 @@ from semantic_slam.pipeline.gravity.level import repeated
 from semantic_slam.pipeline.gravity.orientation_watch import OrientationWatch
 from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
+from semantic_slam.pipeline.start import ANY_TILT_RAD
 from semantic_slam.reasons import count, quoted
 
 SILENT_NS = 2 * NANOSECONDS
-"""Lag behind odometry above which the topic counts as silent."""
+"""Advance of odometry without a message above which the topic counts as silent."""
+MOST_BEHIND_NS = 30 * NANOSECONDS
+"""Lag of the stamps behind odometry above which, live, messages are not in a queue, but have another clock."""
 START_NS = 5 * NANOSECONDS
 """Longest delay, by stamps, of a run's start for the first message and, live, for the transform to its frame."""
+OPEN = (
+    f"unless {topics.INITIAL_POSE} tells them, roll and pitch are known to {ANY_TILT_RAD} rad until a later keyframe"
+    " measures them"
+)
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,15 @@ class ImuSource:
 class GravityByImu:
     """Buffers IMU readings and measures gravity at keyframes; ``dropped`` counts, by reason, what was not used."""
 
-    STATE: ClassVar[tuple[str, ...]] = ("_readings", "_last_look_ns", "_has_begun", "_wanted_ns", "_watch")
+    STATE: ClassVar[tuple[str, ...]] = (
+        "_readings",
+        "_last_look_ns",
+        "_has_begun",
+        "_wanted_ns",
+        "_watch",
+        "_news",
+        "_heard_ns",
+    )
 
     def __init__(self, configuration: Configuration, source: ImuSource, dropped: Counter[str]) -> None:
         """Raises InputError for invalid extrinsics."""
@@ -57,23 +71,39 @@ class GravityByImu:
         self._readings: StampedBuffer[ImuReading] = StampedBuffer(topics.IMU, dropped)
         self._watch = OrientationWatch(configuration.imu)
         self._last_look_ns: int | None = None
+        self._news: list[str] = []
+        self._heard_ns: int | None = None  # newest odometry stamp when the topic's newest message came
         self._has_begun = False
         self._wanted_ns: int | None = None  # stamp of the first measurements that were to become a keyframe
         self.window_ns = round(configuration.imu.window_s * NANOSECONDS)
 
-    def add(self, message: Any) -> None:
-        """Take a sensor_msgs/Imu."""
+    def add(self, message: Any, newest_odometry_ns: int | None = None) -> None:
+        """Take a sensor_msgs/Imu, at the odometry that has come so far; None: there is none."""
         reading = imu_reading(message)
         if reading.fault:
             self._dropped[f"{topics.IMU}: {reading.fault}"] += 1
+        last_ns = self._readings.last_stamp_ns
         self._readings.add(header_stamp_ns(message), reading)
+        if self._readings.last_stamp_ns != last_ns:
+            self._heard_ns = newest_odometry_ns
 
     def is_known(self, stamp_ns: int, newest_odometry_ns: int) -> bool:
-        """Whether all readings up to an instant have arrived, or, live, are not waited for any longer."""
+        """Whether all readings up to an instant have arrived, or, live, are not waited for any longer.
+
+        Live, odometry may be ahead only because messages of this topic are more and queue. The topic counts as
+        silent by how far odometry has advanced since its last message came, unless it lags too far to be in a queue.
+        """
         if self._readings.has_reached(stamp_ns):
             return True
         patience_ns = SILENT_NS if self._has_begun else START_NS
-        return not self._source.waits and newest_odometry_ns - stamp_ns > patience_ns
+        since_ns = max(stamp_ns, self._queued_until_ns(newest_odometry_ns))
+        return not self._source.waits and newest_odometry_ns - since_ns > patience_ns
+
+    def _queued_until_ns(self, newest_odometry_ns: int) -> int:
+        """Newest odometry stamp up to which the topic was heard; 0: never, or it lags too far behind."""
+        last_ns = self._readings.last_stamp_ns
+        is_behind = last_ns is not None and newest_odometry_ns - last_ns <= MOST_BEHIND_NS
+        return self._heard_ns if is_behind and self._heard_ns is not None else 0
 
     def is_silent(self, newest_odometry_ns: int) -> bool:
         """Whether the topic lags behind odometry by more than ``SILENT_NS``."""
@@ -102,34 +132,42 @@ class GravityByImu:
         """Remove the readings that no keyframe after this instant needs."""
         self._readings.forget_before(stamp_ns - self.window_ns)
 
+    @property
+    def faults(self) -> list[str]:
+        """What is wrong with what the topic tells, so far."""
+        return self._watch.faults
+
     def news(self) -> list[str]:
-        """The line on orientations that contradict accelerations, once."""
-        return self._watch.news()
+        """Lines on a first keyframe without a measurement, and on :attr:`faults`, once."""
+        told, self._news = self._news, []
+        return [*told, *self._watch.news()]
 
     def level_at(self, stamp_ns: int, path: OdometryPath) -> Array | None:
         """(4,) ``Keyframe.level`` at a keyframe, with odometry's ``path`` up to it; None, counted, if not measured."""
         is_first, self._has_begun = not self._has_begun, True
         try:
-            look = self._look(stamp_ns, path, is_first=is_first)
+            look = self._look(stamp_ns, path)
         except NoLookError as reason:
             count(self._dropped, f"{topics.IMU}: {reason}")
+            if is_first:
+                self._news.append(f"{topics.IMU} tells nothing at the first keyframe ({reason}); {OPEN}")
             return None
         elapsed_s = np.inf if self._last_look_ns is None else (stamp_ns - self._last_look_ns) / NANOSECONDS
         self._last_look_ns = stamp_ns
         return np.append(look.up, repeated(look.variance, elapsed_s, self._repeats_s))
 
-    def _look(self, stamp_ns: int, path: OdometryPath, *, is_first: bool) -> ImuLook:
-        if self._last_look_ns is None and not is_first:
-            raise NoLookError("not used, for it told nothing at the first keyframe")
+    def _look(self, stamp_ns: int, path: OdometryPath) -> ImuLook:
         found = [item for item in self._readings if stamp_ns - self.window_ns < item[0] <= stamp_ns]
         if not found:
             raise NoLookError("no message within imu.window_s before a keyframe")
         frame_id = found[-1][1].frame_id
         readings = [item for item in found if item[1].frame_id == frame_id]
         window = ImuWindow(stamp_ns, self.window_ns, self._pose_of(frame_id), path)
-        look = look_of(readings, window, self._settings, is_first=is_first)
-        self._watch.compare(look, readings, window)
-        return look
+        look = look_of(readings, window, self._settings, is_first=self._last_look_ns is None)
+        used = self._watch.trusted(look, readings, window)
+        if used is not look:
+            count(self._dropped, f"{topics.IMU}: orientation that contradicts accelerations, which count")
+        return used
 
     def _is_placed(self, frame_id: str) -> bool:
         """Whether the sensor's pose in the body frame is known."""

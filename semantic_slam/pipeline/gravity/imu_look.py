@@ -22,6 +22,7 @@ LEAST_VARIANCE = 1e-6
 """Lower limit [rad^2] of the variance: sensors are not mounted more accurately than to a milliradian."""
 MOST_AT_START_M_S2 = 3.0
 """Largest difference from gravity [m/s^2] of the rough measurement at the first keyframe."""
+NO_GRAVITY = "accelerations that do not come to gravity"
 
 
 class NoLookError(Exception):
@@ -53,7 +54,7 @@ def look_by_accelerations(
     """Measure gravity by accelerations alone, as :func:`look_of`. Raises NoLookError."""
     shown = [(stamp_ns, reading.acceleration) for stamp_ns, reading in readings if reading.acceleration is not None]
     if not shown:
-        raise NoLookError("no message within imu.window_s before a keyframe")
+        raise NoLookError("neither an orientation nor accelerations within imu.window_s before a keyframe")
     stamps = np.array([stamp_ns for stamp_ns, _ in shown], dtype=np.int64)
     return _by_accelerations(window, stamps, np.array([told for _, told in shown]), settings, is_first=is_first)
 
@@ -87,5 +88,5 @@ def _check(felt: Array, most_m_s2: float) -> float:
     """Difference [m/s^2] between the norm of (3,) and gravity. Raises NoLookError if it exceeds ``most_m_s2``."""
     off = abs(float(np.linalg.norm(felt)) - GRAVITY_M_S2)
     if off > most_m_s2:
-        raise NoLookError(f"accelerations that do not come to gravity, {GRAVITY_M_S2} m/s^2")
+        raise NoLookError(f"{NO_GRAVITY}, {GRAVITY_M_S2} m/s^2")
     return off

@@ -1,4 +1,4 @@
-"""Tells once that orientations of topic imu contradict the accelerations of its own messages."""
+"""Decides what counts where orientations of topic imu contradict its accelerations, and tells what is wrong with it."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -6,61 +6,81 @@ from typing import ClassVar
 import numpy as np
 
 from semantic_slam.configuration import ImuConfiguration
-from semantic_slam.geometry.arrays import Array
 from semantic_slam.messages import topics
 from semantic_slam.messages.inertial import ImuReading
 from semantic_slam.pipeline.gravity.imu_look import ImuLook, NoLookError, look_by_accelerations
 from semantic_slam.pipeline.gravity.imu_window import ImuWindow
+from semantic_slam.pipeline.gravity.up_fault import SHOWS, UPSIDE_DOWN_RAD, angle_between, off_z, up_fault
 
 DISAGREE_RAD = np.radians(20.0)
 """Tolerated angle between up from orientations and up from mean accelerations."""
 SIGMAS = 2.5
-"""Tolerated in standard deviations that the orientations state, where these are wider."""
+"""Tolerated in standard deviations of both, where these are wider."""
 ENOUGH = 3
-"""Keyframes in succession whose windows contradict."""
+"""Keyframes in succession that contradict, after which orientations count no more: wrong ones may agree by chance."""
 REMEDY = "give orientations in a world with z up, along the axes of header.frame_id"
 
 
 class OrientationWatch:
-    """Compares orientations with mean accelerations of the same messages, where the robot hardly accelerates."""
+    """Compares orientations with mean accelerations of the same messages, and up with the body's z axis.
 
-    STATE: ClassVar[tuple[str, ...]] = ("_num_apart", "_is_told", "_news")
+    ``faults`` are what was found, each told once.
+    """
+
+    STATE: ClassVar[tuple[str, ...]] = ("faults", "_has_looked", "_num_told", "_num_apart")
 
     def __init__(self, settings: ImuConfiguration) -> None:
         self._settings = settings
-        self._num_apart, self._is_told = 0, False
-        self._news: list[str] = []
+        self.faults: list[str] = []
+        self._has_looked, self._num_told, self._num_apart = False, 0, 0
 
-    def compare(self, look: ImuLook, readings: Sequence[tuple[int, ImuReading]], window: ImuWindow) -> None:
-        """Compare what a keyframe uses with the accelerations of its window, if these come to gravity."""
-        if self._is_told or all(reading.up is None for _, reading in readings):
-            return
-        try:
-            felt = look_by_accelerations(readings, window, self._settings, is_first=False)
-        except NoLookError:
-            return
-        apart = angle_between(look.up, felt.up)
-        tolerated = max(DISAGREE_RAD, SIGMAS * np.sqrt(look.variance))
-        self._num_apart = self._num_apart + 1 if apart > tolerated else 0
-        if self._num_apart == ENOUGH:
-            self._is_told = True
-            self._news.append(
-                f"{contradiction(topics.IMU, apart)}, and it is what counts; {REMEDY}, or -1 as first entry of"
-                " orientation_covariance, so that accelerations count"
-            )
+    def trusted(self, look: ImuLook, readings: Sequence[tuple[int, ImuReading]], window: ImuWindow) -> ImuLook:
+        """What a keyframe is to use: by accelerations where orientations contradict them, or did so often.
+
+        Raises NoLookError where these are upside down, as either may be wrong, or of no use.
+        """
+        used = self._of_both(look, readings, window)
+        is_first, self._has_looked = not self._has_looked, True
+        what, remedy = up_fault(topics.IMU, used.up)
+        if what and (is_first or off_z(used.up) > UPSIDE_DOWN_RAD):
+            self._tell("up is along", f"{what}; {remedy}")
+        return used
 
     def news(self) -> list[str]:
-        """The line, once."""
-        told, self._news = self._news, []
+        """Lines on new faults."""
+        told, self._num_told = self.faults[self._num_told :], len(self.faults)
         return told
+
+    def _of_both(self, look: ImuLook, readings: Sequence[tuple[int, ImuReading]], window: ImuWindow) -> ImuLook:
+        if all(reading.up is None for _, reading in readings):
+            return look
+        if self._num_apart >= ENOUGH:
+            return look_by_accelerations(readings, window, self._settings, is_first=not self._has_looked)
+        try:
+            felt = look_by_accelerations(readings, window, self._settings, is_first=not self._has_looked)
+        except NoLookError:
+            return look
+        apart = angle_between(look.up, felt.up)
+        if apart <= max(DISAGREE_RAD, SIGMAS * np.sqrt(look.variance + felt.variance)):
+            self._num_apart = 0
+            return look
+        is_upside_down = off_z(felt.up) > UPSIDE_DOWN_RAD
+        counts = "and neither counts, as these are upside down" if is_upside_down else "and these count"
+        self._tell(
+            "up by its",
+            f"{contradiction(topics.IMU, apart)}, {counts}; {REMEDY}, or -1 as first entry of"
+            f" orientation_covariance; {SHOWS}",
+        )
+        if is_upside_down:
+            raise NoLookError("orientation contradicts accelerations, which are upside down")
+        self._num_apart += 1
+        return felt
+
+    def _tell(self, kind: str, line: str) -> None:
+        if not any(kind in told for told in self.faults):
+            self.faults.append(line)
 
 
 def contradiction(topic: str, apart_rad: float) -> str:
     """What is wrong with a topic whose orientations and accelerations are that far apart."""
     return f"{topic}: up by its orientation is {np.degrees(apart_rad):.0f} deg off up by its accelerations"
-
-
-def angle_between(a: Array, b: Array) -> float:
-    """Angle [rad] between two directions (3,) of any length."""
-    lengths = max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12)
-    return float(np.arccos(np.clip(a @ b / lengths, -1.0, 1.0)))

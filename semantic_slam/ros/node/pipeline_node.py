@@ -30,7 +30,7 @@ from semantic_slam.ros.node.interrupt import Interrupt
 from semantic_slam.ros.node.parameters import declare_fixed
 from semantic_slam.ros.node.ros_arguments import parsed, without_ros_arguments
 from semantic_slam.ros.node.worker import Worker
-from semantic_slam.ros.wire.qos import PICTURES, SENSOR_DEPTH
+from semantic_slam.ros.wire.qos import FAST, FAST_DEPTH, PICTURES, SENSOR_DEPTH
 from semantic_slam.ros.wire.shared_memory import remove_remains
 from semantic_slam.ros.wire.transport import receive, relative_name
 
@@ -38,8 +38,6 @@ QUIET_TICK_S = 0.1
 QUIET_TICKS = 3
 LOOK_S = 0.2
 """Period [s] of polling for a publisher."""
-FAST_DEPTH = 5000
-"""Queue length for odometry, transforms and IMU: they are cheap to process, and gaps make motions uncertain."""
 SAY_AGAIN_S = 10.0
 """Minimum interval between repeated warnings on the console."""
 
@@ -58,7 +56,6 @@ STREAMS = frozenset(
 """Streamed inputs: in live operation an inactive node discards and counts them; it queues all other messages."""
 INPUTS = STREAMS | {topics.CAMERA_INFO, topics.INITIAL_POSE, topics.TF_STATIC}
 """Topics that other packages publish: their QoS may be overridden."""
-FAST = frozenset({topics.ODOMETRY, topics.IMU, topics.TF, topics.GROUND_TRUTH_ODOMETRY})
 MOST_BEHIND = {topic: FAST_DEPTH if topic in FAST else SENSOR_DEPTH for topic in (*STREAMS, topics.MEASUREMENTS)}
 """Maximum queue length by topic, in live operation; of a full queue the oldest message is discarded and counted."""
 BEHIND = "came faster than it could be used"

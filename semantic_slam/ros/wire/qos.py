@@ -10,6 +10,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from semantic_slam.messages import topics
 
 SENSOR_DEPTH = 50
+FAST_DEPTH = 5000
+"""Queue length for odometry, transforms and IMU: they are cheap to process, and gaps make motions uncertain."""
+FAST = frozenset({topics.ODOMETRY, topics.IMU, topics.TF, topics.GROUND_TRUTH_ODOMETRY})
 TRANSFORMS_DEPTH = 100
 PICTURES = frozenset({topics.IMAGE, topics.IMAGE_COMPRESSED, topics.DEPTH, topics.DEPTH_COMPRESSED, topics.DISPARITY})
 
@@ -64,7 +67,8 @@ def sensor_input(topic: str, lossless: bool) -> QoSProfile:
         return everything_from_the_start()
     if lossless:
         return replayed(topic)
-    return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=SENSOR_DEPTH)
+    depth = FAST_DEPTH if topic in FAST else SENSOR_DEPTH
+    return QoSProfile(reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depth)
 
 
 def result(lossless: bool) -> QoSProfile:

@@ -115,11 +115,13 @@ def test_an_orientation_counts_before_accelerations_and_as_sure_as_it_states() -
     np.testing.assert_allclose(body.look(0.0), np.append(body.up(0.0), 0.003**2), atol=1e-9)
 
 
-def with_orientations(body: Body, until_s: float, turn: np.ndarray | None = None, variance: float = 0.01) -> None:
+def with_orientations(
+    body: Body, until_s: float, turn: np.ndarray | None = None, variance: float = 0.01, scale: float = 1.0
+) -> None:
     """Listen to messages with orientations: true ones, or a ``turn`` that never changes."""
     times = np.arange(-2.0, until_s + 1e-9, 0.01)
     turns = se3.compose(body.motion(times), T_BODY_IMU)[:, 3:] if turn is None else np.tile(turn, (len(times), 1))
-    for message, told in zip(shown_messages(body.motion, times), turns, strict=True):
+    for message, told in zip(shown_messages(body.motion, times, scale), turns, strict=True):
         x, y, z, w = told.tolist()
         message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = x, y, z, w
         message.orientation_covariance = (variance * np.eye(3)).ravel()
@@ -137,19 +139,48 @@ def test_by_a_covariance_that_means_unknown_accelerations_count() -> None:
     assert body.dropped == {} and body.gravity.news() == []
 
 
-def test_orientations_that_contradict_accelerations_are_told_once() -> None:
-    """Of a driver that states an orientation which it does not measure; three keyframes in succession show it."""
+def test_orientations_that_contradict_accelerations_do_not_count_and_are_told_once() -> None:
+    """Of a driver that states an orientation which it does not measure; the first keyframe shows it."""
     body = Body(carried(acceleration=0.4))
     with_orientations(body, 2.0, IDENTITY)
     told = []
     for time_s in (0.0, 0.5, 1.0, 1.5, 2.0):
-        body.look(time_s)
+        np.testing.assert_allclose(body.look(time_s), np.append(body.up(time_s), SIGMA**2), atol=1e-3)
         told.append(body.gravity.news())
-    shown = se3.compose(body.motion(np.array([1.0])), T_BODY_IMU)[0, 3:]
+    shown = se3.compose(body.motion(np.array([0.0])), T_BODY_IMU)[0, 3:]
     off = np.degrees(np.arccos(so3.matrix(shown)[2, 2]))
-    assert [len(lines) for lines in told] == [0, 0, 1, 0, 0]
-    assert told[2][0].startswith(f"imu: up by its orientation is {off:.0f} deg off up by its accelerations, and")
-    assert "-1 as first entry of orientation_covariance" in told[2][0]
+    assert [len(lines) for lines in told] == [1, 0, 0, 0, 0]
+    assert told[0][0].startswith(f"imu: up by its orientation is {off:.0f} deg off up by its accelerations, and these")
+    assert "-1 as first entry of orientation_covariance" in told[0][0]
+    assert body.gravity.faults == told[0]
+    assert body.dropped == {"imu: orientation that contradicts accelerations, which count": 5}
+    message = imu_message(at(2.5), "imu_link", np.zeros(3), IDENTITY, 0.01)
+    body.gravity.add(message)
+    assert body.look(2.5) is None  # accelerations leave a gap, and orientations are not believed any more
+
+
+def test_of_orientations_and_contradicting_accelerations_that_are_upside_down_neither_counts() -> None:
+    """A driver may show accelerations with the wrong sign and right orientations, or a body be upside down."""
+    body = Body(carried())
+    with_orientations(body, 1.0, scale=-1.0)
+    assert body.look(0.0) is None and body.look(0.5) is None
+    assert body.dropped == {"imu: orientation contradicts accelerations, which are upside down": 2}
+    contradicted, opened = sorted(body.gravity.news(), reverse=True)
+    assert "180 deg off up by its accelerations, and neither counts" in contradicted
+    assert opened.startswith("imu tells nothing at the first keyframe (orientation contradicts accelerations, which")
+
+
+@pytest.mark.parametrize(
+    ("frame", "scale", "axis"), [("imu_link", -1.0, "-z of the body, 159 deg"), ("base_link", 1.0, "of the body, ")]
+)
+def test_accelerations_upside_down_or_of_another_frame_are_told_once(frame: str, scale: float, axis: str) -> None:
+    """With the line of the doctor; nothing in the run itself contradicts them."""
+    body = Body(carried())
+    body.listen(1.0, scale=scale, frame=frame)
+    found = [body.look(time_s) is not None for time_s in (0.0, 0.5, 1.0)]
+    (line,) = body.gravity.news()
+    assert found == [True] * 3 and line.startswith("imu: up is along ") and axis in line
+    assert "give its pose in the body by /tf_static or imu.extrinsics" in line and body.gravity.faults == [line]
 
 
 def test_orientations_that_state_to_be_rough_contradict_nothing() -> None:
@@ -204,8 +235,7 @@ def test_what_tells_nothing_is_left_out_with_its_reason() -> None:
     assert in_units_of_g.look(0.0) is None and strange.look(0.0) is None and strange.look(0.5) is None
     assert in_units_of_g.dropped == {"imu: accelerations that do not come to gravity, 9.81 m/s^2": 1}
     assert strange.dropped == {
-        "imu: no static transforms from base_link to 'lidar', publish /tf_static or set imu.extrinsics": 1,
-        "imu: not used, for it told nothing at the first keyframe": 1,
+        "imu: no static transforms from base_link to 'lidar', publish /tf_static or set imu.extrinsics": 2,
     }
 
 
@@ -229,6 +259,47 @@ def test_messages_are_waited_for_and_live_one_that_is_silent_is_not() -> None:
     assert patient.gravity.is_known(now, now)
 
 
+def behind(imu: ImuSource, late_s: float = 0.0) -> list[Keyframe]:
+    """Keyframes of a node that is behind and takes topics in turn; the sensor's clock is ``late_s`` late.
+
+    Odometry at 20 Hz is then seconds ahead of the sensor at 100 Hz, all of whose messages come.
+    """
+    motion, since = carried(turn_rad_s=0.2), 100.0
+    times = np.arange(0.0, 14.0, 0.05)
+    odometry = [
+        to_message(OdometryEstimate(at(since + time_s), "odom", "base_link", pose, np.zeros((6, 6))))
+        for time_s, pose in zip(times, motion(times), strict=True)
+    ]
+    readings = shown_messages(lambda now: motion(now - since), np.arange(since, since + 13.0, 0.01))
+    for message in readings:
+        message.header.stamp.sec -= round(late_s)
+    frames = [Keyframe.spatial(0, stamp_ns=at(since + second)).measurements for second in range(2, 12)]
+    assembler = KeyframeAssembler(settings(), imu=imu)
+    found = []
+    for turn, reading in enumerate(readings):
+        if turn < len(odometry):
+            assembler.add_odometry(odometry[turn])
+        if turn < len(frames):
+            assembler.add_measurements(frames[turn])
+        assembler.add_imu(reading)
+        found += assembler.take()
+    return found
+
+
+def test_live_messages_that_queue_are_waited_for_as_offline() -> None:
+    live, offline = (behind(ImuSource(tree(), waits=waits)) for waits in (False, True))
+    assert len(live) == len(offline) == 10
+    for one, other in zip(live, offline, strict=True):
+        assert one.level is not None
+        np.testing.assert_array_equal(one.level, other.level)
+
+
+def test_live_a_sensor_whose_clock_is_a_minute_late_is_not_waited_for() -> None:
+    """Else each belief would be late by that minute."""
+    live = behind(ImuSource(tree(), waits=False), late_s=60.0)
+    assert [keyframe.level for keyframe in live] == [None] * 10
+
+
 def told_messages(motion: Motion) -> list[list[Any]]:
     """Odometry, topic imu and frames without a detection of three seconds; the sensor's clock steps back once."""
     times = np.arange(-1.5, 1.5, 0.05)
@@ -243,13 +314,20 @@ def told_messages(motion: Motion) -> list[list[Any]]:
 
 
 def assembled(arrival: list[tuple[int, Any]]) -> tuple[list[Keyframe], Counter[str]]:
-    assembler = KeyframeAssembler(settings(), imu=ImuSource(tree()))
+    found, dropped, _ = assembled_by(KeyframeAssembler(settings(), imu=ImuSource(tree())), arrival)
+    return found, dropped
+
+
+def assembled_by(
+    assembler: KeyframeAssembler, arrival: list[tuple[int, Any]]
+) -> tuple[list[Keyframe], Counter[str], list[str]]:
+    """Keyframes, what was dropped, and lines of the console."""
     adders = (assembler.add_odometry, assembler.add_imu, assembler.add_measurements)
     keyframes = []
     for stream, item in arrival:
         adders[stream](item)
         keyframes += assembler.take()
-    return [*keyframes, *assembler.flush()], assembler.dropped
+    return [*keyframes, *assembler.flush()], assembler.dropped, assembler.news()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -280,6 +358,30 @@ def test_a_run_does_not_begin_just_before_its_sensor_is_heard() -> None:
     live.listen(6.0, frame="lidar")
     assert live.gravity.begins_later(at(0.0)) and live.gravity.begins_later(at(5.0))
     assert not live.gravity.begins_later(at(5.5))
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.4])
+def test_a_run_whose_sensor_tells_nothing_at_first_begins_with_its_tilt_open(
+    scale: float,
+) -> None:
+    """As of one that warms up, or is jolted; without a sensor the tilt is known as configured."""
+    motion = carried(turn_rad_s=0.5)
+    odometry, _, frames = told_messages(motion)
+    bad, good = np.arange(-1.5, 0.2, 0.01), np.arange(0.2, 1.5, 0.01)
+    readings = shown_messages(motion, bad, scale) + shown_messages(motion, good)
+    arrival = [(n, item) for n, stream in enumerate((odometry, readings, frames)) for item in stream]
+    found, _, told = assembled_by(KeyframeAssembler(settings(), imu=ImuSource(tree())), arrival)
+    assert found[0].level is None and found[-1].level is not None
+    np.testing.assert_allclose(found[-1].level[:3], so3.matrix(motion(np.array([1.0]))[0, 3:])[2], atol=0.02)
+    pose, covariance = start_of(settings(), None, found[0])
+    np.testing.assert_allclose(np.diagonal(covariance), [0.01, 0.01, 0.01, 0.25, 0.25, 0.01])
+    assert len(told) == 1 and told[0].startswith("imu tells nothing at the first keyframe (")
+    without, _, said = assembled_by(KeyframeAssembler(settings()), [item for item in arrival if item[0] != 1])
+    same_pose, known = start_of(settings(), None, without[0])
+    np.testing.assert_array_equal(pose, same_pose)
+    np.testing.assert_allclose(np.diagonal(known), [0.01] * 6)
+    by_hand = PoseEstimate(0, "map", pose, 1e-4 * np.eye(6))
+    assert start_of(settings(), by_hand, found[0])[1] is by_hand.covariance and said == []
 
 
 def test_extrinsics_that_are_none_are_refused_by_name() -> None:

@@ -23,6 +23,29 @@ def test_the_oldest_go_and_as_many_wait_as_may() -> None:
 
 
 @pytest.mark.ros
+def test_a_second_of_a_fast_sensor_waits_in_the_subscription_while_the_node_is_busy() -> None:
+    """As for 1 s at 400 Hz; of pictures and detections 50 wait there."""
+    rclpy.init()
+    try:
+        node, robot = PipelineNode("manager"), rclpy.create_node("robot")
+        executor, taken = SingleThreadedExecutor(), list[bytes]()
+        executor.add_node(node)
+        node.is_active = True
+        node.listen(topics.IMU, taken.append, qos.sensor_input(topics.IMU, lossless=False))
+        said = Outlet(robot, topics.IMU, topics.TYPES[topics.IMU], qos.result(False))
+        assert said.wait_for_readers(1, TIMEOUT_S)
+        for _ in range(400):
+            said.send(b"\x00\x01\x00\x00")  # nobody spins
+        give_up = time.monotonic() + TIMEOUT_S
+        while len(node._backlogs[topics.IMU]) < 400:
+            assert time.monotonic() < give_up, len(node._backlogs[topics.IMU])
+            executor.spin_once(timeout_sec=0.02)
+        assert qos.sensor_input(topics.DETECTIONS, lossless=False).depth == 50
+    finally:
+        rclpy.try_shutdown()
+
+
+@pytest.mark.ros
 def test_a_node_that_is_told_to_end_says_what_it_has_not_used(capfd: pytest.CaptureFixture[str]) -> None:
     rclpy.init()
     try:
