@@ -27,7 +27,9 @@ REMEDIES = {
     "not finite": "correct its publisher",
     NO_PLACE: "give boxes with a camera_info and its transform, or positions, or ranges and bearings",
     BAD_RANGE: "give ranges in metres, above zero, and NaN for none",
-    "orientation that is no rotation": "say -1 in orientation_covariance[0] where there is none (REP 145)",
+    "orientation that is no rotation": (
+        "give a quaternion of norm 1, or say -1 in orientation_covariance[0] where there is none (REP 145)"
+    ),
     "nor accelerations": "publish what the accelerometer shows, or an orientation (REP 145)",
     "imu.window_s before": "record imu and odom at their full rates, from the start to the end of the drive",
     "just before imu": "start the sensor before the detections, as frames of up to 5 s before it are left out",
