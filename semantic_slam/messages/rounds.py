@@ -114,7 +114,7 @@ def keyframe_to_message(value: Keyframe, run_id: str, *, again: bool = False) ->
     return filled(
         KEYFRAME_TYPE,
         KEYFRAME_LAYOUT,
-        {"run_id": run_id, "keyframe": value.index, "again": again, **arrays},
+        {"run_id": run_id, "keyframe": value.index, "again": again, "level_to_come": value.is_level_to_come, **arrays},
         header=header_message(value.stamp_ns, "map"),
         odometry=covariance_pose_message(value.odometry, value.odometry_covariance),
         measurements=measurements_to_message(value.measurements),
@@ -131,6 +131,7 @@ def keyframe_from_message(message: Any) -> Keyframe:
         odometry=pose_vector(message.odometry.pose),
         odometry_covariance=covariance_matrix(message.odometry),
         measurements=measurements_from_message(message.measurements),
+        is_level_to_come=bool(message.level_to_come),
         **arrays,
     )
 

@@ -13,11 +13,9 @@ from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.messages.standard import PoseEstimate
 from semantic_slam.pipeline.detector_labels import with_labels
-from semantic_slam.pipeline.gravity.imu_use import unused_because
+from semantic_slam.pipeline.gravity.imu_use import ANY_TILT_RAD, unused_because
 from semantic_slam.pipeline.provenance import revision
 
-ANY_TILT_RAD = 0.5
-"""Standard deviation of roll and pitch before the first gravity measurement."""
 TILT = [3, 4]
 """Indices of roll and pitch in the covariance, about the axes of the map frame."""
 

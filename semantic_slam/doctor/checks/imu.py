@@ -13,11 +13,10 @@ from semantic_slam.messages import topics
 from semantic_slam.messages.inertial import GRAVITY_M_S2
 from semantic_slam.messages.sensor import sensor_pose
 from semantic_slam.pipeline.gravity.imu_look import NO_GRAVITY
+from semantic_slam.pipeline.gravity.imu_use import ANY_TILT_RAD, TYPE, unused_because
 from semantic_slam.pipeline.gravity.imu_use import NAME as TOPIC
-from semantic_slam.pipeline.gravity.imu_use import TYPE, unused_because
 from semantic_slam.pipeline.gravity.orientation_watch import DISAGREE_RAD, REMEDY, contradiction
 from semantic_slam.pipeline.gravity.up_fault import MOUNT, SHOWS, UPSIDE_DOWN_RAD, angle_between, off_z, up_fault
-from semantic_slam.pipeline.start import ANY_TILT_RAD
 
 NAME = "imu"
 MOST_OFF_M_S2 = 1.5

@@ -20,12 +20,12 @@ from semantic_slam.messages.inertial import ImuReading, imu_reading
 from semantic_slam.messages.sensor import TransformTree, sensor_pose
 from semantic_slam.messages.standard import NANOSECONDS, header_stamp_ns, is_pose
 from semantic_slam.pipeline.gravity.imu_look import ImuLook, NoLookError, look_of
+from semantic_slam.pipeline.gravity.imu_use import ANY_TILT_RAD
 from semantic_slam.pipeline.gravity.imu_window import ImuWindow
 from semantic_slam.pipeline.gravity.level import repeated
 from semantic_slam.pipeline.gravity.orientation_watch import OrientationWatch
 from semantic_slam.pipeline.odometry.odometry_path import OdometryPath
 from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
-from semantic_slam.pipeline.start import ANY_TILT_RAD
 from semantic_slam.reasons import count, quoted
 
 SILENT_NS = 2 * NANOSECONDS

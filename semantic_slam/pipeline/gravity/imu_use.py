@@ -7,6 +7,8 @@ from semantic_slam.configuration import Configuration
 from semantic_slam.messages import topics
 
 NAME, TYPE = absolute(topics.IMU), topics.TYPES[topics.IMU]
+ANY_TILT_RAD = 0.5
+"""Standard deviation of roll and pitch before the first gravity measurement."""
 
 
 def unused_because(configuration: Configuration) -> str:
