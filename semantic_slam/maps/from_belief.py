@@ -143,8 +143,12 @@ def provenance_of(belief: HybridBelief, run: RunConfiguration) -> Provenance:
 
 
 def ancestors_of(run: RunConfiguration) -> tuple[str, ...]:
-    """Sorted ids of all maps whose information a run was given at its start. Raises InputError."""
-    return _ancestors(_prior(run))
+    """Sorted ids of all maps that a run was given information of at its start, and of its recording.
+
+    Raises InputError.
+    """
+    own = Provenance(source=run.source, run_id=run.run_id, began_ns=int(run.stamp_ns)).recording
+    return tuple(sorted({*_ancestors(_prior(run)), own} - {""}))
 
 
 def _prior(run: RunConfiguration) -> MapPrior | None:

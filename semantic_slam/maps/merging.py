@@ -21,7 +21,14 @@ from semantic_slam.maps.frames import MapFrames
 from semantic_slam.maps.likelihood import FLOOR_M, FLOOR_RAD
 from semantic_slam.maps.merged_existence import merged_existence
 from semantic_slam.maps.merged_objects import MergedRows, merged_objects
-from semantic_slam.maps.saved_map import Provenance, SavedMap, ViewedFrom, are_of_one_recording, have_common_ancestor
+from semantic_slam.maps.saved_map import (
+    Provenance,
+    SavedMap,
+    ViewedFrom,
+    are_of_one_recording,
+    are_of_one_run,
+    have_common_ancestor,
+)
 
 HALF = 0.5
 """Smallest probability at which two objects are taken as one."""
@@ -96,7 +103,11 @@ def _check(one: SavedMap, other: SavedMap) -> None:
 def _later(one: SavedMap, other: SavedMap) -> str:
     """Which of two maps of one recording has seen more of it, in words."""
     seen = [own.provenance.keyframe for own in (one, other)]
-    return "one of them" if seen[0] == seen[1] else f"the later one, {(one if seen[0] > seen[1] else other).map_id},"
+    return (
+        "one of them"
+        if seen[0] == seen[1] or not are_of_one_run(one, other)
+        else f"the later one, {(one if seen[0] > seen[1] else other).map_id},"
+    )
 
 
 def _rows(comparison: Comparison) -> MergedRows:

@@ -373,7 +373,8 @@ class HypothesisManagerNode(PipelineNode):
         text += ", paused" if self._is_paused else ""
         fault = self._snapshots.fault
         of_journal = [Status("journal", Level.WARN, fault)] if fault else []
-        imu = [Status(topics.IMU, Level.WARN, line) for line in self._session.assembler.imu_faults]
+        faults = "; ".join(self._session.assembler.imu_faults)
+        imu = [Status(topics.IMU, Level.WARN, faults)] if faults else []
         return [Status("keyframes", Level.OK, text, {"keyframes": number}), self._explanation, *of_journal, *imu]
 
 

@@ -31,6 +31,7 @@ from semantic_slam.inference.building import make_run_configuration, problem_of
 from semantic_slam.inference.building.class_prior import LEAST_CLASS_SHARE
 from semantic_slam.inference.protocol import RunConfiguration
 from semantic_slam.inference.world.map_prior import parse_map_prior, read_map_prior
+from semantic_slam.maps.saved_map import Provenance
 from semantic_slam.messages import topics
 from semantic_slam.pipeline.diagnostics import dropped_message
 from semantic_slam.report.document import map_prior
@@ -130,12 +131,15 @@ def test_objects_come_back_as_a_map_prior(made: Path) -> None:
         assert item.class_probabilities == row["class_probabilities"]
 
 
-def test_objects_name_the_maps_whose_information_they_hold(made: Path) -> None:
-    """Else ``map merge`` would count what the run was told at its start twice."""
+def test_objects_name_the_maps_and_the_recording_whose_information_they_hold(made: Path) -> None:
+    """Else ``map merge`` would count what the run was told at its start, and what it has seen, twice."""
     record = read_record(made.parent / "belief")
     told = dataclasses.replace(read_map_prior(made / "objects.json"), map_id="monday", ancestors=("sunday",))
     later = dataclasses.replace(record, run=dataclasses.replace(record.run, map_prior=told.to_json()))
-    assert parse_map_prior(map_prior(later).to_json(), "as it travels").ancestors == ("monday", "sunday")
+    recording = Provenance(source=record.run.source).recording
+    assert recording.startswith("recording:") and recording in map_prior(record).ancestors
+    told_on = parse_map_prior(map_prior(later).to_json(), "as it travels")
+    assert told_on.ancestors == ("monday", recording, "sunday")
 
 
 def test_a_later_run_starts_from_the_objects(made: Path) -> None:

@@ -60,7 +60,7 @@ def _of_messages(summary: InputSummary) -> Iterator[Finding]:
 def _of_keyframes(summary: InputSummary) -> Iterator[Finding]:
     """Whether keyframes have no measurement although nothing is wrong with the messages on average."""
     measured = [not keyframe.is_level_to_come for keyframe in summary.keyframes]
-    if all(measured):
+    if all(measured) or not summary.imu.num_messages:
         return
     counted = {reason: count for reason, count in summary.dropped.items() if reason.startswith(f"{topics.IMU}: ")}
     told = [f"{reason.removeprefix(f'{topics.IMU}: ')}: {count}" for reason, count in sorted(counted.items())]

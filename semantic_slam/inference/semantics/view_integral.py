@@ -3,8 +3,8 @@
 Over what a descriptor may be after a first view, the decoder is far from linear, and the Gaussian at the mode is too
 narrow. A better one is found by statistical linearisation (posterior linearisation; Garcia-Fernandez et al., 2015): a
 regression of the residuals over points of the Gaussian itself, with what the line leaves added to the noise. The
-evidence is a mean of importance weights over points of that Gaussian, which is so near the posterior that 84 of them
-are as exact as a thousand of the Gaussian at the mode. The points are fixed, and each row is computed on its own,
+evidence is a mean of importance weights over points of that Gaussian, which is so near the posterior that some 80 of
+them are as exact as a thousand of the Gaussian at the mode. The points are fixed, and each row is computed on its own,
 so that a result depends neither on batches nor on processes.
 """
 

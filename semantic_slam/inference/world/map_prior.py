@@ -108,7 +108,7 @@ class MapPrior:
     # map; None: independent
     map_id: str = ""  # id of the FILE.map from which the prior was made
     state_space: str = PLANAR  # of the run that mapped them: planar or spatial
-    ancestors: tuple[str, ...] = ()  # sorted ids of the maps whose information it holds, besides that of map_id
+    ancestors: tuple[str, ...] = ()  # sorted ids of maps and recordings that it holds information of, besides map_id
 
     def to_json(self) -> str:
         """The text of an ``objects.json``."""

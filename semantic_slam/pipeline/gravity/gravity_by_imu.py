@@ -29,7 +29,7 @@ from semantic_slam.pipeline.stamps.stamped_buffer import StampedBuffer
 from semantic_slam.reasons import count, quoted
 
 SILENT_NS = 2 * NANOSECONDS
-"""Advance of odometry without a message above which the topic counts as silent."""
+"""Lag behind odometry, or advance of odometry without a message, above which the topic counts as silent."""
 MOST_BEHIND_NS = 30 * NANOSECONDS
 """Lag of the stamps behind odometry above which, live, messages are not in a queue, but have another clock."""
 START_NS = 5 * NANOSECONDS
@@ -59,6 +59,7 @@ class GravityByImu:
         "_watch",
         "_news",
         "_heard_ns",
+        "_least_lag_ns",
     )
 
     def __init__(self, configuration: Configuration, source: ImuSource, dropped: Counter[str]) -> None:
@@ -73,6 +74,7 @@ class GravityByImu:
         self._last_look_ns: int | None = None
         self._news: list[str] = []
         self._heard_ns: int | None = None  # newest odometry stamp when the topic's newest message came
+        self._least_lag_ns: int | None = None  # of a message's stamp behind the odometry that had come before it
         self._has_begun = False
         self._wanted_ns: int | None = None  # stamp of the first measurements that were to become a keyframe
         self.window_ns = round(configuration.imu.window_s * NANOSECONDS)
@@ -82,16 +84,22 @@ class GravityByImu:
         reading = imu_reading(message)
         if reading.fault:
             self._dropped[f"{topics.IMU}: {reading.fault}"] += 1
-        last_ns = self._readings.last_stamp_ns
+        before_ns = self._readings.last_stamp_ns
         self._readings.add(header_stamp_ns(message), reading)
-        if self._readings.last_stamp_ns != last_ns:
-            self._heard_ns = newest_odometry_ns
+        last_ns = self._readings.last_stamp_ns
+        if last_ns is None or last_ns == before_ns:
+            return
+        self._heard_ns = newest_odometry_ns
+        if newest_odometry_ns is not None:
+            lag_ns = newest_odometry_ns - last_ns
+            self._least_lag_ns = lag_ns if self._least_lag_ns is None else min(lag_ns, self._least_lag_ns)
 
     def is_known(self, stamp_ns: int, newest_odometry_ns: int) -> bool:
         """Whether all readings up to an instant have arrived, or, live, are not waited for any longer.
 
         Live, odometry may be ahead only because messages of this topic are more and queue. The topic counts as
-        silent by how far odometry has advanced since its last message came, unless it lags too far to be in a queue.
+        silent by how far odometry has advanced since its last message came, unless it lags too far to be in a queue, or
+        has always lagged, as that is another clock.
         """
         if self._readings.has_reached(stamp_ns):
             return True
@@ -101,9 +109,10 @@ class GravityByImu:
 
     def _queued_until_ns(self, newest_odometry_ns: int) -> int:
         """Newest odometry stamp up to which the topic was heard; 0: never, or it lags too far behind."""
-        last_ns = self._readings.last_stamp_ns
-        is_behind = last_ns is not None and newest_odometry_ns - last_ns <= MOST_BEHIND_NS
-        return self._heard_ns if is_behind and self._heard_ns is not None else 0
+        last_ns, least_ns = self._readings.last_stamp_ns, self._least_lag_ns
+        if last_ns is None or self._heard_ns is None or least_ns is None or least_ns > SILENT_NS:
+            return 0
+        return self._heard_ns if newest_odometry_ns - last_ns <= MOST_BEHIND_NS else 0
 
     def is_silent(self, newest_odometry_ns: int) -> bool:
         """Whether the topic lags behind odometry by more than ``SILENT_NS``."""
@@ -166,7 +175,9 @@ class GravityByImu:
         look = look_of(readings, window, self._settings, is_first=self._last_look_ns is None)
         used = self._watch.trusted(look, readings, window)
         if used is not look:
-            count(self._dropped, f"{topics.IMU}: orientation that contradicts accelerations, which count")
+            count(
+                self._dropped, f"{topics.IMU}: orientation that contradicts accelerations, or did, so that these count"
+            )
         return used
 
     def _is_placed(self, frame_id: str) -> bool:

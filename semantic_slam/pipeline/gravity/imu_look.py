@@ -66,7 +66,8 @@ def _by_accelerations(
     if window.has_gap(stamps_ns):
         if not is_first:
             raise NoLookError("messages or odometry do not cover imu.window_s before a keyframe")
-        return _rough(window, window.along_odom(stamps_ns, shown).mean(axis=0), 0.0, settings)
+        felt = window.along_odom(stamps_ns, shown).mean(axis=0)
+        return _rough(window, felt, float(np.linalg.norm(window.known_acceleration())), settings)
     own, most = window.own_acceleration(), settings.most_acceleration_m_s2
     felt, accelerates = window.mean(stamps_ns, shown) - own, float(np.linalg.norm(own))
     if accelerates > most:

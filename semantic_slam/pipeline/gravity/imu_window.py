@@ -59,6 +59,10 @@ class ImuWindow:
         """(M, 3) directions along the axes of odom, from the sensor frame at the stamps (M,)."""
         return so3.rotated(so3.product(self.path.at(stamps_ns)[:, 3:], self.T_body_imu[3:]), directions)
 
+    def known_acceleration(self) -> Array:
+        """(3,) :meth:`own_acceleration`; zeros where odometry begins within the window."""
+        return np.zeros(3) if self.path.stamps_ns[0] > self._instants_ns[0] else self.own_acceleration()
+
     def own_acceleration(self) -> Array:
         """(3,) mean acceleration [m/s^2] of the sensor by odometry, along the axes of odom, with the same weights."""
         first, middle, last = se3.compose(self.path.at(self._instants_ns), self.T_body_imu)[:, :3]

@@ -59,6 +59,8 @@ class OrientationWatch:
         try:
             felt = look_by_accelerations(readings, window, self._settings, is_first=not self._has_looked)
         except NoLookError:
+            if self._num_apart:
+                raise
             return look
         apart = angle_between(look.up, felt.up)
         if apart <= max(DISAGREE_RAD, SIGMAS * np.sqrt(look.variance + felt.variance)):
