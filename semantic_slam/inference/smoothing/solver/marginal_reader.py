@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
@@ -77,15 +78,36 @@ class MarginalReader:
     def _read(self, wanted: Sequence[int]) -> Array:
         try:
             covariance = self.owned.isam.jointMarginalCovariance(list(wanted)).fullMatrix()
-        except (RuntimeError, IndexError) as fault:
-            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
+        except (RuntimeError, IndexError):
+            covariance = self._by_qr(wanted)
         return self._at_estimates(wanted, 0.5 * (covariance + covariance.T))
 
     def _own(self, key: int) -> Array:
         try:
-            return self._at_estimates([key], self.owned.isam.marginalCovariance(key))
-        except (RuntimeError, IndexError) as fault:
-            raise LostComponentError(f"marginals are not to be had ({first_line(fault)})") from None
+            covariance = self.owned.isam.marginalCovariance(key)
+        except (RuntimeError, IndexError):
+            covariance = self._by_qr([key])
+        return self._at_estimates([key], covariance)
+
+    def _by_qr(self, wanted: Sequence[int]) -> Array:
+        """Covariance by QR of the whole graph, where its cliques are too poorly conditioned for Cholesky.
+
+        So they may be where measurements far more precise than the rest contradict it. Raises LostComponentError where
+        QR fails, too.
+        """
+        values = self.owned.isam.getLinearizationPoint()
+        keys = [*(key for key in values.keys() if key not in set(wanted)), *wanted]  # noqa: SIM118
+        ordering = gtsam.Ordering()
+        for key in keys:
+            ordering.push_back(key)
+        jacobian, _ = self.owned.isam.getFactorsUnsafe().linearize(values).jacobian(ordering)
+        count = sum(self._size(key) for key in wanted)
+        scale = np.linalg.norm(jacobian, axis=0)
+        corner = np.linalg.qr(jacobian / scale, mode="r")[-count:, -count:]  # of the wanted, eliminated last
+        if not np.abs(np.diag(corner)).min() > np.finfo(float).eps:
+            raise LostComponentError("marginals are not to be had: the system is indeterminate")
+        root = np.linalg.inv(corner) / scale[-count:, None]
+        return np.asarray(root @ root.T)
 
     def _at_estimates(self, keys: Sequence[int], covariance: Array) -> Array:
         """A covariance of the ``keys`` transformed from iSAM2's charts to the tangent spaces at the estimates."""
