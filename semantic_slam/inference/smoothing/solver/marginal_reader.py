@@ -7,7 +7,7 @@ import gtsam
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.smoothing.errors import LostComponentError, first_line
+from semantic_slam.inference.smoothing.errors import LostComponentError
 from semantic_slam.inference.smoothing.linear.located import Located
 from semantic_slam.inference.smoothing.solver.elimination import MOST_JOINT
 from semantic_slam.inference.smoothing.solver.isam import OwnedIsam
@@ -100,10 +100,11 @@ class MarginalReader:
         ordering = gtsam.Ordering()
         for key in keys:
             ordering.push_back(key)
-        jacobian, _ = self.owned.isam.getFactorsUnsafe().linearize(values).jacobian(ordering)
+        jacobian: Array = self.owned.isam.getFactorsUnsafe().linearize(values).jacobian(ordering)[0]
         count = sum(self._size(key) for key in wanted)
         scale = np.linalg.norm(jacobian, axis=0)
-        corner = np.linalg.qr(jacobian / scale, mode="r")[-count:, -count:]  # of the wanted, eliminated last
+        root_of_all: Array = np.asarray(np.linalg.qr(jacobian / scale, mode="r"))
+        corner = root_of_all[-count:, -count:]  # of the wanted, eliminated last
         if not np.abs(np.diag(corner)).min() > np.finfo(float).eps:
             raise LostComponentError("marginals are not to be had: the system is indeterminate")
         root = np.linalg.inv(corner) / scale[-count:, None]
