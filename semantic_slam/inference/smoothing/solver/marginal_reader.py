@@ -96,18 +96,16 @@ class MarginalReader:
         QR fails, too.
         """
         values = self.owned.isam.getLinearizationPoint()
-        keys = [*(key for key in values.keys() if key not in set(wanted)), *wanted]  # noqa: SIM118
-        ordering = gtsam.Ordering()
-        for key in keys:
+        last, ordering = set(wanted), gtsam.Ordering()
+        for key in [*(key for key in values.keys() if key not in last), *wanted]:  # noqa: SIM118
             ordering.push_back(key)
         jacobian: Array = self.owned.isam.getFactorsUnsafe().linearize(values).jacobian(ordering)[0]
         count = sum(self._size(key) for key in wanted)
         scale = np.linalg.norm(jacobian, axis=0)
-        root_of_all: Array = np.asarray(np.linalg.qr(jacobian / scale, mode="r"))
-        corner = root_of_all[-count:, -count:]  # of the wanted, eliminated last
-        if not np.abs(np.diag(corner)).min() > np.finfo(float).eps:
+        whole: Array = np.asarray(np.linalg.qr(jacobian / scale, mode="r"))
+        if len(whole) < len(scale) or not np.abs(np.diag(whole)).min() > np.finfo(float).eps:
             raise LostComponentError("marginals are not to be had: the system is indeterminate")
-        root = np.linalg.inv(corner) / scale[-count:, None]
+        root = np.linalg.inv(whole[-count:, -count:]) / scale[-count:, None]  # of the wanted, eliminated last
         return np.asarray(root @ root.T)
 
     def _at_estimates(self, keys: Sequence[int], covariance: Array) -> Array:
