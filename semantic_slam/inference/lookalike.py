@@ -9,7 +9,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.planar.detection import PlanarDetection
-from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
+from semantic_slam.inference.semantics.descriptors.heading_update import DirectionalView, updated_mixtures
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.latent.model import DescriptorBelief, DescriptorModel
 

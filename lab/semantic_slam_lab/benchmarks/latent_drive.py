@@ -17,7 +17,7 @@ from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
+from semantic_slam.inference.semantics.descriptors.descriptor_views import DescriptorViews
 from semantic_slam.inference.states.gaussian import GaussianPrior
 from semantic_slam.inference.world.objects import ObjectEntry
 from semantic_slam.inference.world.problem import Problem

@@ -14,8 +14,8 @@ from semantic_slam.configuration import DetectionErrorsConfiguration, OpenWorldC
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.hypotheses import Hypothesis
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.semantics.alarm_scores import AlarmScores
-from semantic_slam.inference.semantics.detector_scores import ScoreKinds, log_odds, moments_of
+from semantic_slam.inference.semantics.detector.alarm_scores import AlarmScores
+from semantic_slam.inference.semantics.detector.detector_scores import ScoreKinds, log_odds, moments_of
 
 MORE = 1.05
 """Growth factor of the number of scores at which the clusters of scores are fitted again."""

@@ -13,8 +13,8 @@ from typing import Self
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.step import Step
-from semantic_slam.inference.semantics.detector_labels import DetectorLabels
-from semantic_slam.inference.semantics.embedding_views import EmbeddingViews
+from semantic_slam.inference.semantics.detector.detector_labels import DetectorLabels
+from semantic_slam.inference.semantics.embeddings.embedding_views import EmbeddingViews
 from semantic_slam.inference.semantics.interface import ClassModels, LogPriorOf, SemanticEvidence, SemanticInput
 from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews

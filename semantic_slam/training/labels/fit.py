@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semantic_slam.inference.semantics.new_classes import NewClasses
+from semantic_slam.inference.semantics.detector.new_classes import NewClasses
 from semantic_slam.training.labels.passes import FOLDS, Pass, passed
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.labels.model import LabelModel

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from semantic_slam.inference.semantics.track_links import TrackLinks
+from semantic_slam.inference.semantics.detector.track_links import TrackLinks
 
 LINKS = TrackLinks(0.02)
 RIGHT, WRONG = np.log(0.98), np.log(0.02)

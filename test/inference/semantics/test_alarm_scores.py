@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from semantic_slam.inference.semantics.alarm_scores import AlarmScores
-from semantic_slam.inference.semantics.detector_scores import moments_of
+from semantic_slam.inference.semantics.detector.alarm_scores import AlarmScores
+from semantic_slam.inference.semantics.detector.detector_scores import moments_of
 
 THINGS, ALARMS, SIGMA = 1.0, -0.5, 0.6
 """Means of the log odds of scores, and their standard deviation."""

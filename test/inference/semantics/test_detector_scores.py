@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from semantic_slam.inference.semantics.detector_scores import LARGEST_LOG_ODDS, ScoreKinds, log_odds, moments_of
+from semantic_slam.inference.semantics.detector.detector_scores import (
+    LARGEST_LOG_ODDS,
+    ScoreKinds,
+    log_odds,
+    moments_of,
+)
 
 
 def two_kinds(rng: np.random.Generator, count: int = 400) -> np.ndarray:

@@ -15,7 +15,7 @@ from semantic_slam.inference.engine import Engine
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.semantics.detector_labels import DetectorLabels
+from semantic_slam.inference.semantics.detector.detector_labels import DetectorLabels
 
 PLACES = {"a": (3.0, -1.0), "b": (3.0, 1.0), "c": (4.0, 0.0)}
 WORDS = (

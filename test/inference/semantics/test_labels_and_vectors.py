@@ -12,8 +12,8 @@ from semantic_slam.contracts.semantics import Weighed
 from semantic_slam.inference.building import initial_pose_of, make_run_configuration, problem_of
 from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.semantics.detector_labels import DetectorLabels
-from semantic_slam.inference.semantics.embedding_views import EmbeddingViews
+from semantic_slam.inference.semantics.detector.detector_labels import DetectorLabels
+from semantic_slam.inference.semantics.embeddings.embedding_views import EmbeddingViews
 from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.labels_and_vectors import LabelsAndVectors
 from semantic_slam.inference.world.map_prior import ObjectPrior

@@ -27,8 +27,8 @@ from semantic_slam.inference.models.planar.observation import PlanarObservation
 from semantic_slam.inference.models.planar.visibility import PlanarVisibility
 from semantic_slam.inference.models.step import Motion, Step
 from semantic_slam.inference.protocol import Commit
-from semantic_slam.inference.semantics.descriptor_joint import _root
-from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
+from semantic_slam.inference.semantics.descriptors.descriptor_joint import _root
+from semantic_slam.inference.semantics.descriptors.descriptor_views import DescriptorViews
 from semantic_slam.inference.semantics.interface import NoSemantics, SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.gaussian import GaussianPrior

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import gammaln
 
-from semantic_slam.inference.semantics.new_classes import NewClasses
+from semantic_slam.inference.semantics.detector.new_classes import NewClasses
 
 SHARES = np.array([0.5, 0.3, 0.2])
 COUNTS = 4.0

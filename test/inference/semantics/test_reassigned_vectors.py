@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from semantic_slam.inference.semantics.appearance_views import AppearanceView, record_of_views
-from semantic_slam.inference.semantics.reassigned_vectors import reassigned_vectors
+from semantic_slam.inference.semantics.embeddings.appearance_views import AppearanceView, record_of_views
+from semantic_slam.inference.semantics.embeddings.reassigned_vectors import reassigned_vectors
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground
 from semantic_slam.viewpoint.embeddings.camera_places import CameraPlaces

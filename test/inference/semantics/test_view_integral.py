@@ -12,12 +12,12 @@ import semantic_slam
 from semantic_slam.inference.evidence.laplace import find_modes
 from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent.observation import LatentObservation
-from semantic_slam.inference.semantics import heading_update
-from semantic_slam.inference.semantics.descriptor_posterior import integrated
-from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem
-from semantic_slam.inference.semantics.descriptor_views import best_mode, posterior
-from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
-from semantic_slam.inference.semantics.view_integral import ViewIntegral, fixed_points, share_of_integral
+from semantic_slam.inference.semantics.descriptors import heading_update
+from semantic_slam.inference.semantics.descriptors.descriptor_posterior import integrated
+from semantic_slam.inference.semantics.descriptors.descriptor_problem import DescriptorProblem
+from semantic_slam.inference.semantics.descriptors.descriptor_views import best_mode, posterior
+from semantic_slam.inference.semantics.descriptors.heading_update import DirectionalView, updated_mixtures
+from semantic_slam.inference.semantics.descriptors.view_integral import ViewIntegral, fixed_points, share_of_integral
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.inference.states.kinds.planar_poses import PlanarPoses
 from semantic_slam.inference.states.spaces import Spaces

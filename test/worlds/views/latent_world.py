@@ -16,8 +16,8 @@ from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.planar.observation import POSES_IN_PLANE
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import RunConfiguration
-from semantic_slam.inference.semantics.descriptor_tables import DescriptorTables
-from semantic_slam.inference.semantics.descriptor_views import DescriptorViews
+from semantic_slam.inference.semantics.descriptors.descriptor_tables import DescriptorTables
+from semantic_slam.inference.semantics.descriptors.descriptor_views import DescriptorViews
 from semantic_slam.inference.world.problem import Problem
 
 MODEL = HarmonicModel()

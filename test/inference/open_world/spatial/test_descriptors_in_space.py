@@ -20,7 +20,7 @@ from semantic_slam.inference.inputs.spatial_reader import SpatialReader
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.noise.configured_noise import ConfiguredNoise
 from semantic_slam.inference.pool import InProcessPool
-from semantic_slam.inference.semantics.descriptor_tables import DescriptorTables
+from semantic_slam.inference.semantics.descriptors.descriptor_tables import DescriptorTables
 from semantic_slam.latent.model import DescriptorModel
 from semantic_slam.latent.store import save_latent_model
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array, Flags, Index, squared_norms
 from semantic_slam.inference.evidence.laplace import Mode, log_determinants
-from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem
-from semantic_slam.inference.semantics.view_integral import ViewIntegral, share_of_integral
+from semantic_slam.inference.semantics.descriptors.descriptor_problem import DescriptorProblem
+from semantic_slam.inference.semantics.descriptors.view_integral import ViewIntegral, share_of_integral
 
 LEAST_RATIO = 1e-6
 """Least ratio of a variance after a view to that before: rounding could make it negative."""

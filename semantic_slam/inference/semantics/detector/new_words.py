@@ -6,8 +6,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.spatial.log_range import LogRange
+from semantic_slam.inference.semantics.detector.label_records import LabelEvidence, LabelledBox, NewLabelEvidence
 from semantic_slam.inference.semantics.interface import SemanticInput
-from semantic_slam.inference.semantics.label_records import LabelEvidence, LabelledBox, NewLabelEvidence
 from semantic_slam.inference.semantics.view_steps import ViewSteps
 from semantic_slam.viewpoint.labels.confusion import STEP_RAD
 from semantic_slam.viewpoint.labels.model import LabelModel

@@ -9,7 +9,7 @@ from semantic_slam.geometry.rows import take
 from semantic_slam.inference.evidence.laplace import Mode, find_modes
 from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent.observation import LatentObservation
-from semantic_slam.inference.semantics.view_integral import ViewIntegral, share_of_integral
+from semantic_slam.inference.semantics.descriptors.view_integral import ViewIntegral, share_of_integral
 from semantic_slam.inference.states.heading_mixture import KEPT_NATS, HeadingMixture
 
 MAX_ITERATIONS = 8

@@ -4,9 +4,9 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.semantics.detector.label_records import LabelEvidence, LabelledBox
+from semantic_slam.inference.semantics.detector.new_words import BoxModels
 from semantic_slam.inference.semantics.interface import LogPriorOf
-from semantic_slam.inference.semantics.label_records import LabelEvidence, LabelledBox
-from semantic_slam.inference.semantics.new_words import BoxModels
 from semantic_slam.inference.states.lineage import Reassigned
 
 

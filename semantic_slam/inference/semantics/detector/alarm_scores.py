@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import expit
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.semantics.detector_scores import LEAST_SIGMA
+from semantic_slam.inference.semantics.detector.detector_scores import LEAST_SIGMA
 
 LEANING = 3.0
 """Number of scores that the common mean counts as, in the means of things and of false alarms."""
@@ -34,8 +34,9 @@ class AlarmScores:
     def of(cls, moments: Array, things: Array) -> Self | None:
         """Fitted to the scores of N objects, including dropped ones; None where they are uninformative.
 
-        ``moments`` (N, 3): sums of :func:`~semantic_slam.inference.semantics.detector_scores.moments_of`; ``things``
-        (N,): the probability that each is a thing, by positions.
+        ``moments`` (N, 3): sums of
+        :func:`~semantic_slam.inference.semantics.detector.detector_scores.moments_of`; ``things`` (N,): the probability
+        that each is a thing, by positions.
         """
         each = moments / np.maximum(moments[:, :1], np.finfo(float).tiny)
         count, total, squared = each.sum(axis=0)

@@ -9,10 +9,10 @@ from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.evidence.laplace import Mode, find_modes
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.planar.frames import camera_bearing
-from semantic_slam.inference.semantics.descriptor_joint import descriptor_problem
-from semantic_slam.inference.semantics.descriptor_posterior import Posterior, integrated
-from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem
-from semantic_slam.inference.semantics.descriptor_tables import UnorientedView, update_unoriented
+from semantic_slam.inference.semantics.descriptors.descriptor_joint import descriptor_problem
+from semantic_slam.inference.semantics.descriptors.descriptor_posterior import Posterior, integrated
+from semantic_slam.inference.semantics.descriptors.descriptor_problem import DescriptorProblem
+from semantic_slam.inference.semantics.descriptors.descriptor_tables import UnorientedView, update_unoriented
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.states.heading_mixture import HeadingMixture
 from semantic_slam.inference.states.object_views import DescriptorRecord, ObjectViews, class_posterior, coverage_of

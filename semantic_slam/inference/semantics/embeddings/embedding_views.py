@@ -13,7 +13,8 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.models.detection_vectors import DetectionVectors
-from semantic_slam.inference.semantics.appearance_views import AppearanceView, record_of_views
+from semantic_slam.inference.semantics.embeddings.appearance_views import AppearanceView, record_of_views
+from semantic_slam.inference.semantics.embeddings.reassigned_vectors import reassigned_vectors
 from semantic_slam.inference.semantics.interface import (
     ClassModels,
     LogPriorOf,
@@ -21,7 +22,6 @@ from semantic_slam.inference.semantics.interface import (
     SemanticInput,
     reassociates,
 )
-from semantic_slam.inference.semantics.reassigned_vectors import reassigned_vectors
 from semantic_slam.inference.semantics.view_steps import ViewSteps, view_steps
 from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews, appearance_of

@@ -23,6 +23,11 @@ from semantic_slam.inference.models.detector_words import DetectorWords
 from semantic_slam.inference.models.spatial.log_range import ANYWHERE, LogRange
 from semantic_slam.inference.models.spatial.unmeasured_ranges import UnmeasuredRanges, sizes_by_label
 from semantic_slam.inference.models.step import Step
+from semantic_slam.inference.semantics.detector.label_records import LabelEvidence, NewLabelEvidence, label_evidence_of
+from semantic_slam.inference.semantics.detector.new_classes import NewClasses
+from semantic_slam.inference.semantics.detector.new_words import BoxModels, BoxWords
+from semantic_slam.inference.semantics.detector.reassigned_labels import reassigned_labels
+from semantic_slam.inference.semantics.detector.track_links import NO_TRACK, TrackLinks
 from semantic_slam.inference.semantics.interface import (
     ClassModels,
     LogPriorOf,
@@ -30,11 +35,6 @@ from semantic_slam.inference.semantics.interface import (
     SemanticInput,
     reassociates,
 )
-from semantic_slam.inference.semantics.label_records import LabelEvidence, NewLabelEvidence, label_evidence_of
-from semantic_slam.inference.semantics.new_classes import NewClasses
-from semantic_slam.inference.semantics.new_words import BoxModels, BoxWords
-from semantic_slam.inference.semantics.reassigned_labels import reassigned_labels
-from semantic_slam.inference.semantics.track_links import NO_TRACK, TrackLinks
 from semantic_slam.inference.semantics.view_steps import ViewSteps, view_steps
 from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews, class_posterior

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.semantics.appearance_views import AppearanceView, record_of_views
+from semantic_slam.inference.semantics.embeddings.appearance_views import AppearanceView, record_of_views
 from semantic_slam.inference.states.lineage import Reassigned
 from semantic_slam.inference.states.object_views import ObjectViews
 from semantic_slam.viewpoint.embeddings.model import EmbeddingModel, EmbeddingRecord

@@ -21,7 +21,7 @@ from semantic_slam.inference.models.latent.detection_features import DetectionFe
 from semantic_slam.inference.models.latent.observation import LatentObservation
 from semantic_slam.inference.models.spatial.views import LEAST_COSINE
 from semantic_slam.inference.semantics.camera_angles import camera_angles
-from semantic_slam.inference.semantics.heading_update import DirectionalView, updated_mixtures
+from semantic_slam.inference.semantics.descriptors.heading_update import DirectionalView, updated_mixtures
 from semantic_slam.inference.semantics.interface import ClassModels, SemanticEvidence, SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.heading_mixture import HeadingMixture

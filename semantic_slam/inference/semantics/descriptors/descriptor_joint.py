@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.models.latent.detection_features import DetectionFeatures
 from semantic_slam.inference.models.latent.observation import LatentObservation
-from semantic_slam.inference.semantics.descriptor_problem import DescriptorProblem
+from semantic_slam.inference.semantics.descriptors.descriptor_problem import DescriptorProblem
 from semantic_slam.inference.semantics.interface import SemanticInput
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.states.keys import descriptor_key, object_key, robot_key
