@@ -76,10 +76,13 @@ def tables_of(result: dict[str, Any]) -> list[Table]:
 
 def figures_of(out: Path, result: dict[str, Any]) -> list[Figure]:
     """The empirical distribution of each rank, less what is even, inside the simultaneous band."""
+    from cycler import cycler
+    from matplotlib import rcParams
     from matplotlib.figure import Figure as Picture
 
     picture = Picture(figsize=(8.0, 4.5), layout="constrained")
     axes = picture.subplots()
+    axes.set_prop_cycle(cycler(linestyle=["-", "--"]) * rcParams["axes.prop_cycle"])
     for name, values in result["ranks"].items():
         ordered = np.sort(values)
         axes.plot(ordered, (np.arange(len(ordered)) + 0.5) / len(ordered) - ordered, label=name, linewidth=1.2)
