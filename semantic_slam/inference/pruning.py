@@ -95,8 +95,8 @@ def prune(
         raise SemanticSlamError("no candidate explains the measurements; check priors, noise and visibility parameters")
     order = np.lexsort((ids, -log_weights))
     if kinds is None or limits.place_m <= 0.0:
-        admitted = np.flatnonzero(log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio))
-        rows = admitted[: limits.max_hypotheses]
+        within = np.flatnonzero(log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio))
+        rows = within[: limits.max_hypotheses]
     else:
         rows = _chosen(log_weights[order], kinds.of(order, limits.place_m), kinds.most, limits)
     if ordinary is not None:
@@ -109,14 +109,31 @@ def prune(
     return Pruned(kept=kept, log_weights=log_weights[kept] - log_kept, log_mass=log_kept, discarded=discarded)
 
 
+def admitted(
+    log_weights: Array, ids: NDArray[np.uint64], limits: PruningConfiguration, kinds: Kinds
+) -> NDArray[np.int_]:
+    """(A,) rows, ascending, of the candidates (K,) that the ratios of ``limits`` admit, however many these are."""
+    if not len(log_weights):
+        return np.zeros(0, dtype=int)
+    order = np.lexsort((ids, -log_weights))
+    ranked = log_weights[order]
+    if limits.place_m <= 0.0:
+        return np.sort(order[ranked >= ranked[0] - np.log(limits.ratio)])
+    return np.sort(order[_admitted(ranked, kinds.of(order, limits.place_m), limits)])
+
+
+def _admitted(log_weights: Array, kinds: NDArray[np.int_], limits: PruningConfiguration) -> NDArray[np.int_]:
+    """(A,) rows within both ratios, from weights and kinds (K,) in descending order of weight."""
+    heaviest = log_weights[np.unique(kinds, return_index=True)[1]]
+    found = heaviest[kinds] >= log_weights[0] - _log_kind_ratio(limits)
+    return np.flatnonzero(found & (log_weights >= heaviest[kinds] - np.log(limits.ratio)))
+
+
 def _chosen(
     log_weights: Array, kinds: NDArray[np.int_], most: int | None, limits: PruningConfiguration
 ) -> NDArray[np.int_]:
     """(S,) rows that are kept, ``most`` of a kind, from weights and kinds (K,) in descending order of weight."""
-    heaviest = log_weights[np.unique(kinds, return_index=True)[1]]
-    admitted = heaviest[kinds] >= log_weights[0] - _log_kind_ratio(limits)
-    admitted &= log_weights >= heaviest[kinds] - np.log(limits.ratio)
-    rows = np.flatnonzero(admitted)
+    rows = _admitted(log_weights, kinds, limits)
     if most is not None:
         rows = rows[ranks(kinds[rows]) < most]
     return np.asarray(rows[shared_out(kinds[rows], limits.max_hypotheses)])

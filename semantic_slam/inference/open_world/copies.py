@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.geometry.moments import position_sigmas
 from semantic_slam.inference.open_world.merging import MergeCandidates, merge_copies
+from semantic_slam.inference.pruning import Kinds, admitted
 from semantic_slam.inference.states.identity import ROOT_ID
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry, ReportedObjects
@@ -136,7 +137,7 @@ class Copies:
     STATE: ClassVar[tuple[str, ...]] = ("_recent", "num_merged")
 
     def __init__(self, problem: Problem):
-        self.settings, self._ratio = problem.open_world, float(np.log(problem.pruning.ratio))
+        self.settings, self._limits = problem.open_world, problem.pruning
         self.num_merged, self._is_spatial = 0, problem.spaces.name == "spatial"
         nothing = RecentAssociations(
             objects=np.zeros((0, 3)), classes=np.zeros(0, dtype=int), confirms=np.zeros(0, dtype=bool)
@@ -146,9 +147,9 @@ class Copies:
         }
 
     def merged(self, candidates: C) -> C:
-        """The candidates, with near copies merged among those that pruning might keep."""
+        """The candidates, with near copies merged among those that pruning might keep: of every place and root."""
         log_weights = candidates.log_weights
-        likely = np.flatnonzero(log_weights >= log_weights.max(initial=-np.inf) - self._ratio)
+        likely = admitted(log_weights, candidates.ids, self._limits, self._kinds(candidates))
         self.num_merged = 0
         if len(likely) < 2:
             return candidates
@@ -158,6 +159,11 @@ class Copies:
         unlikely = np.delete(np.arange(len(log_weights)), likely)
         rows = np.concatenate([likely[merged.kept], unlikely]).astype(int)
         return candidates.take(rows, np.concatenate([merged.log_weights, log_weights[unlikely]]))
+
+    def _kinds(self, candidates: MergeableCandidates) -> Kinds:
+        """Attributes by which pruning tells kinds of candidates apart."""
+        roots = [self._recent[number].root_number for number in candidates.parent_ids.tolist()]
+        return Kinds(positions=candidates.poses[:, :3], root_numbers=np.array(roots, dtype=int))
 
     def _compared(self, candidates: MergeableCandidates, likely: Index) -> MergeCandidates:
         """The properties by which some candidates are compared."""
