@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -76,7 +76,8 @@ class Summariser:
         """``decode`` raises InputError."""
         self._summary, self._decode = summary, decode
         found = summary.found
-        self._front = FrontEnd(summary.configuration, found, summary.preamble)
+        heard = found if summary.counts.get(found.imu, 0) else replace(found, imu="")  # silence has a check of its own
+        self._front = FrontEnd(summary.configuration, heard, summary.preamble)
         self._stamped = {*wanted_topics(summary)} - {found.transforms}
         self._times: dict[str, list[tuple[int, int]]] = {topic: [] for topic in self._stamped}
         self._rows = _Rows()

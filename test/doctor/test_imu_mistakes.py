@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from semantic_slam_lab.simulation.tables import T_BODY_CAMERA, Flight, table_tops
 from semantic_slam_lab.studies.tables.run import configuration
 from worlds.bags.bag_factory import Entry, of_topic, without
@@ -19,7 +20,7 @@ from semantic_slam.doctor.finding import Finding
 from semantic_slam.inference.open_world.spatial.region import SpatialRegion
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import pose_message
-from semantic_slam.messages.typestore import message_class
+from semantic_slam.messages.typestore import message_class, typestore
 
 Entries = list[Entry]
 
@@ -109,6 +110,18 @@ def retyped(entries: Entries) -> Entries:
 def test_each_mistake_is_found_alone(tmp_path: Path, plant: Callable[[Entries], Entries], words: str) -> None:
     (found,) = examined(tmp_path, plant(flown()))
     assert found.line.startswith(words) and found.remedy
+
+
+def test_a_sensor_without_a_single_message_is_told_once(tmp_path: Path) -> None:
+    spoken, silent = write_table_bag(tmp_path / "spoken", without(flown(), topics.IMU)), tmp_path / "silent"
+    with Reader(spoken) as reader, Writer(silent, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        kinds = [(own.topic, own.msgtype) for own in reader.connections] + [(topics.IMU, "sensor_msgs/msg/Imu")]
+        to = {topic: writer.add_connection(topic, kind, typestore=typestore()) for topic, kind in kinds}
+        for own, stamp_ns, data in reader.messages():
+            writer.write(to[own.topic], stamp_ns, data)
+    summary, _ = summarise_bag(silent, in_space(), None)
+    (found,) = [own for own in examine(summary) if own.check in ("imu", "topics", "stamps", "dropped")]
+    assert found.line.startswith("error: topics: /imu is there and has no message")
 
 
 def test_an_orientation_in_a_world_with_z_down_is_told_by_accelerations(tmp_path: Path) -> None:
