@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import rclpy
 import yaml
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from semantic_slam import Engine
@@ -111,6 +112,28 @@ def test_empty_mappings_are_the_defaults(tmp_path: Path, text: str) -> None:
     path = tmp_path / "configuration.yaml"
     path.write_text(text)
     assert load_configuration(path) == Configuration()
+
+
+@pytest.mark.parametrize(
+    ("text", "remedy"),
+    [
+        ("{revision: {}}", "nothing stands below 'revision', which nodes refuse; remove it"),
+        ("{odometry: {noise_factors: [0.5, 1]}}", "'odometry.noise_factors' mixes .* write all with a point, as 1.0"),
+    ],
+)
+@pytest.mark.ros
+def test_what_nodes_refuse_in_a_parameter_file_commands_refuse_too(
+    ros: None, tmp_path: Path, text: str, remedy: str
+) -> None:
+    plain, for_nodes = tmp_path / "plain.yaml", tmp_path / "for_nodes.yaml"
+    plain.write_text(text)
+    load_configuration(plain)
+    for_nodes.write_text(f"/**: {{ros__parameters: {text}}}")
+    with pytest.raises(InputError, match=remedy):
+        load_configuration(for_nodes)
+    arguments = ["--ros-args", "--params-file", str(for_nodes)]
+    with pytest.raises((InputError, RuntimeError, ValueError)):
+        refuse_undeclared(Node("reader", cli_args=arguments))
 
 
 def test_parameters_that_are_no_mapping_are_named(tmp_path: Path) -> None:

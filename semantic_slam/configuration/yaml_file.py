@@ -30,12 +30,27 @@ def load_configuration(path: str | Path) -> Configuration:
             values = values.get(key) or {}
             if not isinstance(values, dict):
                 raise InputError(f"{path}: '{key}' must be a mapping; {REMEDY}")
+        _check_readable_by_nodes(values, path)
     elif addressed := [str(key) for key, value in values.items() if _is_of_nodes(key, value)]:
         raise InputError(
             f"{path}: its parameters stand below '{addressed[0][:80]}', for nodes of that name alone; commands have no"
             f" such name: put the configuration's below '/**:' and 'ros__parameters:', {OTHERS_ELSEWHERE}"
         )
     return from_dict(_nested(values, path), str(path))
+
+
+def _check_readable_by_nodes(values: dict[Any, Any], path: Path, prefix: str = "") -> None:
+    """Raises InputError for what nodes would refuse in a parameter file that commands can read."""
+    for key, value in values.items():
+        if isinstance(value, dict):
+            if not value:
+                raise InputError(f"{path}: nothing stands below '{prefix}{key}', which nodes refuse; remove it")
+            _check_readable_by_nodes(value, path, f"{prefix}{key}.")
+        elif isinstance(value, list) and {type(own) for own in value} == {int, float}:
+            raise InputError(
+                f"{path}: '{prefix}{key}' mixes whole numbers and decimals, which nodes refuse; write all with a point,"
+                " as 1.0"
+            )
 
 
 def _nested(values: dict[Any, Any], path: Path) -> dict[Any, Any]:

@@ -13,6 +13,9 @@ from semantic_slam.errors import InputError, one_line
 PLACE_IN_RCL = re.compile(r" ?, at /\S+?\.c:\d+")
 """What rcl adds to its errors: where in its sources they arose."""
 
+MIXED = "should be of same type"
+"""What rcl says of a list of whole numbers and decimals."""
+
 
 def without_ros_arguments(words: Sequence[str]) -> list[str]:
     """The other words of a command line, its name first; raises InputError for invalid ROS arguments.
@@ -30,4 +33,6 @@ def parsed(parse: Callable[[], Any], words: Sequence[str]) -> Any:
         for name, file in pairwise(words):
             if name == "--params-file" and not Path(file).exists():
                 raise InputError(f"{file}: no such file of parameters; give a copy of config/default.yaml") from None
-        raise InputError(f"{PLACE_IN_RCL.sub('', one_line(fault, 300))}; see config/default.yaml") from None
+        what = PLACE_IN_RCL.sub("", one_line(fault, 300))
+        remedy = "write all numbers of a list with a point, as 1.0" if MIXED in what else "see config/default.yaml"
+        raise InputError(f"{what}; {remedy}") from None
