@@ -13,6 +13,7 @@ from semantic_slam.training.labels.candidates import alike, by_score
 from semantic_slam.training.labels.fit import as_they_are
 from semantic_slam.training.labels.maximisation import BeforeFit
 from semantic_slam.training.labels.passes import FOLDS, STRETCHES
+from semantic_slam.training.labels.report import scores_line
 from semantic_slam.training.labels.tracks import Track
 from semantic_slam.viewpoint.labels.confusion import DIRECTIONS, Confusion
 from semantic_slam.viewpoint.labels.model import LabelModel
@@ -110,3 +111,8 @@ def judged(probabilities: Array) -> tuple[float, float]:
     true = np.arange(len(probabilities)) % len(LABELS)
     misses = -np.log(probabilities[np.arange(len(true)), true])
     return float(misses.mean()), expected_calibration_error(probabilities, true)
+
+
+@pytest.mark.parametrize(("power", "is_farthest"), [(0.25, True), (0.5, False), (1.0, False), (2.0, False), (4.0, True)])
+def test_a_power_of_scores_at_an_end_of_what_was_tried_is_told(power: float, is_farthest: bool) -> None:
+    assert ("the farthest that was tried" in scores_line(power)) == is_farthest

@@ -7,6 +7,7 @@ import numpy as np
 
 from semantic_slam.geometry.arrays import Array
 from semantic_slam.training.judgement import Judgement
+from semantic_slam.training.labels.candidates import SCORE_POWERS
 from semantic_slam.training.labels.fit import Fitted
 from semantic_slam.viewpoint.labels.model import LabelModel
 from semantic_slam.viewpoint.labels.runner_up import LEAST_WORDS, truth_second
@@ -15,6 +16,8 @@ MOST_OTHERS = 3
 """Names that a class is confused with, the most frequent ones, which are told."""
 LEAST_TOLD = 0.03
 """Share of a class's views from which a name is worth telling."""
+FARTHEST = min(power for power in SCORE_POWERS if power > 0.0), max(SCORE_POWERS)
+"""Powers of scores between which no end was tried: the right one may be farther."""
 NOT_COMPARED = "; directions are not compared, as the fields of view of the runs differ: state one for all of them"
 
 
@@ -78,7 +81,7 @@ def lines_of(report: Mapping[str, Any]) -> list[str]:
         ]
     lines = [_line(label, own) for label, own in report["classes"].items() if own["objects"] >= 0.5]
     lines.append(_answers_line(report))
-    lines.append(_scores_line(report["score_power"]))
+    lines.append(scores_line(report["score_power"]))
     return [*lines, judged, *detection_lines(report["detection"])]
 
 
@@ -96,14 +99,15 @@ def _answers_line(report: Mapping[str, Any]) -> str:
     )
 
 
-def _scores_line(power: float) -> str:
+def scores_line(power: float) -> str:
     """What the detector's scores are worth."""
     if power == 0.0:
         return "scores tell nothing beyond the first two names"
     if power == 1.0:
         return "scores are probabilities as they are told"
     kind = "surer than right" if power < 1.0 else "less sure than it might be"
-    return f"scores are probabilities to the power of {power:g}: the detector is {kind}"
+    farthest = ", the farthest that was tried" if power in FARTHEST else ""
+    return f"scores are probabilities to the power of {power:g}{farthest}: the detector is {kind}"
 
 
 def detection_lines(own: Mapping[str, Any]) -> list[str]:
