@@ -113,6 +113,8 @@ def judged(probabilities: Array) -> tuple[float, float]:
     return float(misses.mean()), expected_calibration_error(probabilities, true)
 
 
-@pytest.mark.parametrize(("power", "is_farthest"), [(0.25, True), (0.5, False), (1.0, False), (2.0, False), (4.0, True)])
+@pytest.mark.parametrize(
+    ("power", "is_farthest"), [(0.25, True), (0.5, False), (1.0, False), (2.0, False), (4.0, True)]
+)
 def test_a_power_of_scores_at_an_end_of_what_was_tried_is_told(power: float, is_farthest: bool) -> None:
     assert ("the farthest that was tried" in scores_line(power)) == is_farthest
