@@ -192,28 +192,47 @@ def test_points_are_balanced(size: int) -> None:
     assert not np.isin(np.round(first, 9), np.round(second, 9)).any()
 
 
+def of_two_views(seed: int, slots: list[list[int]]) -> DescriptorProblem:
+    """Continuations that give the two detections of a keyframe to the objects in ``slots``: 15 dimensions each."""
+    model, random, tangents = toy_model(seed, sigma=0.9), np.random.default_rng(seed), 9
+    second = [2.0, 0.5, 0.4] if slots[0][1] == 0 else [1.5, -1.0, 2.0]
+    poses = np.array([[0.0, 0.0, 0.0], [2.0, 0.5, 0.4], second])
+    azimuths = np.arctan2(-poses[1:, 1], -poses[1:, 0]) - poses[1:, 2]
+    spread = np.tile([0.05, 0.05, 0.1], 3)
+    gain = np.tile(np.diag(np.concatenate([spread, np.tile(model.prior.sigma[0], 2)])), (len(slots), 1, 1))
+    gain[:, :tangents, :tangents] += 0.01 * random.normal(size=(len(slots), tangents, tangents))
+    return DescriptorProblem(
+        spaces=Spaces.same(PlanarPoses()),
+        observation=LatentObservation(model),
+        seen=seen_from(model, azimuths, seed),
+        active=np.ones((len(slots), 2), dtype=bool),
+        slots=np.array(slots),
+        mean=np.tile(poses, (len(slots), 1, 1)),
+        offset=np.tile(np.concatenate([np.zeros(tangents), np.tile(model.prior.mean[0], 2)]), (len(slots), 1)),
+        gain=gain,
+    )
+
+
+def test_a_continuation_does_not_depend_on_what_else_is_in_the_batch() -> None:
+    """Bit for bit, in any order: here two of two objects and two of one object that is seen twice."""
+    problem = of_two_views(0, slots=[[0, 1], [0, 0], [0, 1], [0, 0]])
+    v, mode = best_mode(problem)
+    together = integrated(problem, v, mode, posterior(problem, v, mode))
+    assert (np.abs(together.log_factor) > 1e-3).all()
+    for rows in ([3], [1], [2, 0], [0, 3, 1]):
+        part = problem.select(np.array(rows))
+        v_part, mode_part = best_mode(part)
+        found = integrated(part, v_part, mode_part, posterior(part, v_part, mode_part))
+        for name in ("log_factor", "descriptors", "variances", "directions"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(together, name)[rows])
+
+
 @pytest.mark.parametrize("same", [False, True], ids=["two objects", "one object twice"])
 @pytest.mark.parametrize("seed", range(2))
 def test_two_views_of_a_keyframe_weigh_their_integral(seed: int, same: bool) -> None:
     """Robot, objects and descriptors are jointly uncertain: 15 dimensions."""
-    model, length = toy_model(seed, sigma=0.9), 3
-    poses = np.array([[0.0, 0.0, 0.0], [2.0, 0.5, 0.4], [2.0, 0.5, 0.4] if same else [1.5, -1.0, 2.0]])
-    azimuths = np.arctan2(-poses[1:, 1], -poses[1:, 0]) - poses[1:, 2]
-    seen = seen_from(model, azimuths, seed)
-    random = np.random.default_rng(seed)
-    spread = np.tile([0.05, 0.05, 0.1], 3)
-    gain = np.diag(np.concatenate([spread, np.tile(model.prior.sigma[0], 2)]))
-    gain[:9, :9] += 0.01 * random.normal(size=(9, 9))
-    problem = DescriptorProblem(
-        spaces=Spaces.same(PlanarPoses()),
-        observation=LatentObservation(model),
-        seen=seen,
-        active=np.ones((1, 2), dtype=bool),
-        slots=np.array([[0, 0 if same else 1]]),
-        mean=poses[None],
-        offset=np.concatenate([np.zeros(9), np.tile(model.prior.mean[0], 2)])[None],
-        gain=gain[None],
-    )
+    problem = of_two_views(seed, slots=[[0, 0 if same else 1]])
+    model, seen, length = problem.observation.model, problem.seen, 3
     v, mode = best_mode(problem)
     after = integrated(problem, v, mode, posterior(problem, v, mode))
 
