@@ -62,8 +62,11 @@ class Kinds:
     def of(self, order: NDArray[np.int_], place_m: float) -> NDArray[np.int_]:
         """(K,) cluster number of each candidate, taken in ``order``.
 
-        A candidate joins the cluster of the first one of the same root number within ``place_m`` metres.
+        A candidate joins the cluster of the first one of the same root number within ``place_m`` metres; where that is
+        0, all are of one.
         """
+        if place_m <= 0.0:
+            return np.zeros(len(order), dtype=int)
         kinds, left = np.zeros(len(order), dtype=int), np.arange(len(order))
         positions, root_numbers, number = self.positions[order], self.root_numbers[order], 0
         while len(left):
@@ -94,11 +97,8 @@ def prune(
     if len(log_weights) == 0 or not np.isfinite(log_weights.max()):
         raise SemanticSlamError("no candidate explains the measurements; check priors, noise and visibility parameters")
     order = np.lexsort((ids, -log_weights))
-    if kinds is None or limits.place_m <= 0.0:
-        within = np.flatnonzero(log_weights[order] >= log_weights[order[0]] - np.log(limits.ratio))
-        rows = within[: limits.max_hypotheses]
-    else:
-        rows = _chosen(log_weights[order], kinds.of(order, limits.place_m), kinds.most, limits)
+    numbers = np.zeros(len(order), dtype=int) if kinds is None else kinds.of(order, limits.place_m)
+    rows = _chosen(log_weights[order], numbers, None if kinds is None else kinds.most, limits)
     if ordinary is not None:
         rows = _with_ordinary(log_weights[order], rows, ordinary[order], limits)
     kept = order[rows]
@@ -116,10 +116,7 @@ def admitted(
     if not len(log_weights):
         return np.zeros(0, dtype=int)
     order = np.lexsort((ids, -log_weights))
-    ranked = log_weights[order]
-    if limits.place_m <= 0.0:
-        return np.sort(order[ranked >= ranked[0] - np.log(limits.ratio)])
-    return np.sort(order[_admitted(ranked, kinds.of(order, limits.place_m), limits)])
+    return np.sort(order[_admitted(log_weights[order], kinds.of(order, limits.place_m), limits)])
 
 
 def _admitted(log_weights: Array, kinds: NDArray[np.int_], limits: PruningConfiguration) -> NDArray[np.int_]:
