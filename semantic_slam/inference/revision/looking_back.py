@@ -19,7 +19,7 @@ from semantic_slam.inference.open_world.moving.mover_proposals import (
 )
 from semantic_slam.inference.revision.catching_up import CatchingUp, Level
 from semantic_slam.inference.revision.hindsight.beside import seldom_beside, without_second_boxes
-from semantic_slam.inference.revision.hindsight.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight.proposals import Proposals
 from semantic_slam.inference.revision.hindsight.hindsight import HIDES
 from semantic_slam.inference.revision.hindsight.planar import PlanarHindsight
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
@@ -61,7 +61,7 @@ class LookingBack:
         self._settings, self._replay, self._registry = settings, replay, registry
         self._tried, self._stood = (Tried(AGAIN * settings.every_keyframes) for _ in range(2))
         self._returns = Returns(settings, replay, registry, AGAIN * settings.every_keyframes)
-        self._dissolving = Dissolving(settings.proposals, replay, registry)
+        self._proposing = Proposals(settings.proposals, replay, registry)
         self._catching_up = CatchingUp(replay)
         self._ahead: Iterator[Level] | None = None  # of replays that have gone on through the newest keyframe already
         self._subject: Lineage = ()  # the history that alternatives are sought for
@@ -119,7 +119,7 @@ class LookingBack:
         if not self._is_in_space:
             return gain >= -float(np.log(self._replay.problem.pruning.ratio))
         if gain <= 0.0:
-            self._dissolving.note(asked)
+            self._proposing.note(asked)
             return False
         self._catching_up.give_up()
         return True
@@ -137,7 +137,10 @@ class LookingBack:
         log_weight = present.live[followed.number].log_weight
         self._log_surplus = log_weight + present.log_evidence - followed.log_joint
         if self._is_in_space:
-            for history, gains in self._dissolving.histories(followed).items():
+            objects = present.objects[followed.number]
+            pairs = self._near_pairs(followed, present.ids, objects)
+            classes = dict(zip(present.ids, objects.class_probabilities, strict=True))
+            for history, gains in self._proposing.histories(followed, pairs, classes).items():
                 self._catching_up.add([history], followed.log_joints, gains)
             return
         found: list[Lineage] = []
@@ -170,7 +173,7 @@ class LookingBack:
     def _proposals(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Lineage]:
         """Histories with pairs of objects merged: first all pairs at once if several, then each, nearest first."""
         lineage = followed.lineage
-        near = [pair for pair in near_pairs(ids, objects, lineage) if self._may_be_one(pair, lineage)]
+        near = self._near_pairs(followed, ids, objects)
         pairs = _not_hopeless(followed.component, self._tried.news(near, lineage))[: self._settings.proposals]
         self._tried.note(pairs, len(self._replay.steps))
         together = apart(pairs)
@@ -178,6 +181,11 @@ class LookingBack:
         if len(together) > 1:
             chosen.insert(0, together)
         return [merged(lineage, own) for own in chosen]
+
+    def _near_pairs(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Pair]:
+        """Pairs of objects that may be one, nearest first."""
+        pairs = near_pairs(ids, objects, followed.lineage, 3 if self._is_in_space else 2)
+        return [pair for pair in pairs if self._may_be_one(pair, followed.lineage)]
 
     def _may_be_one(self, pair: Pair, lineage: Lineage) -> bool:
         """Whether a pair may be merged: the younger is not on the map; if the older is, the robot is localised."""

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
+from semantic_slam.geometry.arrays import Array, Index
 from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
@@ -23,12 +23,12 @@ Pair = tuple[int, ...]
 """The older object and the younger one."""
 
 
-def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> list[Pair]:
+def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage, num_axes: int) -> list[Pair]:
     """Pairs (older, younger) of objects near enough to be one and never seen in one frame; nearest first.
 
-    Objects that may move are left out: where they are now is not where they were.
+    Objects that may move are left out: where they are now is not where they were. ``num_axes`` of their places: 2 or 3.
     """
-    places, spreads = objects.object_poses[:, :2], objects.object_covariances[:, :2, :2]
+    places, spreads = objects.object_poses[:, :num_axes], objects.object_covariances[:, :num_axes, :num_axes]
     movers = movers_of(lineage)
     alive = [row for row, number in enumerate(ids) if objects.existence[row] > LEAST_EXISTENCE and number not in movers]
     together = seen_together(lineage)
@@ -36,7 +36,7 @@ def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> li
     for one, other in combinations(alive, 2):
         pair = min(ids[one], ids[other]), max(ids[one], ids[other])
         offset = places[one] - places[other]
-        if pair in together or not np.hypot(*offset) <= LARGEST_DISTANCE_M:
+        if pair in together or not np.linalg.norm(offset) <= LARGEST_DISTANCE_M:
             continue
         distance = float(np.sqrt(offset @ np.linalg.solve(spreads[one] + spreads[other], offset)))
         if distance <= LARGEST_DISTANCE:
@@ -44,32 +44,34 @@ def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage) -> li
     return [pair for _, pair in sorted(found)]
 
 
-def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
-    """(n,) Mahalanobis distances of the relative position of each pair, in their joint Gaussian.
+def relative_positions(component: Component, pairs: Sequence[Pair]) -> tuple[Array, Array]:
+    """(n, p) positions [m] of each pair's younger object relative to the older one, in map; (n, p, p) covariances.
 
-    Errors that both share, such as the drift of a whole drive, cancel. Infinite where the joint Gaussian cannot be
-    computed.
+    Those of their joint Gaussian: errors that both share, such as the drift of a whole drive, cancel. Raises
+    LostComponentError where it cannot be computed.
     """
     numbers, space = sorted({number for pair in pairs for number in pair}), component.spaces.landmark
-    keys = [object_key(number) for number in numbers]
+    keys, rows = [object_key(number) for number in numbers], {number: row for row, number in enumerate(numbers)}
+    states, size = component.states(keys)[:, : space.storage_size], space.tangent_size
+    joint = component.joint_covariance(keys).reshape(len(keys), size, len(keys), size)
+    older, younger = (np.array([rows[pair[end]] for pair in pairs], dtype=int) for end in (0, 1))
+    places, slopes = space.position(states), space.position_slopes(states)
+
+    def covariance(one: Index, other: Index) -> Array:
+        return np.asarray(slopes[one] @ joint[one, :, other] @ np.swapaxes(slopes[other], 1, 2))
+
+    crossed = covariance(older, younger)
+    spreads = covariance(older, older) + covariance(younger, younger) - crossed - np.swapaxes(crossed, 1, 2)
+    return places[younger] - places[older], spreads
+
+
+def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
+    """(n,) Mahalanobis distances of :func:`relative_positions`, infinite where these cannot be computed."""
     try:
-        states, covariance = component.states(keys), component.joint_covariance(keys)
+        offsets, spreads = relative_positions(component, pairs)
     except LostComponentError:
         return np.full(len(pairs), np.inf)
-    size = space.tangent_size
-    axes = np.tile(np.eye(2, size), (len(numbers), 1, 1))  # (N, 2, l) axes of the tangent spaces, in map
-    if space.heading is not None:
-        cos, sin = np.cos(states[:, space.heading]), np.sin(states[:, space.heading])
-        axes[:, :, :2] = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
-    found = []
-    for pair in pairs:
-        one, other = (numbers.index(number) for number in pair)
-        rows = np.r_[one * size : (one + 1) * size, other * size : (other + 1) * size]
-        slopes = np.concatenate([-axes[one], axes[other]], axis=1)
-        offset = states[other, :2] - states[one, :2]
-        spread = slopes @ covariance[np.ix_(rows, rows)] @ slopes.T
-        found.append(float(np.sqrt(offset @ np.linalg.solve(spread, offset))))
-    return np.array(found)
+    return np.asarray(np.sqrt(np.vecdot(offsets, np.linalg.solve(spreads, offsets[..., None])[..., 0])))
 
 
 def seen_together(lineage: Lineage) -> set[Pair]:

@@ -9,7 +9,7 @@ import pytest
 from semantic_slam import Configuration, Detection, Engine, Keyframe
 from semantic_slam.geometry import se3, so3
 from semantic_slam.inference.revision.hindsight.dissolved import dissolved, lineage_of, without
-from semantic_slam.inference.revision.hindsight.dissolving import Dissolving
+from semantic_slam.inference.revision.hindsight.proposals import Proposals
 from semantic_slam.inference.revision.hindsight.reassigned import reassigned
 from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
 from semantic_slam.inference.revision.replay import Replay, Revised
@@ -79,7 +79,7 @@ def test_a_history_without_an_object_that_is_none_is_that_of_before(walked: tupl
     wrong = with_one_that_is_none(engine, right.lineage)
     followed = replay.followed(wrong)
     assert followed is not None and followed.log_joint < right.log_joint - 20.0
-    found = Dissolving(4, replay, engine.registry).histories(followed)
+    found = Proposals(4, replay, engine.registry).histories(followed)
     assert found.keys() == {right.lineage}
     assert np.flatnonzero(found[right.lineage]).tolist() == [0, 2]  # where its detections were
 
@@ -93,7 +93,7 @@ def test_mistakes_that_its_neighbours_made_meanwhile_are_mended_with_it(walked: 
     steps[30] = replace(steps[30], association=(*steps[30].association[:3], engine.registry.first_new_id(30) + 3))
     followed = replay.followed(tuple(steps))
     assert followed is not None
-    together, *alone = Dissolving(4, replay, engine.registry).histories(followed)
+    together, *alone = Proposals(4, replay, engine.registry).histories(followed)
     assert together == right.lineage
     assert alone and right.lineage not in alone
 
@@ -128,7 +128,7 @@ def test_objects_that_are_some_are_left_alone(walked: tuple[Engine, Replay, Revi
     view = SpatialHindsight.of(replay, engine.registry, right)
     assert dissolved(view) == []
     assert reassigned(view).gain == 0.0
-    assert Dissolving(4, replay, engine.registry).histories(right) == {}
+    assert Proposals(4, replay, engine.registry).histories(right) == {}
     assert lineage_of(view, view.owners) == right.lineage
 
 
@@ -137,10 +137,10 @@ def test_what_lost_is_tried_again_where_twice_as_much_speaks_for_it(
 ) -> None:
     """An object that is one, of which more and more is held against it."""
     engine, replay, right = walked
-    dissolving, counts = Dissolving(4, replay, engine.registry), []
+    dissolving, counts = Proposals(4, replay, engine.registry), []
     for gain in (10.0, 19.0, 21.0):
         monkeypatch.setattr(
-            "semantic_slam.inference.revision.hindsight.dissolving.dissolved",
+            "semantic_slam.inference.revision.hindsight.proposals.dissolved",
             lambda view, gain=gain: [replace(without(view, 0), gains=np.array([gain]))],
         )
         found = dissolving.histories(right)

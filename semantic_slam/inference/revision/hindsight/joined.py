@@ -1,0 +1,83 @@
+"""Duplicates: two objects of one thing, which was not recognised when it was seen from another side or after a drift.
+
+Joined, the thing is born once, is missed where neither of the two was detected, and both have one place and one class.
+What that gains follows from the history in which they are apart, in closed form but for the curvature of rays: the
+ratio of the evidence is the density of their relative position at nothing, over the intensity of births there.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from semantic_slam.geometry.arrays import Array
+from semantic_slam.inference.revision.hindsight.dissolved import gains_of_misses
+from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
+from semantic_slam.inference.revision.pairs import Pair, apart, merged, relative_positions
+from semantic_slam.inference.smoothing.errors import LostComponentError
+from semantic_slam.inference.states.lineage import Lineage
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Pairs of objects that may be one each."""
+
+    pairs: Sequence[Pair]
+    gains: Array  # (T,) rough log gain of the history with them joined, of each keyframe
+
+    @property
+    def gain(self) -> float:
+        """Rough log gain of the whole history."""
+        return float(self.gains.sum())
+
+    def history(self, view: Hindsight) -> Lineage:
+        """The history with them joined."""
+        return merged(view.lineage, self.pairs)
+
+
+def joined(view: Hindsight, pairs: Sequence[Pair], classes: Mapping[int, Array], least: float) -> list[Joined]:
+    """The ``pairs`` that gain more than ``least`` [nats] joined, largest gain first; before them all at once.
+
+    ``classes``: probabilities (C,) by id of the object.
+    """
+    known = set(view.ids.tolist())
+    pairs = [pair for pair in pairs if known.issuperset(pair)]
+    try:
+        log_places = _log_at_nothing(*relative_positions(view.component, pairs)) if pairs else np.zeros(0)
+    except LostComponentError:
+        return []
+    words = [_log_of_one_class(view, pair, classes) for pair in pairs]
+    every = [Joined([pair], _gains(view, pair, own)) for pair, own in zip(pairs, log_places + words, strict=True)]
+    found = sorted((own for own in every if own.gain > least), key=lambda own: -own.gain)
+    together = set(apart([own.pairs[0] for own in found]))
+    chosen = [own for own in found if own.pairs[0] in together]
+    if len(chosen) > 1:
+        found.insert(0, Joined([own.pairs[0] for own in chosen], np.sum([own.gains for own in chosen], axis=0)))
+    return found
+
+
+def _log_at_nothing(offsets: Array, spreads: Array) -> Array:
+    """(n,) log densities at nothing of relative positions (n, p), whose covariances are (n, p, p)."""
+    squared = np.vecdot(offsets, np.linalg.solve(spreads, offsets[..., None])[..., 0])
+    return np.asarray(-0.5 * (squared + np.linalg.slogdet(2.0 * np.pi * spreads)[1]))
+
+
+def _log_of_one_class(view: Hindsight, pair: Pair, classes: Mapping[int, Array]) -> float:
+    """Log evidence of the labels of both as of one class, relative to that as of a class each."""
+    prior = np.exp(view.registry.log_class_prior_of(pair[:1])[0])
+    known = prior > 0.0
+    own, other = (classes[number][known] for number in pair)
+    with np.errstate(divide="ignore"):
+        return float(np.log(np.sum(own * other / prior[known]))) if known.any() else 0.0
+
+
+def _gains(view: Hindsight, pair: Pair, log_one: float) -> Array:
+    """(T,) gains of each keyframe, ``log_one`` of their places and labels among those where the younger was detected."""
+    older, younger = (int(np.flatnonzero(view.ids == number)[0]) for number in pair)
+    times, later = view.detected_at(older), view.detected_at(younger)
+    gains = gains_of_misses(view, older, times) + gains_of_misses(view, younger, later)
+    gains -= gains_of_misses(view, older, times | later)
+    rates = view.component.objects.rates
+    gains[view.first_seen[younger]] += np.log(view.detected) - np.log(rates.average(rates.probability * rates.birth_density))
+    gains[later] += log_one / later.sum()
+    return gains
