@@ -137,10 +137,8 @@ class LookingBack:
         log_weight = present.live[followed.number].log_weight
         self._log_surplus = log_weight + present.log_evidence - followed.log_joint
         if self._is_in_space:
-            objects = present.objects[followed.number]
-            pairs = self._near_pairs(followed, present.ids, objects)
-            classes = dict(zip(present.ids, objects.class_probabilities, strict=True))
-            for history, gains in self._proposing.histories(followed, pairs, classes).items():
+            pairs = self._near_pairs(followed, present.ids, present.objects[followed.number])
+            for history, gains in self._proposing.histories(followed, pairs).items():
                 self._catching_up.add([history], followed.log_joints, gains)
             return
         found: list[Lineage] = []

@@ -125,7 +125,7 @@ class Semantics(Protocol):
 
 @runtime_checkable
 class RanksPairs(Protocol):
-    """Semantics with evidence for single pairs of a detection and an object, before joint assignment."""
+    """Semantics with evidence for single pairs: of a detection and an object before joint assignment, of two objects."""
 
     def log_pairs(
         self,
@@ -140,6 +140,12 @@ class RanksPairs(Protocol):
 
         ``views`` of all objects of a hypothesis, of which M are asked for; ``log_prior`` (M + 1, C) of their classes;
         ``log_ranges`` (D, M) of the M objects and their ``variances`` as seen from each detection's camera.
+        """
+
+    def log_of_one(self, own: ObjectViews, other: ObjectViews, log_prior: Array) -> float:
+        """Log evidence of the records of two objects as of one, relative to that as of two.
+
+        ``log_prior`` (C,) of either class. Views count as independent given class and size.
         """
 
 

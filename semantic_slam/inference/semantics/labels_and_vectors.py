@@ -55,6 +55,10 @@ class LabelsAndVectors:
         """Log evidence of labels alone, pair by pair: for ranking, where the sides that vectors show are not known."""
         return self._labels.log_pairs(step, views, object_ids, log_prior, log_ranges, variances)
 
+    def log_of_one(self, own: ObjectViews, other: ObjectViews, log_prior: Array) -> float:
+        """Log evidence of the labels alone of two objects as of one, relative to that as of two."""
+        return self._labels.log_of_one(own, other, log_prior)
+
     def retold(
         self, views: Mapping[int, ObjectViews], changes: Sequence[Reassigned], log_prior_of: LogPriorOf
     ) -> tuple[float, dict[int, ObjectViews]]:

@@ -70,7 +70,7 @@ def gains_of_misses(view: Hindsight, row: int, times: Flags) -> Array:
 
     Looks before the first detection make the birth then unlikely.
     """
-    missed, born = view.in_view[row] & ~times, int(np.argmax(times))
+    missed, born = view.in_view[row] & ~times, view.first_seen[row]
     gains = np.where(missed, -view.log_missed, 0.0)
     looks = int(missed[:born].sum())
     gains[:born] = 0.0

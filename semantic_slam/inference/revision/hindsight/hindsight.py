@@ -129,6 +129,13 @@ class Hindsight(ABC):
         """(N, l, l) covariances of the objects."""
         return np.asarray(tracked_states(self.component).covariances[self._rows])
 
+    def log_of_one(self, one: int, other: int) -> float:
+        """Log evidence of the words of two objects, by id, as of one, relative to that as of two."""
+        semantics, views = self.problem.semantics, self.component.views
+        if not isinstance(semantics, RanksPairs) or one not in views or other not in views:
+            return 0.0
+        return semantics.log_of_one(views[one], views[other], self.registry.log_class_prior_of([one])[0])
+
     @cached_property
     def _rows(self) -> Index:
         return self.component.objects.rows(self.ids)

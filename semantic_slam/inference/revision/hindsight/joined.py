@@ -1,17 +1,16 @@
 """Duplicates: two objects of one thing, which was not recognised when it was seen from another side or after a drift.
 
 Joined, the thing is born once, is missed where neither of the two was detected, and both have one place and one class.
-What that gains follows from the history in which they are apart, in closed form but for the curvature of rays: the
-ratio of the evidence is the density of their relative position at nothing, over the intensity of births there.
+What that gains follows from the history in which they are apart: the ratio of the evidence is the density of their
+relative position at nothing, over the intensity of births there. Curvature of rays and priors of ranges are left out.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array
-from semantic_slam.inference.revision.hindsight.dissolved import gains_of_misses
+from semantic_slam.geometry.arrays import Array, Flags
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, relative_positions
 from semantic_slam.inference.smoothing.errors import LostComponentError
@@ -35,19 +34,15 @@ class Joined:
         return merged(view.lineage, self.pairs)
 
 
-def joined(view: Hindsight, pairs: Sequence[Pair], classes: Mapping[int, Array], least: float) -> list[Joined]:
-    """The ``pairs`` that gain more than ``least`` [nats] joined, largest gain first; before them all at once.
-
-    ``classes``: probabilities (C,) by id of the object.
-    """
+def joined(view: Hindsight, pairs: Sequence[Pair], least: float) -> list[Joined]:
+    """The ``pairs`` that gain more than ``least`` [nats] joined, largest gain first; before them all at once."""
     known = set(view.ids.tolist())
     pairs = [pair for pair in pairs if known.issuperset(pair)]
     try:
         log_places = _log_at_nothing(*relative_positions(view.component, pairs)) if pairs else np.zeros(0)
     except LostComponentError:
         return []
-    words = [_log_of_one_class(view, pair, classes) for pair in pairs]
-    every = [Joined([pair], _gains(view, pair, own)) for pair, own in zip(pairs, log_places + words, strict=True)]
+    every = [Joined([pair], _gains(view, pair, own)) for pair, own in zip(pairs, log_places.tolist(), strict=True)]
     found = sorted((own for own in every if own.gain > least), key=lambda own: -own.gain)
     together = set(apart([own.pairs[0] for own in found]))
     chosen = [own for own in found if own.pairs[0] in together]
@@ -62,22 +57,18 @@ def _log_at_nothing(offsets: Array, spreads: Array) -> Array:
     return np.asarray(-0.5 * (squared + np.linalg.slogdet(2.0 * np.pi * spreads)[1]))
 
 
-def _log_of_one_class(view: Hindsight, pair: Pair, classes: Mapping[int, Array]) -> float:
-    """Log evidence of the labels of both as of one class, relative to that as of a class each."""
-    prior = np.exp(view.registry.log_class_prior_of(pair[:1])[0])
-    known = prior > 0.0
-    own, other = (classes[number][known] for number in pair)
-    with np.errstate(divide="ignore"):
-        return float(np.log(np.sum(own * other / prior[known]))) if known.any() else 0.0
-
-
-def _gains(view: Hindsight, pair: Pair, log_one: float) -> Array:
-    """(T,) gains of each keyframe, ``log_one`` of their places and labels among those where the younger was detected."""
+def _gains(view: Hindsight, pair: Pair, log_place: float) -> Array:
+    """(T,) gains of each keyframe; those by places and words among the keyframes where the younger was detected."""
     older, younger = (int(np.flatnonzero(view.ids == number)[0]) for number in pair)
     times, later = view.detected_at(older), view.detected_at(younger)
-    gains = gains_of_misses(view, older, times) + gains_of_misses(view, younger, later)
-    gains -= gains_of_misses(view, older, times | later)
+    gains = _log_misses(view, older, times | later) - _log_misses(view, older, times) - _log_misses(view, younger, later)
     rates = view.component.objects.rates
-    gains[view.first_seen[younger]] += np.log(view.detected) - np.log(rates.average(rates.probability * rates.birth_density))
-    gains[later] += log_one / later.sum()
+    born = float(rates.average(rates.probability * rates.birth_density))
+    gains[view.first_seen[younger]] += np.log(view.detected) - np.log(born)
+    gains[later] += (log_place + view.log_of_one(*pair)) / later.sum()
     return gains
+
+
+def _log_misses(view: Hindsight, row: int, times: Flags) -> Array:
+    """(T,) log probability of the misses of an object at its place, if it is detected at ``times`` (T,)."""
+    return np.where(view.in_view[row] & ~times & np.logical_or.accumulate(times), view.log_missed, 0.0)

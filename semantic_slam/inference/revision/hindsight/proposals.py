@@ -1,6 +1,6 @@
 """Proposals in space: histories without spurious objects, or with duplicates joined, and a memory of those tried."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple
 
@@ -41,18 +41,16 @@ class Proposals:
         self._tried: dict[Change, float] = {}  # rough gain when that was tried
         self._proposed: dict[Lineage, tuple[Change, float]] = {}  # history -> what it changes, and rough gain
 
-    def histories(
-        self, followed: Revised, pairs: Sequence[Pair] = (), classes: Mapping[int, Array] | None = None
-    ) -> dict[Lineage, Array]:
+    def histories(self, followed: Revised, pairs: Sequence[Pair] = ()) -> dict[Lineage, Array]:
         """Likelier histories, with their rough log gains (T,) of each keyframe.
 
         The one with all frames reassigned without the suspects comes first, then those without one each, or with
-        ``pairs`` of objects joined, by gain. ``classes``: probabilities (C,) by id of the object.
+        ``pairs`` of objects joined, by gain.
         """
         view = SpatialHindsight.of(self._replay, self._registry, followed)
         self._proposed.clear()
         gains: dict[Lineage, Array] = {}
-        for change, own, history in self._candidates(view, pairs, classes or {}):
+        for change, own, history in self._candidates(view, pairs):
             gain = float(own.sum())
             if gain > LEAST_GAIN and gain > MORE * self._tried.get(change, 0.0):
                 self._proposed.setdefault(history, (change, gain))
@@ -65,13 +63,12 @@ class Proposals:
             change, gain = self._proposed[history]
             self._tried[change] = gain
 
-    def _candidates(
-        self, view: Hindsight, pairs: Sequence[Pair], classes: Mapping[int, Array]
-    ) -> Iterator[Proposal]:
+    def _candidates(self, view: Hindsight, pairs: Sequence[Pair]) -> Iterator[Proposal]:
         suspects = [own for own in dissolved(view) if own.gain > LEAST_GAIN]
         rows = sorted(own.row for own in suspects)
         whole = reassigned(view, rows)
         yield Proposal(tuple((number,) for number in view.ids[rows].tolist()), whole.gains, lineage_of(view, whole.owners))
         every = [Proposal(((int(view.ids[own.row]),),), own.gains, lineage_of(view, own.owners)) for own in suspects]
-        every += [Proposal(tuple(own.pairs), own.gains, own.history(view)) for own in joined(view, pairs, classes, LEAST_GAIN)]
+        merges = joined(view, pairs, LEAST_GAIN)
+        every += [Proposal(tuple(own.pairs), own.gains, own.history(view)) for own in merges]
         yield from sorted(every, key=lambda own: -own.gains.sum())

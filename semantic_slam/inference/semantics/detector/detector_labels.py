@@ -172,6 +172,18 @@ class DetectorLabels:
             found = found + self._tracks.log_pairs(step.names, known_tracks)
         return np.asarray(found)
 
+    def log_of_one(self, own: ObjectViews, other: ObjectViews, log_prior: Array) -> float:
+        """Log evidence of the labels and sizes of two objects as of one, relative to that as of two."""
+        log_born = np.zeros(len(log_prior)) if other.log_ratios is None else other.log_ratios
+        likelihoods, sizes = [own.log_likelihood, other.log_likelihood], [own.recent[0].sizes, other.recent[0].sizes]
+        together = likelihoods[0] + likelihoods[1] - log_born
+        if self._sizes is not None and None not in sizes:
+            together = together + self._sizes.log_of_one(*sizes)
+        of_one, of_own, of_other, of_none = (
+            float(finite_log_sum_exp(log_prior + each, axis=0)) for each in (together, *likelihoods, log_born)
+        )
+        return of_one - of_own - of_other + of_none
+
     def _log_sizes(
         self, model: SizeModel, shown: Array, variances: Array, views: Sequence[ObjectViews | None]
     ) -> Array:
