@@ -79,11 +79,12 @@ class SizeModel:
     def log_of_one(self, own: SizeRecord, other: SizeRecord) -> Array:
         """(C,) log evidence of the views of two objects as of one size, relative to that as of two.
 
-        Integral of the product of both Gaussians over the size, divided by the prior: by Bayes' rule.
+        Integral of the product of both Gaussians over the size, divided by the prior: by Bayes' rule. Where outliers
+        have left a variance above the prior's, the quotient counts as no wider than the prior.
         """
         precision = 1.0 / own.variance + 1.0 / other.variance
         weighted = own.mean / own.variance + other.mean / other.variance
-        beyond = precision - 1.0 / self.variances
+        beyond = np.maximum(precision - 1.0 / self.variances, 1.0 / self.variances)
         mean = (weighted - self.means / self.variances) / beyond
         both = _log_normal(own.mean - other.mean, own.variance + other.variance)
         return both - _log_normal(mean - self.means, self.variances + 1.0 / beyond)

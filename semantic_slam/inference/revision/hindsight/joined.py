@@ -39,7 +39,7 @@ def joined(view: Hindsight, pairs: Sequence[Pair], least: float) -> list[Joined]
     known = set(view.ids.tolist())
     pairs = [pair for pair in pairs if known.issuperset(pair)]
     try:
-        log_places = _log_at_nothing(*relative_positions(view.component, pairs)) if pairs else np.zeros(0)
+        log_places = log_at_nothing(*relative_positions(view.component, pairs)) if pairs else np.zeros(0)
     except LostComponentError:
         return []
     every = [Joined([pair], _gains(view, pair, own)) for pair, own in zip(pairs, log_places.tolist(), strict=True)]
@@ -51,7 +51,7 @@ def joined(view: Hindsight, pairs: Sequence[Pair], least: float) -> list[Joined]
     return found
 
 
-def _log_at_nothing(offsets: Array, spreads: Array) -> Array:
+def log_at_nothing(offsets: Array, spreads: Array) -> Array:
     """(n,) log densities at nothing of relative positions (n, p), whose covariances are (n, p, p)."""
     squared = np.vecdot(offsets, np.linalg.solve(spreads, offsets[..., None])[..., 0])
     return np.asarray(-0.5 * (squared + np.linalg.slogdet(2.0 * np.pi * spreads)[1]))
@@ -61,14 +61,18 @@ def _gains(view: Hindsight, pair: Pair, log_place: float) -> Array:
     """(T,) gains of each keyframe; those by places and words among the keyframes where the younger was detected."""
     older, younger = (int(np.flatnonzero(view.ids == number)[0]) for number in pair)
     times, later = view.detected_at(older), view.detected_at(younger)
-    gains = _log_misses(view, older, times | later) - _log_misses(view, older, times) - _log_misses(view, younger, later)
-    rates = view.component.objects.rates
-    born = float(rates.average(rates.probability * rates.birth_density))
-    gains[view.first_seen[younger]] += np.log(view.detected) - np.log(born)
+    gains = log_misses(view, older, times | later) - log_misses(view, older, times) - log_misses(view, younger, later)
+    gains[view.first_seen[younger]] -= log_of_birth(view)
     gains[later] += (log_place + view.log_of_one(*pair)) / later.sum()
     return gains
 
 
-def _log_misses(view: Hindsight, row: int, times: Flags) -> Array:
+def log_of_birth(view: Hindsight) -> float:
+    """Log intensity of first detections, relative to the probability that an object in view is detected."""
+    rates = view.component.objects.rates
+    return float(np.log(rates.average(rates.probability * rates.birth_density)) - np.log(view.detected))
+
+
+def log_misses(view: Hindsight, row: int, times: Flags) -> Array:
     """(T,) log probability of the misses of an object at its place, if it is detected at ``times`` (T,)."""
     return np.where(view.in_view[row] & ~times & np.logical_or.accumulate(times), view.log_missed, 0.0)

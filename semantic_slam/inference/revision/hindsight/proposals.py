@@ -8,6 +8,7 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.revision.hindsight.dissolved import dissolved, lineage_of
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 from semantic_slam.inference.revision.hindsight.joined import joined
+from semantic_slam.inference.revision.hindsight.parted import parted
 from semantic_slam.inference.revision.hindsight.reassigned import reassigned
 from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
 from semantic_slam.inference.revision.pairs import Pair
@@ -71,4 +72,5 @@ class Proposals:
         every = [Proposal(((int(view.ids[own.row]),),), own.gains, lineage_of(view, own.owners)) for own in suspects]
         merges = joined(view, pairs, LEAST_GAIN)
         every += [Proposal(tuple(own.pairs), own.gains, own.history(view)) for own in merges]
+        every += [Proposal(((own.object_id, own.first),), own.gains, own.history(view)) for own in parted(view, LEAST_GAIN)]
         yield from sorted(every, key=lambda own: -own.gains.sum())
