@@ -1,6 +1,6 @@
 """Proposals in space: histories without spurious objects, or with duplicates joined, and a memory of those tried."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
@@ -8,10 +8,9 @@ from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.revision.hindsight.dissolved import dissolved, lineage_of
 from semantic_slam.inference.revision.hindsight.hindsight import Hindsight
 from semantic_slam.inference.revision.hindsight.joined import joined
-from semantic_slam.inference.revision.hindsight.parted import parted
 from semantic_slam.inference.revision.hindsight.reassigned import reassigned
 from semantic_slam.inference.revision.hindsight.spatial import SpatialHindsight
-from semantic_slam.inference.revision.pairs import Pair
+from semantic_slam.inference.revision.pairs import Pair, merged
 from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.states.lineage import Lineage
 from semantic_slam.inference.world.objects import ObjectRegistry
@@ -45,8 +44,7 @@ class Proposals:
     def histories(self, followed: Revised, pairs: Sequence[Pair] = ()) -> dict[Lineage, Array]:
         """Likelier histories, with their rough log gains (T,) of each keyframe.
 
-        The one with all frames reassigned without the suspects comes first, then those without one each, or with
-        ``pairs`` of objects joined, by gain.
+        Objects that may be none are left out, and ``pairs`` of objects that may be one are joined.
         """
         view = SpatialHindsight.of(self._replay, self._registry, followed)
         self._proposed.clear()
@@ -64,13 +62,13 @@ class Proposals:
             change, gain = self._proposed[history]
             self._tried[change] = gain
 
-    def _candidates(self, view: Hindsight, pairs: Sequence[Pair]) -> Iterator[Proposal]:
+    def _candidates(self, view: Hindsight, pairs: Sequence[Pair]) -> list[Proposal]:
+        """Without the suspects and with all frames reassigned; without one each; with pairs joined. By gain."""
         suspects = [own for own in dissolved(view) if own.gain > LEAST_GAIN]
         rows = sorted(own.row for own in suspects)
-        whole = reassigned(view, rows)
-        yield Proposal(tuple((number,) for number in view.ids[rows].tolist()), whole.gains, lineage_of(view, whole.owners))
-        every = [Proposal(((int(view.ids[own.row]),),), own.gains, lineage_of(view, own.owners)) for own in suspects]
+        whole, numbers = reassigned(view, rows), [(number,) for number in view.ids[rows].tolist()]
+        found = [Proposal(tuple(numbers), whole.gains, lineage_of(view, whole.owners))]
+        found += [Proposal(((int(view.ids[own.row]),),), own.gains, lineage_of(view, own.owners)) for own in suspects]
         merges = joined(view, pairs, LEAST_GAIN)
-        every += [Proposal(tuple(own.pairs), own.gains, own.history(view)) for own in merges]
-        every += [Proposal(((own.object_id, own.first),), own.gains, own.history(view)) for own in parted(view, LEAST_GAIN)]
-        yield from sorted(every, key=lambda own: -own.gains.sum())
+        found += [Proposal(own.pairs, own.gains, merged(view.lineage, own.pairs)) for own in merges]
+        return sorted(found, key=lambda own: -own.gains.sum())
