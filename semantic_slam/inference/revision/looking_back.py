@@ -19,9 +19,9 @@ from semantic_slam.inference.open_world.moving.mover_proposals import (
 )
 from semantic_slam.inference.revision.catching_up import CatchingUp, Level
 from semantic_slam.inference.revision.hindsight.beside import seldom_beside, without_second_boxes
-from semantic_slam.inference.revision.hindsight.proposals import Proposals
 from semantic_slam.inference.revision.hindsight.hindsight import HIDES
 from semantic_slam.inference.revision.hindsight.planar import PlanarHindsight
+from semantic_slam.inference.revision.hindsight.proposals import Proposals
 from semantic_slam.inference.revision.pairs import Pair, apart, merged, near_pairs, relative_distances
 from semantic_slam.inference.revision.replay import Replay, Revised
 from semantic_slam.inference.revision.returns.returns import Returns
