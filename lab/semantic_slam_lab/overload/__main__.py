@@ -74,7 +74,7 @@ def command() -> None:
 
 
 def drive(node: Node, nodes: NodeProcesses, arguments: argparse.Namespace) -> Iterator[Row]:
-    """Send all along, and tell how it stands now and then, and in the end. Raises SemanticSlamError where a node ends."""
+    """Send all along, and tell how it stands now and then, and when the nodes are done. Raises SemanticSlamError."""
     chance = np.random.default_rng(arguments.seed)
     objects = chance.uniform(-OBJECTS_M, OBJECTS_M, (NUM_OBJECTS, 2))
     listener = Listener(node)
