@@ -24,15 +24,15 @@ def read_text(path: Path, remedy: str) -> str:
         raise InputError(f"{path}: no text in UTF-8 (byte {fault.start}); {remedy}") from None
 
 
-def parse_yaml(text: str, origin: str, remedy: str) -> Any:
+def parse_yaml(text: str, origin: str, remedy: str, kind: type[yaml.SafeLoader] = yaml.SafeLoader) -> Any:
     """Parse YAML. Raises InputError, also for a key that a mapping has twice, and for aliases.
 
-    A few aliases can expand to a document of any size.
+    A few aliases can expand to a document of any size. A loader of another ``kind`` may read values otherwise.
     """
     try:
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.SafeLoader)):
             raise InputError(f"{origin}: YAML aliases (*name) are not read; write the values out")
-        loader = yaml.SafeLoader(text)
+        loader = kind(text)
         document = loader.get_single_node()
         _check_keys(document)
         return None if document is None else loader.construct_document(document)

@@ -1,6 +1,7 @@
 """``bag_to_report BAG... --out DIR``: report on an input bag, after running the pipeline on it, or on a belief bag."""
 
 from argparse import Namespace
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -150,12 +151,24 @@ def report(arguments: Namespace, out: Path) -> tuple[list[Path], InputError | No
         check_names(arguments)
     paths = [arguments.config, *(arguments.compare or [])]
     runs = {run_name(path): effective_configuration(path, arguments.seed) for path in paths}
+    _check_runs(arguments, runs.values())
     names = list(runs)
     beliefs = {name: out / (f"belief_{name}" if name != names[0] else "belief") for name in names}
     faults = [run(arguments, name, runs[name], beliefs[name]) for name in names]
     compared = {name: beliefs[name] for name in names[1:]}
     explain = arguments.explain
     return make_report(beliefs[names[0]], out, arguments.bag, names[0], compared, with_evidence=explain), faults[0]
+
+
+def _check_runs(arguments: Namespace, configurations: Iterable["Configuration"]) -> None:
+    """Raise InputError for what would end one of the runs at its first keyframe: not after the runs before it."""
+    from semantic_slam.inference.building import check_run
+    from semantic_slam.maps.map_file import read_map_prior
+    from semantic_slam.pipeline.preamble import find_map_prior
+
+    prior = read_map_prior(arguments.map_prior) if arguments.map_prior else find_map_prior(arguments.bag)
+    for configuration in configurations:
+        check_run(configuration, prior)
 
 
 def effective_configuration(path: Path | None, seed: int | None) -> "Configuration":

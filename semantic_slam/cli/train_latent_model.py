@@ -3,14 +3,14 @@
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from semantic_slam.cli.exit_codes import CommandParser, program, run_main
 from semantic_slam.cli.needs import need_training
-from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_views
+from semantic_slam.cli.turntable_views import add_photographs, check_photographs, object_names, object_views
 from semantic_slam.errors import InputError
 from semantic_slam.interrupts import import_interruptibly
 from semantic_slam.outputs import add_overwrite, check_output, claimed_file
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from semantic_slam.training.views import ObjectView
 
 CLASSES_FILE = "classes.json"
+NO_TAGS = "--tags: name none of the instances that are learned from; correct the names"
 SHOWN = {
     "peak_within_10deg": "likelihood peak within 10 deg",
     "peak_within_5deg_local": "within 5 deg from starts within 30",
@@ -86,20 +87,17 @@ def command() -> None:
     need_training()
     inputs = [*arguments.turntables, *(arguments.tags or ())]
     check_output(arguments.out, inputs, arguments.overwrite)
-    views, classes = _views(arguments)
     import_interruptibly("torch")
     from semantic_slam.latent.store import save_latent_model
     from semantic_slam.training.latent.fit import TrainingSettings, knowing_new_instances, train
-    from semantic_slam.training.latent.judging.new_instances import LEAST_INSTANCES
     from semantic_slam.training.latent.report import of_no_use, training_report
-    from semantic_slam.training.latent.views.turntable_split import choose_held_out, split
+    from semantic_slam.training.latent.views.turntable_split import split
     from semantic_slam.training.turntables import class_names_of
 
+    _check_instances(arguments)
+    views, classes = _views(arguments)
     names = class_names_of(views)
-    held_out = choose_held_out(names, classes, arguments.held_out, arguments.seed)
-    left = len(names) - len(held_out)
-    if arguments.new_objects and left < LEAST_INSTANCES:
-        raise InputError(f"--new-objects: needs {LEAST_INSTANCES} instances to learn from, not {left}; leave it out")
+    held_out = _held_out(arguments, names, classes)
     tags = _tags(arguments.tags or (), names, held_out)
     parts = split(views, held_out)
     settings = TrainingSettings(
@@ -130,6 +128,33 @@ def command() -> None:
     print(f"{arguments.out}: {len(trained.model.instances.names)} instances, {len(held_out)} held out")
 
 
+def _check_instances(arguments: argparse.Namespace) -> None:
+    """Raise InputError where the turntables cannot have the instances that are asked for; reads no picture."""
+    from semantic_slam.training.turntables import classes_of_folders, read_classes
+
+    names = sorted({name for root in arguments.turntables for name in object_names(arguments, root)})
+    classes, _ = classes_of_folders(_classes_files(arguments), names)
+    _held_out(arguments, names, classes)
+    if arguments.tags and not any(name in read_classes(path) for path in arguments.tags for name in names):
+        raise InputError(NO_TAGS)
+
+
+def _held_out(arguments: argparse.Namespace, names: Sequence[str], classes: Mapping[str, str]) -> tuple[str, ...]:
+    """Instances that nothing is fitted to; raises InputError when too few are left."""
+    from semantic_slam.training.latent.judging.new_instances import LEAST_INSTANCES
+    from semantic_slam.training.latent.views.turntable_split import choose_held_out
+
+    held_out = choose_held_out(names, classes, arguments.held_out, arguments.seed)
+    left = len(names) - len(held_out)
+    if arguments.new_objects and left < LEAST_INSTANCES:
+        raise InputError(f"--new-objects: needs {LEAST_INSTANCES} instances to learn from, not {left}; leave it out")
+    return held_out
+
+
+def _classes_files(arguments: argparse.Namespace) -> list[Path]:
+    return [root / CLASSES_FILE for root in arguments.turntables if (root / CLASSES_FILE).is_file()]
+
+
 def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, str]]":
     """Views of all folders, and {instance: class} from their classes.json, if any; raises InputError.
 
@@ -139,8 +164,7 @@ def _views(arguments: argparse.Namespace) -> "tuple[list[ObjectView], dict[str, 
     from semantic_slam.training.turntables import class_names_of, classes_of_folders
 
     views = [view for root in arguments.turntables for view in object_views(arguments, root, wanted_angle)]
-    files = [root / CLASSES_FILE for root in arguments.turntables if (root / CLASSES_FILE).is_file()]
-    classes, lines = classes_of_folders(files, class_names_of(views))
+    classes, lines = classes_of_folders(_classes_files(arguments), class_names_of(views))
     for line in lines:
         print(line, file=sys.stderr)
     return views, classes
@@ -161,7 +185,7 @@ def _tags(paths: Sequence[Path], names: Sequence[str], held_out: Sequence[str]) 
         tags.update(of_file)
     known = {name: tags[name] for name in names if name in tags and name not in held_out}
     if paths and not known:
-        raise InputError("--tags: name none of the instances that are learned from; correct the names")
+        raise InputError(NO_TAGS)
     return known
 
 

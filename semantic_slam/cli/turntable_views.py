@@ -59,6 +59,15 @@ def object_views(
     return views
 
 
+def object_names(arguments: argparse.Namespace, root: Path) -> list[str]:
+    """Names of the objects below ``root``, before any picture is read. Raises InputError."""
+    from semantic_slam.datasets.bigbird import object_folders
+
+    if not arguments.pattern and root.suffix != TABLE:
+        return [folder.name for folder in object_folders(root)]
+    return sorted({photograph.object_name for photograph in _photographs(arguments, root).photographs})
+
+
 def in_classes(arguments: argparse.Namespace, views: "list[ObjectView]") -> "list[ObjectView]":
     """The views under the classes of ``--classes``, if given; what matches nothing is told. Raises InputError."""
     from semantic_slam.training.turntables import with_classes

@@ -17,6 +17,7 @@ from semantic_slam.bag.reader import IN_A_MISSING_FILE, BagReader
 from semantic_slam.bag.writer import BagWriter
 from semantic_slam.configuration import Configuration
 from semantic_slam.errors import InputError
+from semantic_slam.inference.building import check_run
 from semantic_slam.inference.inputs.keyframe import Keyframe
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.protocol import BackendPool
@@ -72,8 +73,8 @@ def run_bag(
     if out_bag.resolve() in (bag.resolve(), bag.resolve().parent):
         raise InputError(f"{out_bag}: is the input bag; name another output")
     with BagReader(bag) as reader, ExitStack() as stack:
-        order = ReadingOrder(bag, configuration, *_looked_through(bag, reader, configuration), max_keyframes)
         prior = map_prior if map_prior is not None else find_map_prior(bag)
+        order = ReadingOrder(bag, configuration, *_looked_through(bag, reader, configuration, prior), max_keyframes)
         digest = reader.sha256()
         if told := known_to_fit(configuration.semantic_model, digest):
             print(f"{bag}: {told}")
@@ -92,10 +93,13 @@ def run_bag(
     return RunSummary(out_bag, run.num_frames, run.num_keyframes, dict(dropped), run.fault, inference.carried)
 
 
-def _looked_through(bag: Path, reader: BagReader, configuration: Configuration) -> tuple[InputTopics, Preamble]:
+def _looked_through(
+    bag: Path, reader: BagReader, configuration: Configuration, prior: MapPrior | None
+) -> tuple[InputTopics, Preamble]:
     """What must be known of a bag before the first keyframe; prints what is left out. Raises InputError."""
     found = find_topics(bag, reader.topics)
     reader.check_definitions()
+    check_run(configuration, prior)  # here, as the first keyframe may be minutes of reading away
     if found.has_places_alone:
         depth = f"; {found.depth} is not used without" if found.depth else ""
         print(f"{bag}: no {topics.IMAGE}; {topics.DETECTIONS} are used by the places that they tell{depth}")

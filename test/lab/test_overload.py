@@ -20,7 +20,7 @@ def rows(latest_s: float, resident_mb: Sequence[float], counted: int) -> list[Ro
     The newest belief comes in time at each row, and the latest one between two rows late by ``latest_s``.
     """
     return [
-        Row(100.0 * n, 2000 * n, SETTLED * n, 0.1, latest_s, counted * n, {"backend_0": memory})
+        Row(100.0 * n, 2000 * n + 1, SETTLED * n, 0.1, latest_s, counted * n, {"backend_0": memory})
         for n, memory in enumerate(resident_mb, start=1)
     ]
 
@@ -28,10 +28,10 @@ def rows(latest_s: float, resident_mb: Sequence[float], counted: int) -> list[Ro
 @pytest.mark.parametrize(
     ("latest_s", "resident_mb", "counted", "holds"),
     [
-        (9.9, (200.0, 201.0, 202.0, 203.0), 999, [True, True, True]),
-        (10.1, (200.0, 201.0, 202.0, 203.0), 999, [False, True, True]),
-        (9.9, (200.0, 201.0, 202.0, 203.0), 900, [True, False, True]),
-        (9.9, (200.0, 220.0, 240.0, 260.0), 999, [True, True, False]),
+        (9.9, (200.0, 201.0, 202.0, 203.0), 1000, [True, True, True]),
+        (10.1, (200.0, 201.0, 202.0, 203.0), 1000, [False, True, True]),
+        (9.9, (200.0, 201.0, 202.0, 203.0), 999, [True, False, True]),
+        (9.9, (200.0, 220.0, 240.0, 260.0), 1000, [True, True, False]),
     ],
 )
 def test_overload_holds_where_delay_and_memory_stay_and_drops_are_counted(
@@ -42,7 +42,7 @@ def test_overload_holds_where_delay_and_memory_stay_and_drops_are_counted(
 
 def test_an_estimator_that_is_stuck_shows_no_small_delay() -> None:
     """Beliefs end at the third row; whatever is sent from then on is counted as dropped."""
-    alive = rows(0.1, [200.0] * 6, 999)
+    alive = rows(0.1, [200.0] * 6, 1000)
     stuck = [replace(row, keyframe=alive[2].keyframe, dropped=row.sent - SETTLED * 3 - 1) for row in alive[3:]]
     claims = claims_of(alive[:3] + stuck)
     assert [claim.holds for claim in claims] == [False, True, True]

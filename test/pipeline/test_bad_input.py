@@ -15,11 +15,15 @@ from worlds.bags.bag_factory import (
     write_configuration,
 )
 from worlds.processes.commands import call
+from worlds.views.synthetic_views import FEATURES, spherical_samples
 
 from semantic_slam.bag.reader import BagReader
 from semantic_slam.cli import bag_to_report
 from semantic_slam.messages import topics
 from semantic_slam.messages.standard import time_message
+from semantic_slam.training.viewpoint.regression import fit_class
+from semantic_slam.viewpoint.spherical_process import SphericalProcessModel
+from semantic_slam.viewpoint.store import save_model
 
 NUM_FRAMES = 5
 
@@ -270,3 +274,26 @@ def _with_broken_cdr(bag, entries, path):
             writer.write_raw(topic, type_name, cdr[: len(cdr) // 2] if is_spoiled else cdr, stamp)
     (path / "objects.json").write_bytes((bag / "objects.json").read_bytes())
     return path
+
+
+@pytest.mark.parametrize("option", [(), ("--compare",)])
+def test_settings_that_do_not_go_together_are_refused_before_the_bag_is_read(command, tmp_path, option):
+    """No keyframe can be made of this bag, which does not tell where the camera is."""
+    blind = without(input_entries(NUM_FRAMES), topics.TF_STATIC)
+    wrong = write_configuration(tmp_path / "wrong", odometry={"noise_factors": [2.0]}).rename(tmp_path / "wrong.yaml")
+    code, (line,), _ = command(
+        blind, *option, *([str(wrong)] if option else []), configuration=None if option else wrong
+    )
+    assert code == 2 and "odometry.noise_factors must be positive, and other than" in line
+    assert not list((tmp_path / "out").glob("*")) and "keyframe" not in line
+
+
+def test_class_models_that_tell_heights_apart_are_refused_before_the_bag_is_read(command, tmp_path):
+    """No keyframe can be made of this bag, which does not tell where the camera is."""
+    blind = without(input_entries(NUM_FRAMES), topics.TF_STATIC)
+    models = SphericalProcessModel(("one", "two"), FEATURES, [fit_class(spherical_samples(seed)) for seed in (0, 1)])
+    save_model(models, path := tmp_path / "models.safetensors", {})
+    semantics = {"kind": "gp_independent", "path": str(path)}
+    configured = write_configuration(tmp_path / "planar", association="open", semantic_model=semantics)
+    code, (line,), _ = command(blind, configuration=configured)
+    assert code == 2 and "tells heights apart, which needs state_space: spatial; set that, or fit without" in line

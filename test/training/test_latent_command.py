@@ -1,6 +1,7 @@
 """train_latent_model: from turntables on disk to a file that inference reads; bad input in one line."""
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -109,6 +110,31 @@ def test_bad_input_is_told_in_one_line(turntables: Path, tmp_path: Path, monkeyp
         with pytest.raises(InputError) as error:
             run(monkeypatch, *arguments)
         assert expected in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--held-out", "3"), "--held-out 3: only 1 instances can be spared; hold out fewer"),
+        (("--held-out", "1", "--new-objects"), "--new-objects: needs 6 instances to learn from, not 3; leave it out"),
+        (("--tags", "tags.json"), "--tags: name none of the instances that are learned from; correct the names"),
+    ],
+)
+def test_what_the_instances_do_not_allow_is_refused_before_a_picture_is_read(
+    turntables: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], told: str
+) -> None:
+    """Reading these pictures is an error."""
+    shutil.copytree(turntables, tmp_path / "turntables")
+    for picture in (tmp_path / "turntables").glob("*/*.jpg"):
+        picture.write_bytes(b"no picture")
+    (tmp_path / "tags.json").write_text(json.dumps({"cup_1": "cup"}))
+    monkeypatch.chdir(tmp_path)
+    known = ("--turntables", "turntables", "--out", "x.safetensors", "--cameras", "NP1")
+    with pytest.raises(InputError, match="not a picture"):
+        run(monkeypatch, *known)
+    with pytest.raises(InputError) as refused:
+        run(monkeypatch, *known, *words)
+    assert str(refused.value) == told
 
 
 @pytest.mark.long

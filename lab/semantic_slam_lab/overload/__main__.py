@@ -32,6 +32,8 @@ from semantic_slam_lab.overload.robot import NUM_OBJECTS, OBJECTS_M, sent
 from semantic_slam_lab.studies.result import write_result
 
 START_S, SPIN_S = 240.0, 0.002
+QUIET_S, LONGEST_S = 5.0, 300.0
+"""The nodes are done with what was sent once they tell nothing new for so long; and how long they are waited for."""
 
 
 def node_specs(horizon: int) -> list[NodeSpec]:
@@ -72,7 +74,7 @@ def command() -> None:
 
 
 def drive(node: Node, nodes: NodeProcesses, arguments: argparse.Namespace) -> Iterator[Row]:
-    """Send all along, and tell how it stands now and then. Raises SemanticSlamError where a node ends."""
+    """Send all along, and tell how it stands now and then, and when the nodes are done. Raises SemanticSlamError."""
     chance = np.random.default_rng(arguments.seed)
     objects = chance.uniform(-OBJECTS_M, OBJECTS_M, (NUM_OBJECTS, 2))
     listener = Listener(node)
@@ -84,6 +86,12 @@ def drive(node: Node, nodes: NodeProcesses, arguments: argparse.Namespace) -> It
         raise SemanticSlamError("the nodes have not come up; see that nothing else runs in this ROS domain")
     print("   sent  keyframe  late s  dropped  " + "  ".join(f"{name} MB" for name in nodes.pids()))
     start_s, told_s, count = time.monotonic(), 0.0, 0
+
+    def row(at_s: float) -> Row:
+        memory = {name: resident_mb(pid) for name, pid in nodes.pids().items()}
+        late_s, latest_s = listener.late_s, listener.take_latest_s()
+        return Row(at_s, count, listener.keyframe, late_s, latest_s, listener.num_dropped, memory)
+
     while (at_s := time.monotonic() - start_s) < arguments.seconds:
         nodes.check()
         while count < at_s * arguments.rate:
@@ -93,9 +101,14 @@ def drive(node: Node, nodes: NodeProcesses, arguments: argparse.Namespace) -> It
         rclpy.spin_once(node, timeout_sec=SPIN_S)
         if at_s - told_s > ROW_S:
             told_s = at_s
-            memory = {name: resident_mb(pid) for name, pid in nodes.pids().items()}
-            late_s, latest_s = listener.late_s, listener.take_latest_s()
-            yield Row(at_s, count, listener.keyframe, late_s, latest_s, listener.num_dropped, memory)
+            yield row(at_s)
+    end_s = told_s = time.monotonic() - start_s
+    told = (listener.keyframe, listener.num_dropped)
+    while (at_s := time.monotonic() - start_s) < min(told_s + QUIET_S, end_s + LONGEST_S):
+        rclpy.spin_once(node, timeout_sec=SPIN_S)
+        if told != (told := (listener.keyframe, listener.num_dropped)):
+            told_s = at_s
+    yield row(at_s)
 
 
 def result_of(arguments: argparse.Namespace, rows: list[Row]) -> dict[str, Any]:

@@ -10,7 +10,8 @@ from semantic_slam.ros.replay.resumption import header_stamp_ns
 from semantic_slam.ros.wire import qos
 from semantic_slam.ros.wire.transport import receive
 
-FASTER = "came faster"
+WHOLE = ("came faster", f"no {topics.ODOMETRY} at their stamp")
+"""Reasons for which whole frames are dropped."""
 
 
 class Listener:
@@ -24,7 +25,7 @@ class Listener:
 
     @property
     def num_dropped(self) -> int:
-        """Detections and measurements that came faster than they could be used."""
+        """Frames that came faster than they could be used, or without odometry."""
         return sum(self._dropped.values())
 
     def take_latest_s(self) -> float:
@@ -39,5 +40,9 @@ class Listener:
 
     def _count(self, data: bytes) -> None:
         for status in deserialize(data, topics.TYPES[topics.DIAGNOSTICS]).status:
-            told = {f"{status.name} {own.key}": int(own.value) for own in status.values if FASTER in own.key}
+            told = {f"{status.name} {own.key}": int(own.value) for own in status.values if _is_whole(own.key)}
             self._dropped.update(told)
+
+
+def _is_whole(reason: str) -> bool:
+    return any(own in reason for own in WHOLE)

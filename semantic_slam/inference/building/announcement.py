@@ -20,6 +20,7 @@ from semantic_slam.inference.protocol import RunConfiguration, source_entry
 from semantic_slam.inference.run_id import run_id_of
 from semantic_slam.inference.world.map_prior import MapPrior
 from semantic_slam.latent.model import DescriptorModel
+from semantic_slam.viewpoint.model import ViewpointModel
 
 
 def make_run_configuration(
@@ -38,22 +39,12 @@ def make_run_configuration(
     ``session`` counts the runs of one manager, so that each has an id of its own. Raises InputError for settings that
     do not go together, and when the association needs a map but the map prior has no objects.
     """
-    association = strategy_of(configuration)
-    if association.needs_map and not (map_prior and map_prior.objects):
-        raise InputError(
-            f"association is '{configuration.association}' but there is no map prior; give --map-prior objects.json,"
-            " or set association: open to map as you go, or given for detections that carry ids"
-        )
-    check_settings(configuration, association)
-    latent = load_latent_model(configuration.semantic_model)
-    configuration = _with_class_models(configuration, association, source, latent)
-    viewpoint = load_model(configuration.semantic_model)
-    check_heights(configuration, viewpoint)
+    configuration, viewpoint = _checked(configuration, map_prior, source)
+    models = viewpoint or load_label_model(configuration.semantic_model)
     settings = json.dumps(to_dict(configuration), sort_keys=True)
     prior = map_prior.to_json() if map_prior else ""
     pose = np.array([float(value) for value in initial_pose])
     covariance = np.asarray(initial_covariance, dtype=np.float64)
-    models = viewpoint or latent or load_label_model(configuration.semantic_model)
     names = tuple(models.class_names) if models is not None else ()
     return RunConfiguration(
         run_id=run_id_of(settings, prior, pose, covariance, names) + (f".{session}" if session else ""),
@@ -66,6 +57,29 @@ def make_run_configuration(
         source=source,
         revision=revision,
     )
+
+
+def check_run(configuration: Configuration, map_prior: MapPrior | None) -> None:
+    """Raise InputError for what ends a run at its first keyframe, whatever that holds; before a bag is read."""
+    _checked(configuration, map_prior, source="")
+
+
+def _checked(
+    configuration: Configuration, map_prior: MapPrior | None, source: str
+) -> tuple[Configuration, ViewpointModel | DescriptorModel | None]:
+    """The configuration, completed from class models, and those that tell by viewpoint. Raises InputError."""
+    association = strategy_of(configuration)
+    if association.needs_map and not (map_prior and map_prior.objects):
+        raise InputError(
+            f"association is '{configuration.association}' but there is no map prior; give --map-prior objects.json,"
+            " or set association: open to map as you go, or given for detections that carry ids"
+        )
+    check_settings(configuration, association)
+    latent = load_latent_model(configuration.semantic_model)
+    configuration = _with_class_models(configuration, association, source, latent)
+    viewpoint = load_model(configuration.semantic_model)
+    check_heights(configuration, viewpoint)
+    return configuration, viewpoint or latent
 
 
 def _with_class_models(

@@ -53,8 +53,10 @@ def declare_configuration(node: Node, changeable: Collection[str] = ()) -> Confi
         former = given.get(_former(name, item))
         start = default if former is None else former.value
         value = _declared(node, name, start, descriptor(item, default, read_only=name not in changeable))
-        if value is not None:  # an empty list in a YAML file has no type and arrives as "not set"
+        if value is not None:
             _insert(values, name.split("."), value)
+        elif default != ():  # what is empty in a YAML file has no type and arrives as "not set"
+            raise InputError(_empty(node, name))
     return from_dict(values, f"parameters of {node.get_name()}")
 
 
@@ -92,7 +94,13 @@ def _declared_alone(node: Node, name: str, default: T, text: str, *, read_only: 
     is_number = isinstance(default, float)
     told = ParameterDescriptor(description=text, read_only=read_only, dynamic_typing=is_number)
     value = node.declare_parameter(name, default, told).value
+    if value is None:
+        raise InputError(_empty(node, name))
     return cast(T, number(node, name, value) if is_number else value)
+
+
+def _empty(node: Node, name: str) -> str:
+    return f"parameters of {node.get_name()}: '{name}' is empty; give a value, or remove it"
 
 
 def number(node: Node, name: str, value: Any) -> float:
@@ -109,7 +117,12 @@ def refuse_undeclared(node: Node) -> None:
     parameter file for ``/**`` addresses all nodes.
     """
     known = {name for name, _, _ in leaves()} | {_former(name, item) for name, item, _ in leaves()} | SETTINGS_OF_ROS
+    groups = {name.rpartition(".")[0] for name, _, _ in leaves()}
     for name in node._parameter_overrides:
+        if name in groups:
+            raise InputError(
+                f"parameters of {node.get_name()}: '{name}' must be a mapping; see config/default.yaml, or remove it"
+            )
         if not (name in known or node.has_parameter(name) or name.startswith("qos_overrides.")):
             raise InputError(
                 f"parameters of {node.get_name()}: unknown parameter '{name}'; see --help and config/default.yaml"
@@ -138,7 +151,7 @@ def _declared(node: Node, name: str, start: Any, told: ParameterDescriptor) -> A
         value = node.declare_parameter(name, list(start) if is_list else start, told).value
     except InvalidParameterValueException as fault:
         raise InputError(f"parameters of {node.get_name()}: {one_line(fault)}") from None
-    return list(value) if is_list and value is not None else value
+    return list(value) if is_list and not isinstance(value, str | int | float | None) else value
 
 
 def _former(name: str, item: "dataclasses.Field[Any]") -> str | None:

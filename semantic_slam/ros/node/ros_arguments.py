@@ -13,8 +13,13 @@ from semantic_slam.errors import InputError, one_line
 PLACE_IN_RCL = re.compile(r" ?, at /\S+?\.c:\d+")
 """What rcl adds to its errors: where in its sources they arose."""
 
-MIXED = "should be of same type"
-"""What rcl says of a list of whole numbers and decimals."""
+REMEDIES = {
+    "should be of same type": "write all numbers of a list with a point, as 1.0, and names in quotes",
+    "No value": "give a value there, or remove that line",
+    "before ros__parameters": "begin with '/**:' and 'ros__parameters:', as config/default.yaml does",
+    "support aliasing": "write the values out",
+}
+"""Remedies by words of rcl's errors."""
 
 
 def without_ros_arguments(words: Sequence[str]) -> list[str]:
@@ -34,5 +39,5 @@ def parsed(parse: Callable[[], Any], words: Sequence[str]) -> Any:
             if name == "--params-file" and not Path(file).exists():
                 raise InputError(f"{file}: no such file of parameters; give a copy of config/default.yaml") from None
         what = PLACE_IN_RCL.sub("", one_line(fault, 300))
-        remedy = "write all numbers of a list with a point, as 1.0" if MIXED in what else "see config/default.yaml"
+        remedy = next((own for words, own in REMEDIES.items() if words in what), "see config/default.yaml")
         raise InputError(f"{what}; {remedy}") from None

@@ -68,6 +68,43 @@ def test_the_engine_weighs_detections_and_misses_as_the_hidden_chain_does(outcom
     assert found == pytest.approx(np.log(probability(outcomes) / independent), abs=1e-6)
 
 
+@pytest.mark.parametrize("range_m", [2.0, None])
+@pytest.mark.parametrize("outcomes", [(True, False, False, True), (False, True, True, False), (False,) * 4])
+def test_in_space_too_points_and_rays_are_weighed_as_the_hidden_chain_does(
+    outcomes: tuple[bool, ...], range_m: float | None
+) -> None:
+    def log_evidence(persistence: float) -> float:
+        rates = {"detection_probability": 0.36, "clutter_per_frame": 1e-9, "birth_density": 1e-9}
+        configuration = Configuration.of(
+            association="open",
+            state_space="spatial",
+            observation="points",
+            semantic_model={"kind": "none"},
+            open_world={**rates, "occluder_radius_m": 0.0, "miss_persistence": persistence},
+        )
+        pose = np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        there = ObjectPrior(
+            object_id=0,
+            name="cup",
+            pose=pose,
+            covariance=np.diag([1e-6, 1e-6, 1e-6, 0.0, 0.0, 0.0]),
+            class_probabilities={},
+        )
+        engine = Engine(
+            configuration, MapPrior((there,)), initial_pose=np.eye(7)[6], initial_covariance=1e-8 * np.eye(6)
+        )
+        sigma_m = None if range_m is None else 0.01
+        sight = Detection.along([1.0, 0.0, 0.0], range_m, sigma_range_m=sigma_m, ray_covariance=1e-6 * np.eye(3))
+        for k, seen in enumerate(outcomes):
+            detections = [sight] if seen else []
+            engine.process(Keyframe.spatial(k, detections=detections, motion_covariance=1e-8 * np.eye(6)))
+        return engine.log_evidence
+
+    independent = np.prod([0.36 if seen else 0.64 for seen in outcomes])
+    found = log_evidence(0.7) - log_evidence(0.0)
+    assert found == pytest.approx(np.log(probability(outcomes) / independent), abs=1e-6)
+
+
 def test_a_lineage_is_rebuilt_with_its_runs() -> None:
     room = make_room(14, 0, clutter=0.05, open_world={"miss_persistence": 0.7})
     whole = Engine.of_run(room.run, InProcessPool(2))

@@ -62,8 +62,8 @@ def test_rays_of_a_thing_meet_where_it_stands(tmp_path: Path) -> None:
 def test_the_worst_walk_counts() -> None:
     def walk(drift: float, ate_m: float, found: int) -> Walked:
         return Walked(
-            seed=0, drift=drift, things=30, found=found, false=1, named_right=found, f1=0.95, ate_m=ate_m,
-            odometry_ate_m=0.2, nees=6.0, keyframes=9, cpu_s=10.0, times_real=8.0,
+            seed=0, drift=drift, things=30, found=found, false=1, named_right=found, f1=0.95,
+            f1_annotated=0.97, ate_m=ate_m, odometry_ate_m=0.2, nees=6.0, keyframes=9, cpu_s=10.0, times_real=8.0,
         )  # fmt: skip
 
     claims = claims_of({0.01: [walk(0.01, 0.1, 25), walk(0.01, 0.15, 19)], 0.03: [walk(0.03, 0.15, 25)]})

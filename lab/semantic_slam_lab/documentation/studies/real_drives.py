@@ -28,6 +28,7 @@ POSE = (
 )
 PAIRS = (
     Column("F1", "association_f1", ".3f"),
+    Column("F1 of annotated", "association_f1_annotated", ".3f"),
     Column("F1 / ceiling", "f1_of_ceiling", ".2f"),
     Column("F1 of clusters", "association_f1_clusters", ".3f"),
     Column("right of P ≥ 0.9", "pair_right_at_90", ".2f"),
@@ -112,7 +113,8 @@ SECTIONS = (
         " landmarks in chains of at most 0.5 m; *duplicates*: objects beyond the true ones of their cluster; *ghost*:"
         " an object farther than 1 m from every true one after alignment (KITTI: without any label within 1.5 m of its"
         " detections); *ceiling*: pairwise F1 of a one-to-one matcher frame by frame that is told the true pose and"
-        " landmarks. NEES is of the pose at its time, unaligned, 3 when consistent; a dash: not known.",
+        " landmarks; *of annotated*: among the detections that have a true landmark. NEES is of the pose at its time,"
+        " unaligned, 3 when consistent; a dash: not known.",
         (
             ("Drive by drive, ours", each_drive),
             ("MRCLAM, every method", robots),

@@ -35,6 +35,7 @@ class Walked:
     false: int  # objects that are near none
     named_right: int  # of those found
     f1: float  # of pairs of detections
+    f1_annotated: float  # of pairs of detections that are of a thing
     ate_m: float
     odometry_ate_m: float
     nees: float  # mean over keyframes, of 6 degrees of freedom
@@ -73,6 +74,7 @@ def walked(seed: int, drift: float, office: Office) -> Walked:
         false=len(rows) - len(pairs),
         named_right=sum(names[own] == there.class_names[true] for true, own in pairs.items()),
         f1=float(metrics["association_f1"] or 0.0),
+        f1_annotated=float(metrics["association_f1_annotated"] or 0.0),
         ate_m=float(metrics["ate_m"] or np.nan),
         odometry_ate_m=float(metrics["dead_reckoning_ate_m"] or np.nan),
         nees=float(metrics["nees_mean"] or np.nan),

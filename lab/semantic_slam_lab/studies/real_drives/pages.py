@@ -16,6 +16,7 @@ COLUMNS = {
     "dead_reckoning_ate_aligned_m": ("odometry's [m]", ".2f"),
     "rpe_m_per_m": ("RPE [m/m]", ".3f"),
     "association_f1": ("F1", ".3f"),
+    "association_f1_annotated": ("F1 of annotated", ".3f"),
     "f1_of_ceiling": ("of ceiling", ".2f"),
     "association_f1_clusters": ("F1 of clusters", ".3f"),
     "num_objects": ("objects", ".0f"),

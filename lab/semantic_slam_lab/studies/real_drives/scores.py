@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from semantic_slam.evaluation import mixture, trajectory
-from semantic_slam.evaluation.association import CLUTTER, pair_score
+from semantic_slam.evaluation.association import CLUTTER, annotated_pair_score, pair_score
 from semantic_slam.evaluation.clusters import cluster_score, clusters_of, majority, num_duplicates
 from semantic_slam.evaluation.pairs import pair_calibration
 from semantic_slam.geometry.arrays import Array
@@ -26,7 +26,8 @@ LEAST_DETECTIONS = 10
 
 EVERY_METRIC = (
     *("ate_aligned_m", "dead_reckoning_ate_aligned_m", "rpe_m_per_m", "nees_mean", "region95_held"),
-    *("region95_median_radius_m", "log_density", "association_f1", "association_f1_clusters", "f1_of_ceiling"),
+    *("region95_median_radius_m", "log_density", "association_f1", "association_f1_annotated"),
+    *("association_f1_clusters", "f1_of_ceiling"),
     *("pair_right_at_90", "pair_ece", "num_objects", "num_true_objects", "duplicates", "ghosts", "gospa_m"),
     *("parked_recall", "moving_recall", "robots_called_moving", "real_time_factor", "cpu_s"),
 )
@@ -102,6 +103,7 @@ def association_metrics(run: Judged) -> Metrics:
     ceiling = ceiling_f1(run)
     found: Metrics = {
         "association_f1": f1,
+        "association_f1_annotated": annotated_pair_score(run.estimate, numbers.tolist()).f1,
         "f1_of_ceiling": None if ceiling is None else f1 / ceiling,
         "ceiling_f1": ceiling,
         "pair_right_at_90": pairs.right_at_90,

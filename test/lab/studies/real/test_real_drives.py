@@ -102,6 +102,14 @@ def _places(names: tuple[str, ...]) -> np.ndarray:
     return np.array([LANDMARKS.get(name, [1.0, 1.0]) for name in names]).reshape(-1, 2)
 
 
+def test_what_nobody_annotated_costs_pairs_but_not_those_of_annotated_detections() -> None:
+    # Object 1 is a; object 2 is a thing without a true id, rightly mapped as one, which claims a pair that is not true.
+    run = small_run([[1, 2], [1, 2]], [("a", ""), ("a", "")], {1: LANDMARKS["a"], 2: LANDMARKS["c"]})
+    found = association_metrics(run)
+    assert found["association_f1"] == pytest.approx(2 / 3)  # one common pair of two claimed and one true
+    assert found["association_f1_annotated"] == 1.0
+
+
 def test_twins_taken_for_each_other_cost_pairs_and_not_clusters() -> None:
     # a and b stand 0.3 m apart: one cluster. Object 1 is a, then b; object 2 the other way round; c is right.
     run = small_run(
