@@ -182,7 +182,8 @@ class LookingBack:
 
     def _near_pairs(self, followed: Revised, ids: Sequence[int], objects: ObjectTable) -> list[Pair]:
         """Pairs of objects that may be one, nearest first."""
-        pairs = near_pairs(ids, objects, followed.lineage, 3 if self._is_in_space else 2)
+        limits = (3, HOPELESS_DISTANCE) if self._is_in_space else (2,)
+        pairs = near_pairs(ids, objects, followed.lineage, *limits)
         return [pair for pair in pairs if self._may_be_one(pair, followed.lineage)]
 
     def _may_be_one(self, pair: Pair, lineage: Lineage) -> bool:

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from semantic_slam.geometry.arrays import Array, Index
+from semantic_slam.geometry.arrays import Array
 from semantic_slam.inference.object_table import ObjectTable
 from semantic_slam.inference.smoothing.component import Component
 from semantic_slam.inference.smoothing.errors import LostComponentError
@@ -23,10 +23,13 @@ Pair = tuple[int, ...]
 """The older object and the younger one."""
 
 
-def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage, num_axes: int) -> list[Pair]:
+def near_pairs(
+    ids: Sequence[int], objects: ObjectTable, lineage: Lineage, num_axes: int, farthest: float = LARGEST_DISTANCE
+) -> list[Pair]:
     """Pairs (older, younger) of objects near enough to be one and never seen in one frame; nearest first.
 
     Objects that may move are left out: where they are now is not where they were. ``num_axes`` of their places: 2 or 3.
+    ``farthest``: Mahalanobis distance, errors that both share aside.
     """
     places, spreads = objects.object_poses[:, :num_axes], objects.object_covariances[:, :num_axes, :num_axes]
     movers = movers_of(lineage)
@@ -39,30 +42,26 @@ def near_pairs(ids: Sequence[int], objects: ObjectTable, lineage: Lineage, num_a
         if pair in together or not np.linalg.norm(offset) <= LARGEST_DISTANCE_M:
             continue
         distance = float(np.sqrt(offset @ np.linalg.solve(spreads[one] + spreads[other], offset)))
-        if distance <= LARGEST_DISTANCE:
+        if distance <= farthest:
             found.append((distance, pair))
     return [pair for _, pair in sorted(found)]
 
 
 def relative_positions(component: Component, pairs: Sequence[Pair]) -> tuple[Array, Array]:
-    """(n, p) positions [m] of each pair's younger object relative to the older one, in map; (n, p, p) covariances.
+    """(n, p) positions [m] of each pair's younger object relative to the older one; (n, n, p, p) joint covariances.
 
-    Those of their joint Gaussian: errors that both share, such as the drift of a whole drive, cancel. Raises
+    In map, of the joint Gaussian: errors that both share, such as the drift of a whole drive, cancel. Raises
     LostComponentError where it cannot be computed.
     """
     numbers, space = sorted({number for pair in pairs for number in pair}), component.spaces.landmark
     keys, rows = [object_key(number) for number in numbers], {number: row for row, number in enumerate(numbers)}
     states, size = component.states(keys)[:, : space.storage_size], space.tangent_size
     joint = component.joint_covariance(keys).reshape(len(keys), size, len(keys), size)
-    older, younger = (np.array([rows[pair[end]] for pair in pairs], dtype=int) for end in (0, 1))
     places, slopes = space.position(states), space.position_slopes(states)
-
-    def covariance(one: Index, other: Index) -> Array:
-        return np.asarray(slopes[one] @ joint[one, :, other] @ np.swapaxes(slopes[other], 1, 2))
-
-    crossed = covariance(older, younger)
-    spreads = covariance(older, older) + covariance(younger, younger) - crossed - np.swapaxes(crossed, 1, 2)
-    return places[younger] - places[older], spreads
+    between = np.einsum("ial,iljm,jbm->ijab", slopes, joint, slopes, optimize=True)  # (N, N, p, p) of positions
+    older, younger = (np.array([rows[pair[end]] for pair in pairs], dtype=int) for end in (0, 1))
+    change = between[younger] - between[older]
+    return places[younger] - places[older], change[:, younger] - change[:, older]
 
 
 def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
@@ -71,7 +70,8 @@ def relative_distances(component: Component, pairs: Sequence[Pair]) -> Array:
         offsets, spreads = relative_positions(component, pairs)
     except LostComponentError:
         return np.full(len(pairs), np.inf)
-    return np.asarray(np.sqrt(np.vecdot(offsets, np.linalg.solve(spreads, offsets[..., None])[..., 0])))
+    own = spreads[np.arange(len(pairs)), np.arange(len(pairs))]
+    return np.asarray(np.sqrt(np.vecdot(offsets, np.linalg.solve(own, offsets[..., None])[..., 0])))
 
 
 def seen_together(lineage: Lineage) -> set[Pair]:
