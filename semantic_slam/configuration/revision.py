@@ -9,8 +9,8 @@ from semantic_slam.configuration.parameter import parameter
 class RevisionConfiguration:
     every_keyframes: int = parameter(
         0,
-        "association: open: keyframes from one look for objects that are one, in space for those that are none, to the"
-        " next; 0: never",
+        "association: open: keyframes from one look for objects that are one, in space also for those that are none, to"
+        " the next; 0: never",
         minimum=0,
     )
     second_boxes_every_keyframes: int = parameter(
