@@ -125,7 +125,7 @@ class Semantics(Protocol):
 
 @runtime_checkable
 class RanksPairs(Protocol):
-    """Semantics with evidence for single pairs: of a detection and an object before joint assignment, of two objects."""
+    """Semantics with evidence for single pairs: a detection and an object, before joint assignment, or two objects."""
 
     def log_pairs(
         self,
