@@ -44,8 +44,8 @@ class RevisionConfiguration:
     )
     proposals: int = parameter(
         4,
-        "revised histories of each kind that are weighed in one look: objects that are one (in space two of these), that"
-        " move, that stand, that are none",
+        "revised histories of each kind that are weighed in one look: objects that are one (in space two of these),"
+        " that move, that stand, that are none",
         minimum=1,
     )
     splits: int = parameter(

@@ -20,7 +20,9 @@ from semantic_slam_lab.fuzz.limits import bound_address_space, limited
 from semantic_slam_lab.fuzz.results import Finding, Fuzzed, write_fuzzed
 
 HANG_S = 90.0
-"""A worker that tells nothing for so long, on a busy machine, is stuck outside Python."""
+"""A worker that tells nothing for so long is stuck outside Python, unless it waits for its turn on a busy machine."""
+RUNNABLE = "R"
+"""State of a process that runs, or would if it were its turn."""
 Case = Callable[[np.random.Generator], None]
 Target = Callable[[Path], Case]
 """Makes, once per worker, a function that draws one case and feeds it to a real reader; the folder is for files."""
@@ -90,11 +92,11 @@ class Worker:
     def _start(self) -> None:
         context = multiprocessing.get_context("fork")
         self._pipe, theirs = context.Pipe(duplex=False)
-        self._last_s = time.monotonic()
         own = Path(mkdtemp(dir=self._folder))
         arguments = (self._targets, self._seed, self._next, self._jobs, own, theirs)
         self._process = context.Process(target=_work, args=arguments, daemon=True)
         self._process.start()
+        self._last_s, self._used_s = time.monotonic(), 0.0
         theirs.close()
 
     def poll(self, patience_s: float) -> Iterator[tuple[str, Finding | None]]:
@@ -102,16 +104,23 @@ class Worker:
         try:
             while self._pipe.poll(patience_s):
                 number, finding = self._pipe.recv()
-                self._next, self._last_s, patience_s = number + self._jobs, time.monotonic(), 0.0
+                self._next, patience_s = number + self._jobs, 0.0
+                self._last_s, self._used_s = time.monotonic(), process_state(self._process.pid)[1]
                 yield _place(self._targets, number)[0], finding
         except EOFError:
             self._process.join()
             yield self._died(f"the process died with {self._process.exitcode}")
             return
-        if time.monotonic() - self._last_s > HANG_S:
+        if self._is_stuck():
             self._process.kill()
             self._process.join()
             yield self._died(f"nothing for {HANG_S:.0f} s")
+
+    def _is_stuck(self) -> bool:
+        if time.monotonic() - self._last_s <= HANG_S:
+            return False
+        state, used_s = process_state(self._process.pid)
+        return state != RUNNABLE or used_s - self._used_s > HANG_S / 2
 
     def last(self) -> Iterator[tuple[str, Finding | None]]:
         """Results of :meth:`poll` until the current case has ended or hangs."""
@@ -131,6 +140,15 @@ class Worker:
     def stop(self) -> None:
         self._process.kill()
         self._process.join()
+
+
+def process_state(pid: int | None) -> tuple[str, float]:
+    """State of a process as the kernel names it, and the seconds of CPU that it has used; ("", 0) once it is gone."""
+    try:
+        told = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    except OSError:
+        return "", 0.0
+    return told[0], sum(int(ticks) for ticks in told[11:13]) / os.sysconf("SC_CLK_TCK")
 
 
 def _place(targets: dict[str, Target], number: int) -> tuple[str, int]:

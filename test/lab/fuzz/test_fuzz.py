@@ -146,6 +146,26 @@ def test_a_case_that_hangs_when_the_time_is_over_is_waited_for_and_a_finding(
     assert list(left.iterdir()) == []
 
 
+@pytest.mark.parametrize(("state", "used_s", "is_stuck"), [("S", 0.0, True), ("R", 0.2, False), ("R", 9.0, True)])
+def test_a_worker_that_waits_for_its_turn_is_not_stuck(
+    left: Path, monkeypatch: pytest.MonkeyPatch, state: str, used_s: float, is_stuck: bool
+) -> None:
+    worker = harness.Worker({"slow": lambda folder: lambda chance: time.sleep(60.0)}, 0, 0, 1, left)
+    monkeypatch.setattr(harness, "HANG_S", 1.0)
+    monkeypatch.setattr(harness, "process_state", lambda pid: (state, used_s))
+    time.sleep(1.1)
+    assert bool(list(worker.poll(0.0))) == is_stuck
+    worker.stop()
+
+
+def test_the_state_of_a_process_is_the_kernels() -> None:
+    before = harness.process_state(os.getpid())
+    sum(number * number for number in range(10**6))
+    state, used_s = harness.process_state(os.getpid())
+    assert state == "R" and used_s > before[1] > 0.0
+    assert harness.process_state(None) == ("", 0.0)
+
+
 def test_a_case_that_ends_well_after_the_time_is_counted(capfd: pytest.CaptureFixture[str], left: Path) -> None:
     arguments = argparse.Namespace(out=None, seconds=0.5, seed=0, jobs=2, target=None, index=None)
     assert run({"slow": lambda folder: lambda chance: time.sleep(1.5)}, arguments) == 0
