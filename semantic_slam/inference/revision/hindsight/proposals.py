@@ -58,7 +58,7 @@ class Proposals:
         return gains
 
     def _news(self, proposals: Iterable[Proposal]) -> Iterator[Proposal]:
-        """Those that promise enough, and enough more than when they were tried in vain."""
+        """Proposals that promise enough, and enough more than when they were tried in vain."""
         for proposal in proposals:
             if proposal.gains.sum() > max(LEAST_GAIN, MORE * self._tried.get(proposal.change, 0.0)):
                 yield proposal
