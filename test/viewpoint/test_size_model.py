@@ -64,3 +64,16 @@ def test_where_ranges_are_not_known_sizes_tell_little() -> None:
 def test_what_no_class_is_as_large_as_costs_no_more_than_an_outlier(size: float) -> None:
     outlier = np.log(0.05) - 0.5 * ((np.log(size) - MEAN_OF_ANY) ** 2 + np.log(2.0 * np.pi))
     assert (told(model(), [size]) >= outlier - 1e-9).all()
+
+
+def test_two_objects_as_one_weigh_what_all_their_views_of_one_do() -> None:
+    """Relative to two; exact without outliers."""
+    own, some, others = model(1e-12), [0.12, 0.09], [0.2, 0.11, 0.15]
+    one, two = own.start(), own.start()
+    for size in some:
+        one = own.after(one, float(np.log(size)), 0.01)
+    for size in others:
+        two = own.after(two, float(np.log(size)), 0.01)
+    exact = told(own, some + others, 0.01) - one.log_likelihood - two.log_likelihood
+    np.testing.assert_allclose(own.log_of_one(one, two), exact, atol=1e-6)
+    assert exact[0] > 0.0  # alike in size

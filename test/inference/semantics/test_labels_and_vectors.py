@@ -14,7 +14,7 @@ from semantic_slam.inference.inputs.detection import Detection
 from semantic_slam.inference.pool import InProcessPool
 from semantic_slam.inference.semantics.detector.detector_labels import DetectorLabels
 from semantic_slam.inference.semantics.embeddings.embedding_views import EmbeddingViews
-from semantic_slam.inference.semantics.interface import SemanticEvidence, SemanticInput
+from semantic_slam.inference.semantics.interface import RanksPairs, SemanticEvidence, SemanticInput
 from semantic_slam.inference.semantics.labels_and_vectors import LabelsAndVectors
 from semantic_slam.inference.world.map_prior import ObjectPrior
 from semantic_slam.viewpoint.embeddings.background import EmbeddingBackground, SeenVectors
@@ -253,3 +253,16 @@ def test_what_has_the_label_of_one_and_the_look_of_another_is_known_again_by_bot
         right[kind] = float(np.exp(last.log_weights)[is_right].sum())
     assert right["detector_embedding"] > 0.9
     assert max(right["detector"], right["embedding"]) < 0.6
+
+
+@pytest.mark.parametrize("kind", ["detector", "detector_embedding"])
+def test_two_objects_of_one_label_may_be_one_and_two_of_different_labels_hardly(kind: str) -> None:
+    engine, _ = driven(kind, drive())
+    ((number, _),) = engine.live.items()
+    views, semantics = engine.pool._backends[0].held[number].component.views, engine.problem.semantics
+    assert isinstance(semantics, RanksPairs)
+    chair, other, cup = sorted(views.values(), key=lambda own: int(own.log_likelihood.argmax()))
+    log_prior = engine.registry.log_class_prior_of(sorted(views)[:1])[0]
+    assert semantics.log_of_one(chair, other, log_prior) > 0.5
+    assert semantics.log_of_one(chair, cup, log_prior) < -0.5
+    assert semantics.log_of_one(chair, cup, log_prior) == pytest.approx(semantics.log_of_one(cup, chair, log_prior))
